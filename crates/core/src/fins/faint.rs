@@ -237,7 +237,7 @@ impl<'a> Search<'a> {
         let more = shaped(piece, &self.evidence, &self.grid, self.slices);
         let at = to.unwrap_or(self.fins.len());
         match to {
-            Some(to) => self.fins[to] = joined(&self.fins[to], more),
+            Some(to) => self.fins[to] = joined(&self.fins[to], &more),
             None => self.fins.push(more),
         }
         amend(&mut self.sights, &self.fins[at], &self.grid);
@@ -318,9 +318,9 @@ fn shaped(piece: &Piece, evidence: &[Evidence], grid: &Grid, slices: &[Standing]
 }
 
 /// Two parts of a fin as one, with a point in every slice. Between the parts it is straight.
-fn joined(one: &Fin, other: Fin) -> Fin {
+fn joined(one: &Fin, other: &Fin) -> Fin {
     let begin = |fin: &Fin| fin.points_um.first().map_or(0.0, |p| p[0]);
-    let (left, right) = if begin(one) <= begin(&other) { (one, &other) } else { (&other, one) };
+    let (left, right) = if begin(one) <= begin(other) { (one, other) } else { (other, one) };
     let mut points_um = left.points_um.clone();
     let end = points_um.last().map_or(f64::NEG_INFINITY, |p| p[0]);
     points_um.extend(right.points_um.iter().filter(|p| p[0] > end));
@@ -341,5 +341,105 @@ fn amend(sights: &mut [Sight], fin: &Fin, grid: &Grid) {
                 *edge = v;
             }
         });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::calibration::{Support, TurnView};
+    use crate::geometry::Camera;
+    use crate::profile::{Columns, Polygon, Window};
+    use std::f64::consts::FRAC_PI_2;
+
+    const WIDTH: usize = 320;
+    const HEIGHT: usize = 160;
+    const VIEWS: usize = 21;
+    /// Size of a px on the axis, um.
+    const PX_UM: f64 = 5.0;
+    const BODY_PX: f64 = 30.0;
+    /// Radius and direction of the sheet's free edge, and the columns between which it stands.
+    const EDGE_PX: f64 = 46.0;
+    const DIRECTION: f64 = 0.9;
+    const FROM_TO: (f64, f64) = (70.0, 250.0);
+
+    fn camera() -> Camera {
+        let (f, k) = (60_000.0, 1.0 / PX_UM);
+        let (ux, uy) = ((WIDTH - 1) as f64 / 2.0, (HEIGHT - 1) as f64 / 2.0);
+        Camera { f, kx: k, ky: k, ux, uy, s: 0.0, alpha: 0.0, gamma: 0.0, phi: FRAC_PI_2, width: WIDTH as u32, height: HEIGHT as u32 }
+    }
+
+    /// The fins that are found on a cylinder with a sheet whose border takes `contrast` standard deviations of a pixel's noise.
+    fn found(contrast: f64) -> Vec<Fin> {
+        let camera = camera();
+        let mut state = 7u64;
+        let mut uniform = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 33) as f64 / f64::from(1u32 << 31)
+        };
+        let mut noise = || (0..12).map(|_| uniform()).sum::<f64>() - 6.0;
+        let (top, bottom) = (camera.uy - BODY_PX, camera.uy + BODY_PX);
+        let right = WIDTH as f64;
+        let body = Polygon { vertices: vec![[-1.0, top], [right, top], [right, bottom], [-1.0, bottom]] };
+        let body = Columns::from_outlines(&[body], WIDTH, HEIGHT);
+        let tip = [EDGE_PX * DIRECTION.cos() * PX_UM, EDGE_PX * DIRECTION.sin() * PX_UM];
+        let views: Vec<_> = (0..VIEWS)
+            .map(|i| {
+                let omega = TAU * i as f64 / VIEWS as f64;
+                let projection = camera.projection(omega);
+                let edge_px = projection.project([0.0, tip[0], tip[1]]).unwrap().1 - camera.uy;
+                let lightness: Vec<f32> = (0..WIDTH * HEIGHT)
+                    .map(|k| {
+                        let (u, v) = ((k % WIDTH) as f64, (k / WIDTH) as f64 - camera.uy);
+                        let within = (FROM_TO.0..FROM_TO.1).contains(&u) && v * edge_px > 0.0;
+                        let inwards = edge_px.abs() - v.abs();
+                        let fin = if !within || inwards < -1.5 {
+                            0.0
+                        } else if inwards < 1.0 {
+                            1.0
+                        } else {
+                            0.5
+                        };
+                        let level = if v.abs() < BODY_PX { 40.0 } else { contrast * fin };
+                        (level + noise()) as f32
+                    })
+                    .collect();
+                let window = Window { lightness: &lightness, width: WIDTH, top: 0, mark: 5.0, blur_px: Some(1.0) };
+                (omega, projection, FinBorders::beside(&window, &body, |_| [0.0, (HEIGHT - 1) as f64]))
+            })
+            .collect();
+        let views: Vec<FinView> = views
+            .iter()
+            .map(|&(omega, projection, ref borders)| {
+                let turn = TurnView { columns: &body, omega, dy_px: 0.0 };
+                FinView { turn, body: Some(&body), borders: Some(borders), projection }
+            })
+            .collect();
+        let slice = |u: usize| {
+            let body = Support { coefficients: vec![BODY_PX * PX_UM, 0.0, 0.0] };
+            Standing { x_um: (u as f64 - camera.ux) * PX_UM, body, points_um: Vec::new() }
+        };
+        find(&views, &(0..WIDTH).map(slice).collect::<Vec<_>>(), Vec::new(), PX_UM)
+    }
+
+    /// A line of 0.45 of a pixel's noise gives each view about 1.9 standard deviations, which no single view would believe.
+    #[test]
+    fn a_sheet_that_no_single_view_shows_is_found_within_a_px() {
+        let fins = found(0.45);
+        assert_eq!(fins.len(), 1, "{:?}", fins.iter().map(|f| (f.points_um[0], f.edges)).collect::<Vec<_>>());
+        let px = |x_um: f64| x_um / PX_UM + camera().ux;
+        let (first, last) = (px(fins[0].points_um[0][0]), px(fins[0].points_um[fins[0].points_um.len() - 1][0]));
+        assert!((first - FROM_TO.0).abs() < 24.0 && (last - FROM_TO.1).abs() < 24.0, "columns {first:.0} to {last:.0}");
+        let inner = fins[0].points_um.iter().filter(|p| (FROM_TO.0 + 12.0..FROM_TO.1 - 12.0).contains(&px(p[0])));
+        let radii: Vec<f64> = inner.map(|p| (p[1] * DIRECTION.cos() + p[2] * DIRECTION.sin()) / PX_UM).collect();
+        let mean = radii.iter().sum::<f64>() / radii.len() as f64;
+        let sd = (radii.iter().map(|r| (r - mean).powi(2)).sum::<f64>() / radii.len() as f64).sqrt();
+        assert!((mean - EDGE_PX).abs() < 1.0 && sd < 1.0, "radius {mean:.2} +- {sd:.2}");
+    }
+
+    #[test]
+    fn without_a_sheet_none_is_found() {
+        let fins = found(0.0);
+        assert!(fins.is_empty(), "{:?}", fins.iter().map(|f| (f.points_um[0], f.edges)).collect::<Vec<_>>());
     }
 }

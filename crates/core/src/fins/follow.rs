@@ -35,7 +35,7 @@ pub(super) fn followed(scores: &[&[f32]], blocked: &[Vec<bool>], radii: usize) -
             .with_min_len(DIRECTIONS / 2)
             .map(|a| {
                 let scores = &scores[at][a * radii..(a + 1) * radii];
-                if blocked[at][a] || scores.iter().all(|score| *score == none) {
+                if blocked[at][a] || !scores.iter().any(|score| score.is_finite()) {
                     return vec![none; radii];
                 }
                 let mut row = vec![entrance; radii];
@@ -69,7 +69,7 @@ fn turns(a: usize) -> impl Iterator<Item = (usize, f32)> {
 fn risen(before: &[f32], radii: usize) -> Vec<f32> {
     let mut risen = before.to_vec();
     for (to, from) in risen.chunks_exact_mut(radii).zip(before.chunks_exact(radii)) {
-        if from.iter().all(|value| *value == f32::NEG_INFINITY) {
+        if !from.iter().any(|value| value.is_finite()) {
             continue;
         }
         for rise in 1..=RISE_MOST.min(radii.saturating_sub(1)) {
@@ -113,4 +113,40 @@ fn back(best: &[Vec<f32>], rest: &[f32], radii: usize) -> Vec<Option<State>> {
         }
     }
     chain
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const RADII: usize = 12;
+
+    /// Scores of -1 with a ridge in slices 5 to 24 that moves by a direction and a radius step every fourth slice.
+    fn chain(ridge: f32) -> Vec<Option<State>> {
+        let scores: Vec<Vec<f32>> = (0..30)
+            .map(|at| {
+                let mut score = vec![-1.0; DIRECTIONS * RADII];
+                if (5..25).contains(&at) {
+                    score[(178 + at / 4) % DIRECTIONS * RADII + 2 + at / 4] = ridge;
+                }
+                score
+            })
+            .collect();
+        let scores: Vec<&[f32]> = scores.iter().map(Vec::as_slice).collect();
+        followed(&scores, &vec![vec![false; DIRECTIONS]; 30], RADII)
+    }
+
+    #[test]
+    fn a_ridge_is_followed_around_the_first_direction() {
+        for (at, state) in chain(2.0).into_iter().enumerate() {
+            let on = (5..25).contains(&at).then(|| ((178 + at / 4) % DIRECTIONS, 2 + at / 4));
+            assert_eq!(state, on, "slice {at}");
+        }
+    }
+
+    /// 20 slices of 0.5 gain less than the entrance costs.
+    #[test]
+    fn a_ridge_that_gains_too_little_is_none() {
+        assert!(chain(0.5).iter().all(Option::is_none));
+    }
 }

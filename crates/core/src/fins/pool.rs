@@ -179,11 +179,12 @@ impl Grid {
             for (sum, n) in sums[cells.clone()].iter_mut().zip(&mut views[cells]) {
                 let whole = row.floor();
                 let index = whole as usize;
-                if whole >= 0.0 && index + 1 < responses.len() {
-                    if let Some(response) = FinBorders::between(responses[index], responses[index + 1], row - whole) {
-                        *sum += response;
-                        *n += 1;
-                    }
+                if whole >= 0.0
+                    && index + 1 < responses.len()
+                    && let Some(response) = FinBorders::between(responses[index], responses[index + 1], row - whole)
+                {
+                    *sum += response;
+                    *n += 1;
                 }
                 row += per_step;
             }

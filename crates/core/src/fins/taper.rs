@@ -117,3 +117,29 @@ fn reach_px(slice: &Standing, theta: f64, px_um: f64) -> f64 {
     let [y, z] = centre(&slice.body);
     (slice.body.at(theta)[0] - y * theta.cos() - z * theta.sin()) / px_um
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::calibration::Support;
+
+    /// A body that is thicker on the left, and a fold that falls from 14 px to 4 px towards there, at 1/16.
+    #[test]
+    fn a_low_front_end_goes_on_down_to_the_body_and_a_rear_end_does_not() {
+        let body = |u: usize| Support { coefficients: vec![60.0 - 0.1 * u as f64, 0.0, 0.0] };
+        let slices: Vec<Standing> = (0..400).map(|u| Standing { x_um: u as f64, body: body(u), points_um: Vec::new() }).collect();
+        let height = |p: &[f64; 3]| p[1] - slices[p[0] as usize].body.coefficients[0];
+        let points_um = (200..360).map(|u| [u as f64, slices[u].body.coefficients[0] + 4.0 + (u - 200) as f64 / 16.0, 0.0]).collect();
+        let fins = [Fin { points_um, edges: 9 }];
+        let fin = tapered(&fins, 0, &slices, 1.0);
+        let (first, last) = (fin.points_um[0], fin.points_um[fin.points_um.len() - 1]);
+        // 4 px at the least slope are 40 columns.
+        assert!((158.0..=162.0).contains(&first[0]) && height(&first).abs() < 0.5, "{first:?}");
+        assert_eq!(last[0] as usize, 359);
+        let steps: Vec<f64> = fin.points_um.windows(2).map(|p| p[1][0] - p[0][0]).collect();
+        assert!(steps.iter().all(|step| (step - 1.0).abs() < 1e-9));
+        // Another fin that goes on from there shows where it goes.
+        let other = Fin { points_um: (150..195).map(|u| [f64::from(u), 60.0, 0.0]).collect(), edges: 9 };
+        assert_eq!(tapered(&[fins[0].clone(), other], 0, &slices, 1.0), fins[0]);
+    }
+}

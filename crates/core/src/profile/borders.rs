@@ -185,3 +185,36 @@ fn mean_along(raw: &[f32], weight: &[f32], height: usize, kernel: &[f32]) -> Vec
     }
     means
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::synthetic::{Noise, plane};
+    use super::*;
+
+    /// A body between rows 40 and 80, and a line of the noise's size that is two px wide at row 97.
+    #[test]
+    fn the_border_of_a_fin_stands_out_and_nothing_beside_it() {
+        let mut noise = Noise::new(5);
+        let plane = plane(200, 120, |_, v| match v as usize {
+            40..80 => 40.0,
+            80..96 => 0.5 + noise.next(),
+            96..98 => 1.0 + noise.next(),
+            _ => noise.next(),
+        });
+        let body = Polygon { vertices: vec![[-1.0, 39.5], [200.0, 39.5], [200.0, 79.5], [-1.0, 79.5]] };
+        let window = Window { lightness: &plane.data, width: 200, top: 0, mark: 5.0, blur_px: Some(1.0) };
+        let borders = FinBorders::beside(&window, &Columns::from_outlines(&[body], 200, 120), |_| [0.0, 119.0]);
+        let mean = |v: usize, lower: bool| {
+            let column = |u: usize| FinBorders::between(borders.column(u, lower).1[v], borders.column(u, lower).1[v], 0.0);
+            (10..190).filter_map(column).sum::<f32>() / 180.0
+        };
+        let best = (84..110).max_by(|&a, &b| mean(a, true).total_cmp(&mean(b, true)));
+        assert!(best.is_some_and(|v| (96..98).contains(&v)), "{best:?}");
+        assert!(mean(96, true) > 2.5, "{}", mean(96, true));
+        assert!((12..30).all(|v| mean(v, false).abs() < 0.5), "the other side shows none");
+        // In the body, in its blur and at the wall there can be no border.
+        for (v, lower) in [(60, true), (60, false), (81, true), (38, false), (118, true), (1, false)] {
+            assert_eq!(borders.column(100, lower).1[v], NONE, "row {v}, lower {lower}");
+        }
+    }
+}

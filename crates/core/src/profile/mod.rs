@@ -41,6 +41,8 @@ mod synthetic;
 mod walls;
 
 pub use borders::FinBorders;
+#[cfg(test)]
+pub(crate) use borders::Window;
 pub use columns::{ColumnEdges, Columns};
 pub use compare::{Annotation, Comparison, EdgeError, SizesDiffer, TOLERANCE_PX};
 pub use detection::{Detection, Head, Kind, Likelihoods, Side};
