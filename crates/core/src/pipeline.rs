@@ -362,7 +362,7 @@ impl Pipeline {
             Ok(p) if p.mask.area_px() == 0 => record.reason = Some("no specimen in the frame".into()),
             Ok(p) => {
                 let leaves = Leaves { left: p.detection.is_clipped_left(), right: p.detection.is_clipped_right() };
-                volume_um3 = self.reconstruction.observe_outlines(&p.mask, &p.edge, &p.body, omega, leaves)?.volume_um3;
+                volume_um3 = self.reconstruction.observe_outlines(&p.mask, &p.edge, &p.body, p.borders.as_ref(), omega, leaves)?.volume_um3;
                 record.used = true;
                 self.carved.push(index);
                 record.area_px = Some(p.mask.area_px());

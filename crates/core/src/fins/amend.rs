@@ -24,41 +24,26 @@ impl Rows {
         self.0[side as usize][u]
     }
 
-    /// Adds a curve, given by its points `(u, v)` from left to right, where it lies further out than what is there.
-    fn add(&mut self, points: impl Iterator<Item = (f64, f64)>, side_of: impl Fn(usize) -> Side) {
-        let points: Vec<(f64, f64)> = points.collect();
-        let [upper, _] = &self.0;
-        let last = upper.len() as f64 - 1.0;
-        for (at, pair) in points.windows(2).enumerate() {
-            let ((u0, v0), (u1, v1)) = (pair[0], pair[1]);
-            let side = side_of(at);
-            let mut u = u0.ceil().max(0.0);
-            while u <= u1.min(last) {
-                let v = if u1 > u0 { v0 + (u - u0) / (u1 - u0) * (v1 - v0) } else { v0 };
-                let here = &mut self.0[side as usize][u as usize];
-                *here = Some(here.map_or(v, |w| if side.sign() * (v - w) > 0.0 { v } else { w }));
-                u += 1.0;
-            }
-        }
+    /// Adds a row where it lies further out than what is there.
+    fn add(&mut self, u: usize, v: f64, side: Side) {
+        let here = &mut self.0[side as usize][u];
+        *here = Some(here.map_or(v, |w| if side.sign() * (v - w) > 0.0 { v } else { w }));
     }
 }
 
 impl Found {
     /// The edges of a view: of the body, and of the fins where they lie further out. An edge that stands out of the body where there is no
     /// fin becomes that of the body.
-    pub fn amended(&self, view: &FinView, projection: &Projection) -> Columns {
+    pub fn amended(&self, view: &FinView) -> Columns {
         let width = view.turn.columns.width();
         let mut fins = Rows::new(width);
         for fin in &self.fins {
-            let seen = fin.points_um.iter().filter_map(|&[x, y, z]| {
-                let [centre_y, centre_z] = centre(&self.slice(x)?.body);
-                Some((projection.project([x, y, z])?, projection.project([x, centre_y, centre_z])?))
+            let centre = |x: f64| self.slice(x).map_or([0.0; 2], |slice| centre(&slice.body));
+            each_column(&fin.points_um, &view.projection, width, &centre, |u, v, middle| {
+                fins.add(u, v, if v < middle { Side::Upper } else { Side::Lower });
             });
-            let (points, middles): (Vec<(f64, f64)>, Vec<(f64, f64)>) = seen.unzip();
-            let side_of = |at: usize| if points[at].1 < middles[at].1 { Side::Upper } else { Side::Lower };
-            fins.add(points.iter().copied(), side_of);
         }
-        let bodies = self.body_of(view.turn.omega, projection, width);
+        let bodies = self.body_of(view, width);
         view.turn.columns.mapped(|u, own| {
             let row = |side: Side| {
                 let by_all = bodies.get(u, side);
@@ -75,23 +60,26 @@ impl Found {
             if upper > lower {
                 return own;
             }
-            // What an edge leaves behind when it moves inwards was part of the gap.
+            // What an edge leaves behind when it moves inwards was part of the gap, and between the body and a fin there is none.
             let inwards = (upper - own.upper).max(0.0) + (own.lower - lower).max(0.0);
-            ColumnEdges { upper, lower, gap: (own.gap - inwards).max(0.0) }
+            let is_same = (upper - own.upper).abs() < 1e-9 && (lower - own.lower).abs() < 1e-9;
+            let of_body = view.body.and_then(|columns| columns.get(u)).filter(|_| !is_same).map_or(own.gap, |body| body.gap);
+            ColumnEdges { upper, lower, gap: (own.gap - inwards).max(0.0).min(of_body) }
         })
     }
 
-    /// The edges of the body by all views in a view at angle `omega` (rad).
-    fn body_of(&self, omega: f64, projection: &Projection, width: usize) -> Rows {
+    /// The edges of the body by all views in this view.
+    fn body_of(&self, view: &FinView, width: usize) -> Rows {
         let mut rows = Rows::new(width);
         for side in Side::BOTH {
-            let theta = if side == Side::Upper { PI } else { 0.0 } - omega;
+            let theta = if side == Side::Upper { PI } else { 0.0 } - view.turn.omega;
             let (sin, cos) = theta.sin_cos();
-            let touch = self.slices.iter().filter(|slice| slice.known == Known::Body).filter_map(|slice| {
+            let touch = self.slices.iter().filter(|slice| slice.known == Known::Body).map(|slice| {
                 let [h, slope] = slice.body.at(theta);
-                projection.project([slice.x_um, h * cos - slope * sin, h * sin + slope * cos])
+                [slice.x_um, h * cos - slope * sin, h * sin + slope * cos]
             });
-            rows.add(touch, |_| side);
+            let touch: Vec<[f64; 3]> = touch.collect();
+            each_column(&touch, &view.projection, width, &|_| [0.0; 2], |u, v, _| rows.add(u, v, side));
         }
         rows
     }
@@ -101,11 +89,40 @@ impl Found {
 /// edge that stands out of the body by more than `least_px` is one of a fin.
 fn amended(side: Side, own: f64, body: Option<f64>, fin: Option<f64>, least_px: f64) -> f64 {
     let out = |row: f64, of: f64| side.sign() * (row - of);
-    // The joint edge of a fin is better known than that of a single view, be it further out or in.
+    // The joint edge of a fin is better known than that of a single view, whether it lies further out or in.
     let joint = fin.filter(|&fin| out(fin, own) > 0.0 || (fin - own).abs() < SAME_PX);
     match body {
         None => joint.unwrap_or(own),
         Some(body) if out(own, body) > least_px => fin.filter(|&fin| out(fin, body) > 0.0).unwrap_or(body),
         Some(_) => fin.filter(|&fin| out(fin, own) > 0.0).unwrap_or(own),
+    }
+}
+
+/// Calls `seen` with each column in which a view shows a curve, the curve's row, and that of the body's centre, which `centre_um` gives at
+/// a place along the capillary.
+pub(super) fn each_column(
+    points_um: &[[f64; 3]],
+    projection: &Projection,
+    width: usize,
+    centre_um: &dyn Fn(f64) -> [f64; 2],
+    mut seen: impl FnMut(usize, f64, f64),
+) {
+    let projected = |&[x, y, z]: &[f64; 3]| {
+        let [centre_y, centre_z] = centre_um(x);
+        let ((u, v), (_, middle)) = (projection.project([x, y, z])?, projection.project([x, centre_y, centre_z])?);
+        Some([u, v, middle])
+    };
+    let mut before: Option<[f64; 3]> = None;
+    for [u1, v1, m1] in points_um.iter().filter_map(projected) {
+        if let Some([u0, v0, m0]) = before {
+            let (from, to) = (u0.ceil().max(0.0), u1.floor().min(width as f64 - 1.0));
+            let mut u = from;
+            while u <= to {
+                let part = if u1 > u0 { (u - u0) / (u1 - u0) } else { 0.0 };
+                seen(u as usize, v0 + part * (v1 - v0), m0 + part * (m1 - m0));
+                u += 1.0;
+            }
+        }
+        before = Some([u1, v1, m1]);
     }
 }

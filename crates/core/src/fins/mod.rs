@@ -12,12 +12,17 @@
 mod amend;
 mod body;
 mod chain;
+mod extend;
+mod faint;
+mod follow;
 mod points;
+mod pool;
+mod taper;
 
 use crate::calibration::{Pose, Side, Support, TurnView, directions};
 use crate::geometry::Projection;
 use crate::parallel::prelude::*;
-use crate::profile::Columns;
+use crate::profile::{Columns, FinBorders};
 use body::{Known, bodies};
 use points::Point;
 use serde::{Deserialize, Serialize};
@@ -56,6 +61,10 @@ pub(crate) struct FinView<'a> {
     pub turn: TurnView<'a>,
     /// Edges without fins. `None` where only those with fins are known.
     pub body: Option<&'a Columns>,
+    /// Where borders of fins may be. `None` where only outlines are known.
+    pub borders: Option<&'a FinBorders>,
+    /// The calibrated projection.
+    pub projection: Projection,
 }
 
 /// One edge of one view in one slice, as a tangent. Distances are from the capillary's axis, um.
@@ -169,11 +178,16 @@ pub(crate) fn find(pose: &Pose, views: &[FinView]) -> Found {
         slices.par_iter_mut().zip(&points).for_each(|(slice, points)| slice.without(points, px_um));
     };
     let fins = chain::chained(&slices, &points, px_um);
-    let slices = slices.iter().zip(bodies).map(|(&Slice { x_um, .. }, (known, body))| {
-        let near = |fin: &Fin| fin.points_um.iter().find(|p| (p[0] - x_um).abs() < 1e-6).map(|p| [p[1], p[2]]);
-        Standing { x_um, known, body, points_um: fins.iter().filter_map(near).collect() }
-    });
-    let slices = slices.collect();
+    let mut slices: Vec<Standing> = slices
+        .iter()
+        .zip(bodies)
+        .map(|(&Slice { x_um, .. }, (known, body))| Standing { x_um, known, body, points_um: Vec::new() })
+        .collect();
+    let fins = faint::find(views, &slices, fins, px_um);
+    for slice in &mut slices {
+        let near = |fin: &Fin| fin.points_um.iter().find(|p| (p[0] - slice.x_um).abs() < 1e-6).map(|p| [p[1], p[2]]);
+        slice.points_um = fins.iter().filter_map(near).collect();
+    }
     Found { fins, slices }
 }
 
@@ -264,7 +278,7 @@ mod tests {
 
         fn view(&self, i: usize, knows_body: bool) -> FinView<'_> {
             let turn = TurnView { columns: &self.found[i], omega: self.omegas[i], dy_px: 0.0 };
-            FinView { turn, body: knows_body.then_some(&self.body[i]) }
+            FinView { turn, body: knows_body.then_some(&self.body[i]), borders: None, projection: camera().projection(self.omegas[i]) }
         }
 
         fn find(&self, knows_body: bool) -> Found {
@@ -275,7 +289,7 @@ mod tests {
         /// Largest distance of the amended edges from the true ones between two columns, px.
         fn worst_px(&self, found: &Found, knows_body: bool, columns: std::ops::Range<usize>) -> f64 {
             let off = |i: usize| {
-                let amended = found.amended(&self.view(i, knows_body), &camera().projection(self.omegas[i]));
+                let amended = found.amended(&self.view(i, knows_body));
                 let truth = &self.truth[i];
                 let (amended, columns) = (&amended, columns.clone());
                 columns
@@ -336,7 +350,7 @@ mod tests {
         turn.found.clone_from(&turn.body);
         let found = turn.find(true);
         assert_eq!(found.fins, []);
-        assert_eq!(found.amended(&turn.view(3, true), &camera().projection(turn.omegas[3])), turn.body[3]);
+        assert_eq!(found.amended(&turn.view(3, true)), turn.body[3]);
     }
     /// Slices of 12 views have four harmonics, which cannot describe a fin. With the fins in closed form their area is exact.
     #[test]
@@ -344,7 +358,7 @@ mod tests {
         let turn = Turn::new(12);
         let found = turn.find(true);
         let pose = Pose::new(&camera());
-        let amended: Vec<Columns> = (0..12).map(|i| found.amended(&turn.view(i, true), &camera().projection(turn.omegas[i]))).collect();
+        let amended: Vec<Columns> = (0..12).map(|i| found.amended(&turn.view(i, true))).collect();
         let views: Vec<TurnView> =
             amended.iter().zip(&turn.omegas).map(|(columns, &omega)| TurnView { columns, omega, dy_px: 0.0 }).collect();
         let estimate = |fins: &Found| SupportEstimate::of(&Sections::with_fins(&pose, &views, 0.5, [true; 2], fins).unwrap());

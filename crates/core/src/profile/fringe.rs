@@ -25,9 +25,9 @@ pub(super) const OUTLINE_SMOOTHING_PX: f64 = 5.0;
 /// Samples before the first distance: inside the outline.
 const INNER: usize = 3;
 /// Samples beyond the last distance: the bright side of the border.
-const OUTER: usize = 11;
+pub(super) const OUTER: usize = 11;
 /// Samples inside of a border that are compared, and the fewest outside.
-const INSIDE: usize = 5;
+pub(super) const INSIDE: usize = 5;
 const LEAST_OUTSIDE: usize = 5;
 /// Profile of a border from inside to outside: the fin, its line, the blur of the line; then the water. In bright field the
 /// line takes twice as much light as the fin.
@@ -36,7 +36,7 @@ const LINE: [f32; 3] = [1.1, 1.1, 0.25];
 /// How nearly linear the background's error is over that profile: the squared px by which its slope is held near 0.
 const SLOPE_PX2: f32 = 500.0;
 /// Distance from a wall within which the wall's own line is visible, px.
-const WALL_LINE_PX: f64 = 4.0;
+pub(super) const WALL_LINE_PX: f64 = 4.0;
 /// Smallest share of the light that a mark takes, and smallest number of standard deviations of a pixel's noise. A fin's border
 /// takes 2 %, also within the noise.
 const MARK_SHARE: f32 = 0.04;
@@ -82,7 +82,7 @@ impl Fringe {
         }
         let samples = INNER + reach + OUTER;
         gaussian(settings.along_px / STEP_PX, &mut self.kernel);
-        let mark = (MARK_SHARE * contrast.all_light).max(MARK_SIGMA);
+        let mark = mark(contrast.all_light);
         for outline in outlines.each() {
             self.inward.clear();
             normals(outline, &mut self.inward);
@@ -187,11 +187,11 @@ impl Fringe {
 }
 
 /// Matched filters of a border by the number of samples that they cover.
-struct Filters(Vec<Vec<f32>>);
+pub(super) struct Filters(Vec<Vec<f32>>);
 
 impl Filters {
     /// For `inside` samples before the border and `outside` from it on.
-    fn of(&self, inside: usize, outside: usize) -> &[f32] {
+    pub fn of(&self, inside: usize, outside: usize) -> &[f32] {
         &self.0[inside * (OUTER + 2) + outside]
     }
 
@@ -212,6 +212,11 @@ impl Default for Filters {
     fn default() -> Self {
         Self((0..(INSIDE + 1) * (OUTER + 2)).map(|i| Self::made(i / (OUTER + 2), i % (OUTER + 2))).collect())
     }
+}
+
+/// Contrast from which on something thin is a mark and no fin's border.
+pub(super) fn mark(all_light: f32) -> f32 {
+    (MARK_SHARE * all_light).max(MARK_SIGMA)
 }
 
 /// Removes from a normal, outside of the body, what is thin and darker than `mark`.

@@ -8,6 +8,7 @@ mod background;
 mod bayer;
 mod blur;
 mod body;
+mod borders;
 mod bubble;
 mod chamfer;
 mod coarse;
@@ -39,6 +40,9 @@ mod specks;
 mod synthetic;
 mod walls;
 
+pub use borders::FinBorders;
+#[cfg(test)]
+pub(crate) use borders::Window;
 pub use columns::{ColumnEdges, Columns};
 pub use compare::{Annotation, Comparison, EdgeError, SizesDiffer, TOLERANCE_PX};
 pub use detection::{Detection, Head, Kind, Likelihoods, Side};

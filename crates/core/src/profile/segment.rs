@@ -1,6 +1,7 @@
 //! From one frame to one profile: the order of the steps, and their errors.
 
 use super::background::{Background, Bore, MARGIN_PX};
+use super::borders::FinBorders;
 use super::bubble::Disc;
 use super::coarse::Coarse;
 use super::detection::Detector;
@@ -21,6 +22,8 @@ pub struct Profile {
     pub edge: Vec<Polygon>,
     /// The outlines without the fins that only their border shows: the same as `edge` where none was found.
     pub body: Vec<Polygon>,
+    /// Where borders of fins may be that are too faint for one view. `None` for a disc, and where fins are not searched.
+    pub borders: Option<FinBorders>,
     /// The certainty of each vertex of each outline.
     pub edge_points: Vec<Vec<EdgePoint>>,
     /// The walls of the capillary.
@@ -214,6 +217,9 @@ impl Segmenter {
             let limits = Limits { inside: &self.body, ..limits };
             self.edge.refine_again(&self.outlines, &contrast.darkness, &limits, &settings.edge)
         };
+        let may_have_fins = settings.method == Method::Hybrid && settings.fringe.reach_bore > 0.0;
+        let may_have_fins = may_have_fins && !body.iter().all(|outline| fringe::is_disc(&outline.vertices));
+        let borders = may_have_fins.then(|| FinBorders::of(contrast, &bore, &body, height, blur_px));
         let mut mask = Mask::empty(width, height);
         outline::rasterise(&edge, &mut mask, &mut self.crossings);
         let quality = ProfileQuality {
@@ -224,7 +230,7 @@ impl Segmenter {
             ..quality::of_edge(&edge, &points, &bore, &mut self.contrasts)
         };
         let detection = self.detector.detect(&mask, &bore, &contrast.darkness, contrast.all_light, &self.bubbles);
-        Ok(Profile { mask, edge, body, edge_points: points, walls, quality, detection })
+        Ok(Profile { mask, edge, body, borders, edge_points: points, walls, quality, detection })
     }
 }
 

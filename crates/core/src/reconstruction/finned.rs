@@ -29,10 +29,11 @@ impl Reconstruction {
             return unchanged(calibrated);
         }
         let mut turned: Vec<FinView> = Vec::with_capacity(self.observed.len());
-        for (&i, state) in calibrated.order.iter().zip(&calibration.views) {
+        for (at, (&i, state)) in calibrated.order.iter().zip(&calibration.views).enumerate() {
             let seen = &self.observed[i];
             let turn = TurnView { columns: &seen.columns, omega: calibration.angle(seen.omega), dy_px: state.dy_px };
-            turned.push(FinView { turn, body: seen.body.as_ref() });
+            let projection = calibration.projection(at, seen.omega);
+            turned.push(FinView { turn, body: seen.body.as_ref(), borders: seen.borders.as_ref(), projection });
         }
         let used: Vec<FinView> =
             turned.iter().zip(&calibration.views).filter(|(_, state)| state.bad.is_none()).map(|(view, _)| *view).collect();
@@ -48,12 +49,12 @@ impl Reconstruction {
             .zip(&turned)
             .enumerate()
             .filter(|(at, _)| calibration.views[*at].bad.is_none())
-            .map(|(at, (&i, view))| {
+            .map(|(_, (&i, view))| {
                 let seen = &self.observed[i];
-                let columns = found.amended(view, &calibration.projection(at, seen.omega));
+                let columns = found.amended(view);
                 let outlines = seen.outlines.iter().map(|outline| outline.with_edges(&seen.columns, &columns)).collect();
                 let mask = self.hull.carver().views()[i].runs.mask().with_edges(&seen.columns, &columns);
-                (i, ObservedView { columns, body: seen.body.clone(), outlines, omega: seen.omega, mask: Some(mask) })
+                (i, ObservedView { columns, outlines, mask: Some(mask), ..seen.clone() })
             })
             .collect();
         for (i, view) in amended {

@@ -94,7 +94,7 @@ fn observed<'a>(views: impl Iterator<Item = &'a Seen>) -> Reconstruction {
     let grid = VoxelGrid::new(BoxUm { min: [-800.0, -230.0, -230.0], max: [800.0, 230.0, 230.0] }, 12.0).unwrap();
     let mut model = Reconstruction::new(&camera(), grid, VIEWS, ReconstructionSettings::default()).unwrap();
     for Seen { omega, mask, outline, body } in views {
-        model.observe_outlines(mask, outline, body, *omega, Leaves::default()).unwrap();
+        model.observe_outlines(mask, outline, body, None, *omega, Leaves::default()).unwrap();
     }
     model
 }

@@ -10,7 +10,7 @@ use crate::fins::Fin;
 use crate::geometry::{Camera, Projection, VoxelGrid};
 use crate::measure::support::{Sections, SupportEstimate, calibration_sd};
 use crate::measure::{Estimator, Measurement, NOT_CONVEX, SphereFit, Spread};
-use crate::profile::{Columns, Mask, Polygon};
+use crate::profile::{Columns, FinBorders, Mask, Polygon};
 use crate::surface::{self, Coarse, Mesh};
 use std::borrow::Cow;
 
@@ -20,6 +20,8 @@ pub(super) struct ObservedView {
     pub columns: Columns,
     /// The edges without fins. `None` where they are not known apart.
     pub body: Option<Columns>,
+    /// Where borders of fins may be. `None` where only outlines are known.
+    pub borders: Option<FinBorders>,
     pub outlines: Vec<Polygon>,
     pub omega: f64,
     /// The mask, where it is not that of the carver.
@@ -143,7 +145,8 @@ impl Reconstruction {
         self.observe_edges(mask, outlines, columns_of(mask, outlines), omega, leaves)
     }
 
-    /// The same with the outlines of the body alone, so that fins can be separated from it.
+    /// The same with the outlines of the body alone, so that fins can be separated from it, and with what the frame shows of borders
+    /// that may be those of fins.
     ///
     /// # Errors
     ///
@@ -153,12 +156,14 @@ impl Reconstruction {
         mask: &Mask,
         outlines: &[Polygon],
         body: &[Polygon],
+        borders: Option<&FinBorders>,
         omega: f64,
         leaves: Leaves,
     ) -> Result<LiveVolume, ReconstructionError> {
         let columns = columns_of(mask, outlines);
         let body = Some(if body == outlines { columns.clone() } else { Columns::from_outlines(body, mask.width(), mask.height()) });
-        self.observe_view(mask, ObservedView { columns, body, outlines: outlines.to_vec(), omega, mask: None }, leaves)
+        let outlines = outlines.to_vec();
+        self.observe_view(mask, ObservedView { columns, body, borders: borders.cloned(), outlines, omega, mask: None }, leaves)
     }
 
     /// Observes the view at 360 deg, which is compared with the view that was observed as number `first`.
@@ -207,7 +212,7 @@ impl Reconstruction {
         omega: f64,
         leaves: Leaves,
     ) -> Result<LiveVolume, ReconstructionError> {
-        self.observe_view(mask, ObservedView { columns, body: None, outlines: outlines.to_vec(), omega, mask: None }, leaves)
+        self.observe_view(mask, ObservedView { columns, body: None, borders: None, outlines: outlines.to_vec(), omega, mask: None }, leaves)
     }
 
     fn observe_view(&mut self, mask: &Mask, view: ObservedView, leaves: Leaves) -> Result<LiveVolume, ReconstructionError> {

@@ -1,0 +1,446 @@
+//! Fins too faint for single views: found where the views together show a border.
+//!
+//! ```text
+//!   known edges ── evidence of all views in each slice ── best chains along the capillary ── accepted or not
+//!        ▲                                                                                      │
+//!        └───────────────────── edges with the accepted pieces ─────────────────────────────────┘
+//! ```
+//! A fin that is found is followed beyond its ends, and takes its part of the evidence with it: only what stands
+//! out of it is searched in the next round.
+
+use super::amend::each_column;
+use super::body::smoothed;
+use super::extend::extended;
+use super::follow::{State, followed};
+use super::pool::{DIRECTIONS, Evidence, FEW, Grid, Sight};
+use super::taper::tapered;
+use super::{Fin, FinView, Standing};
+use crate::profile::FinBorders;
+use crate::statistics::median;
+use std::f64::consts::{PI, TAU};
+
+/// Slices from one that is searched to the next. A slice is one px of the capillary.
+const STEP: usize = 4;
+/// Most rounds of search and amendment.
+const ROUNDS: usize = 7;
+/// Angle within which a slice has one fin only, rad.
+const APART: f64 = 30.0 / 180.0 * PI;
+/// Length of a run over which the evidence is averaged, px, and the least mean that it must reach somewhere.
+const RUN_PX: f64 = 60.0;
+const RUN_LEAST: f64 = 3.0;
+/// Shortest piece, px.
+const SHORTEST_PX: f64 = 45.0;
+/// What a piece must gain over chance, and a piece that goes on where a fin is known.
+const GAIN: f32 = 45.0;
+const GAIN_ON: f32 = 18.0;
+/// Least share of the half-views whose edges make a known curve a fin.
+const KNOWN_LEAST: f64 = 0.13;
+/// How near the end of a known fin is where a piece goes on: along the capillary, px, and in direction, rad.
+const ON_PX: f64 = 30.0;
+const ON_ANGLE: f64 = 20.0 / 180.0 * PI;
+/// Shortest fin that is followed beyond its ends, px. The free edges of pectoral fins are shorter and end where they are seen to end.
+const FOLLOWED_PX: usize = 80;
+/// Least median response of a half-view to a piece. Where only few show it, each must show more.
+const RESPONSE_LEAST: f64 = 0.95;
+const RESPONSE_LEAST_FEW: f64 = 1.8;
+const RESPONSE_CLEAR: f64 = 2.5;
+/// A pectoral fin is short, and only few views show it, but very clearly: its least gain and length, px. At the ends of the body, this
+/// many px, its own rounding looks like that.
+const GAIN_CLEAR: f32 = 20.0;
+const SHORTEST_CLEAR_PX: f64 = 24.0;
+const BODY_END_PX: usize = 48;
+/// From the place of the filter's step to the middle of the border's line, px.
+const LINE_PX: f64 = 0.65;
+/// Slices beside a piece whose evidence it changes, too: a view sees them in the same columns.
+const NEAR: usize = 2;
+/// Slices over which a piece is averaged.
+const SIGMA: f64 = 2.25;
+
+/// A chain without a gap: the slice of its first state, and its states.
+struct Piece {
+    first: usize,
+    states: Vec<State>,
+}
+
+impl Piece {
+    fn stations(&self) -> std::ops::Range<usize> {
+        self.first..self.first + self.states.len()
+    }
+
+    fn ends(&self) -> [(usize, State); 2] {
+        let last = self.states.len() - 1;
+        [(self.first, self.states[0]), (self.first + last, self.states[last])]
+    }
+}
+
+/// The directions in which fins are known or were refused, by slice.
+struct Blocked(Vec<Vec<bool>>);
+
+impl Blocked {
+    fn around(&mut self, at: usize, angle: f64) {
+        for (a, blocked) in self.0[at].iter_mut().enumerate() {
+            *blocked |= apart(direction(a), angle) < APART;
+        }
+    }
+
+    fn piece(&mut self, piece: &Piece) {
+        piece.stations().zip(&piece.states).for_each(|(at, &(a, _))| self.around(at, direction(a)));
+    }
+
+    fn fin(&mut self, fin: &Fin, grid: &Grid) {
+        for at in 0..grid.stations.len() {
+            if let Some(angle) = angle_of(fin, grid, at) {
+                self.around(at, angle);
+            }
+        }
+    }
+}
+
+fn direction(a: usize) -> f64 {
+    a as f64 * TAU / DIRECTIONS as f64
+}
+
+fn apart(a: f64, b: f64) -> f64 {
+    ((a - b + PI).rem_euclid(TAU) - PI).abs()
+}
+
+/// Direction in which a station's centre sees a fin. `None` beyond the fin's ends.
+fn angle_of(fin: &Fin, grid: &Grid, at: usize) -> Option<f64> {
+    let station = &grid.stations[at];
+    let points = &fin.points_um;
+    let after = points.partition_point(|p| p[0] < station.x_um - 1e-6);
+    let point = points.get(after).filter(|p| after > 0 || p[0] < station.x_um + 1e-6)?;
+    Some(seen_from(station.centre_um, point))
+}
+
+fn seen_from([y, z]: [f64; 2], point: &[f64; 3]) -> f64 {
+    (point[2] - z).atan2(point[1] - y)
+}
+
+/// Whether the end of a piece lies where a fin ends.
+fn goes_on(piece: &Piece, fin: &Fin, grid: &Grid, px_um: f64) -> bool {
+    let (Some(first), Some(last)) = (fin.points_um.first(), fin.points_um.last()) else { return false };
+    piece.ends().iter().zip([last, first]).any(|((at, (a, _)), end)| {
+        let station = &grid.stations[*at];
+        (end[0] - station.x_um).abs() < ON_PX * px_um && apart(seen_from(station.centre_um, end), direction(*a)) < ON_ANGLE
+    })
+}
+
+/// The fins that only the views together show, besides the `known` ones, which are continued.
+pub(super) fn find(views: &[FinView], slices: &[Standing], known: Vec<Fin>, px_um: f64) -> Vec<Fin> {
+    let Some(mut search) = Search::new(views, slices, &known, px_um) else { return known };
+    for _ in 0..ROUNDS {
+        let scores: Vec<&[f32]> = search.evidence.iter().map(|e| e.score.as_slice()).collect();
+        let pieces = pieces(&followed(&scores, &search.blocked.0, search.grid.radii));
+        let is_last = pieces.is_empty();
+        for piece in pieces {
+            search.judge(&piece);
+        }
+        for fin in 0..search.fins.len() {
+            search.follow_on(fin, false);
+            search.follow_on(fin, true);
+        }
+        if is_last {
+            break;
+        }
+    }
+    let found = search.fins;
+    (0..found.len()).map(|k| tapered(&found, k, slices, px_um)).collect()
+}
+
+/// A search with what it has found so far.
+struct Search<'a> {
+    sights: Vec<Sight<'a>>,
+    slices: &'a [Standing],
+    grid: Grid,
+    evidence: Vec<Evidence>,
+    blocked: Blocked,
+    fins: Vec<Fin>,
+    px_um: f64,
+}
+
+impl<'a> Search<'a> {
+    /// `None` where a view does not tell its borders, or where there is nothing to search.
+    fn new(views: &'a [FinView<'a>], slices: &'a [Standing], known: &[Fin], px_um: f64) -> Option<Self> {
+        let sight = |view: &'a FinView<'a>| {
+            let (borders, body) = (view.borders?, view.body?);
+            let row = |u: usize| body.get(u).map_or([f64::NAN; 2], |e| [e.upper, e.lower]);
+            Some(Sight { borders, projection: view.projection, edges: (0..borders.width()).map(row).collect() })
+        };
+        let mut sights: Vec<Sight> = views.iter().map(sight).collect::<Option<_>>()?;
+        let of_views = |of: &dyn Fn(&FinBorders) -> f64| median(sights.iter().map(|s| of(s.borders)).collect());
+        let (margin_px, bore_um) = (of_views(&FinBorders::margin_px), of_views(&FinBorders::bore_px) / 2.0 * px_um);
+        let grid = Grid::new(slices, STEP, bore_um, margin_px, px_um);
+        if grid.radii == 0 || sights.is_empty() {
+            return None;
+        }
+        // A curve of few edges is found again if the views together show it, and in its right place.
+        let least = KNOWN_LEAST * 2.0 * sights.len() as f64;
+        let fins: Vec<Fin> = known.iter().filter(|fin| fin.edges as f64 >= least).cloned().collect();
+        let mut blocked = Blocked(vec![vec![false; DIRECTIONS]; grid.stations.len()]);
+        for fin in &fins {
+            amend(&mut sights, fin, &grid);
+            blocked.fin(fin, &grid);
+        }
+        let evidence = grid.all(0..grid.stations.len(), &sights);
+        Some(Self { sights, slices, grid, evidence, blocked, fins, px_um })
+    }
+
+    /// Accepts or refuses a piece. Neither is asked for again.
+    fn judge(&mut self, piece: &Piece) {
+        self.blocked.piece(piece);
+        let on = self.fins.iter().position(|fin| goes_on(piece, fin, &self.grid, self.px_um));
+        if is_accepted(piece, &self.evidence, on.is_some(), self.sights.len(), self.grid.radii) {
+            self.add(piece, on);
+        }
+    }
+
+    /// Follows a known fin beyond one of its ends.
+    fn follow_on(&mut self, fin: usize, right: bool) {
+        let (grid, points) = (&self.grid, &self.fins[fin].points_um);
+        let Some(end) = (if right { points.last() } else { points.first() }) else { return };
+        if points.len() < FOLLOWED_PX {
+            return;
+        }
+        let before = |x_um: f64| grid.stations.partition_point(|station| station.x_um < x_um);
+        // The last station of the fin.
+        let Some(at) = (if right { before(end[0] + 1e-6).checked_sub(1) } else { Some(before(end[0] - 1e-6)) }) else { return };
+        let Some(station) = grid.stations.get(at) else { return };
+        let [y, z] = station.centre_um;
+        let turns = seen_from([y, z], end).rem_euclid(TAU) / TAU;
+        let radius_px = (end[1] - y).hypot(end[2] - z) / self.px_um - LINE_PX;
+        let from = ((turns * DIRECTIONS as f64).round() as usize % DIRECTIONS, radius_px.round().max(0.0) as usize);
+        let mut others = Blocked(vec![vec![false; DIRECTIONS]; grid.stations.len()]);
+        self.fins.iter().enumerate().filter(|(other, _)| *other != fin).for_each(|(_, other)| others.fin(other, grid));
+        let ahead = |at: usize| (&self.evidence[at], others.0[at].as_slice());
+        let mut states = if right {
+            extended(from, &(at + 1..grid.stations.len()).map(ahead).collect::<Vec<_>>(), grid.radii)
+        } else {
+            extended(from, &(0..at).rev().map(ahead).collect::<Vec<_>>(), grid.radii)
+        };
+        if states.is_empty() {
+            return;
+        }
+        let first = if right {
+            at + 1
+        } else {
+            states.reverse();
+            at - states.len()
+        };
+        let piece = Piece { first, states };
+        self.blocked.piece(&piece);
+        self.add(&piece, Some(fin));
+    }
+
+    /// Adds a piece to a fin or as a new one. Its evidence is then explained.
+    fn add(&mut self, piece: &Piece, to: Option<usize>) {
+        let more = shaped(piece, &self.evidence, &self.grid, self.slices);
+        let at = to.unwrap_or(self.fins.len());
+        match to {
+            Some(to) => self.fins[to] = joined(&self.fins[to], &more),
+            None => self.fins.push(more),
+        }
+        amend(&mut self.sights, &self.fins[at], &self.grid);
+        let near = piece.first.saturating_sub(NEAR)..(piece.stations().end + NEAR).min(self.grid.stations.len());
+        let first = near.start;
+        for (k, again) in self.grid.all(near, &self.sights).into_iter().enumerate() {
+            self.evidence[first + k] = again;
+        }
+    }
+}
+
+/// The pieces of a chain.
+fn pieces(chain: &[Option<State>]) -> Vec<Piece> {
+    let mut pieces: Vec<Piece> = Vec::new();
+    for (at, state) in chain.iter().enumerate() {
+        let Some(state) = *state else { continue };
+        match pieces.last_mut().filter(|piece| piece.stations().end == at) {
+            Some(piece) => piece.states.push(state),
+            None => pieces.push(Piece { first: at, states: vec![state] }),
+        }
+    }
+    pieces
+}
+
+fn is_accepted(piece: &Piece, evidence: &[Evidence], goes_on: bool, views: usize, radii: usize) -> bool {
+    let along = |of: &dyn Fn(&Evidence, usize) -> f64| -> Vec<f64> {
+        piece.stations().zip(&piece.states).map(|(at, &(a, r))| of(&evidence[at], a * radii + r)).collect()
+    };
+    let gain: f32 = piece.stations().zip(&piece.states).map(|(at, &(a, r))| evidence[at].score[a * radii + r]).sum();
+    let response = median(along(&|e, i| f64::from(e.pooled[i]) / f64::from(e.views[i].max(1)).sqrt()));
+    let is_few = median(along(&|e, i| f64::from(e.views[i]))) < FEW * 2.0 * views as f64;
+    let length_px = (piece.states.len() * STEP) as f64;
+    let end = BODY_END_PX / STEP;
+    let beside_ends = piece.first > end && piece.stations().end + end < evidence.len();
+    if is_few && beside_ends && response > RESPONSE_CLEAR && gain > GAIN_CLEAR && length_px >= SHORTEST_CLEAR_PX {
+        return true;
+    }
+    let pooled = along(&|e, i| f64::from(e.pooled[i]));
+    let reach = (RUN_PX / STEP as f64 / 2.0) as usize;
+    let mean = |i: usize| {
+        let near = &pooled[i.saturating_sub(reach)..(i + reach + 1).min(pooled.len())];
+        near.iter().sum::<f64>() / near.len() as f64
+    };
+    let highest = (0..pooled.len()).map(mean).fold(f64::NEG_INFINITY, f64::max);
+    let least = match (is_few, goes_on) {
+        (false, _) => RESPONSE_LEAST,
+        (true, true) => RESPONSE_LEAST_FEW,
+        (true, false) => RESPONSE_CLEAR,
+    };
+    response >= least && gain >= if goes_on { GAIN_ON } else { GAIN } && highest >= RUN_LEAST && length_px >= SHORTEST_PX
+}
+
+/// The free edge of a fin along a piece, smoothed, with a point in every slice.
+fn shaped(piece: &Piece, evidence: &[Evidence], grid: &Grid, slices: &[Standing]) -> Fin {
+    let offsets: Vec<[f64; 2]> = piece
+        .stations()
+        .zip(&piece.states)
+        .map(|(at, &(a, r))| {
+            let (p, [y, z]) = (grid.point(at, a, r as f64 + LINE_PX), grid.stations[at].centre_um);
+            [p[0] - y, p[1] - z]
+        })
+        .collect();
+    let smooth = [0, 1].map(|k| smoothed(&offsets.iter().map(|p| p[k]).collect::<Vec<_>>(), SIGMA));
+    let node = |i: usize| {
+        let [y, z] = grid.stations[piece.first + i].centre_um;
+        [y + smooth[0][i], z + smooth[1][i]]
+    };
+    let last = piece.states.len() - 1;
+    let points_um = (0..=last * STEP)
+        .map(|k| {
+            let (i, part) = (k / STEP, (k % STEP) as f64 / STEP as f64);
+            let (a, b) = (node(i), node((i + 1).min(last)));
+            [slices[piece.first * STEP + k].x_um, a[0] + part * (b[0] - a[0]), a[1] + part * (b[1] - a[1])]
+        })
+        .collect();
+    let views = |(at, &(a, r)): (usize, &State)| f64::from(evidence[at].views[a * grid.radii + r]);
+    Fin { points_um, edges: median(piece.stations().zip(&piece.states).map(views).collect()) as usize }
+}
+
+/// Two parts of a fin as one, with a point in every slice. Between the parts it is straight.
+fn joined(one: &Fin, other: &Fin) -> Fin {
+    let begin = |fin: &Fin| fin.points_um.first().map_or(0.0, |p| p[0]);
+    let (left, right) = if begin(one) <= begin(other) { (one, other) } else { (other, one) };
+    let mut points_um = left.points_um.clone();
+    let end = points_um.last().map_or(f64::NEG_INFINITY, |p| p[0]);
+    points_um.extend(right.points_um.iter().filter(|p| p[0] > end));
+    Fin { points_um, edges: one.edges.max(other.edges) }
+}
+
+/// Moves the known edges of each view out to a fin.
+fn amend(sights: &mut [Sight], fin: &Fin, grid: &Grid) {
+    let centre = |x_um: f64| {
+        let after = grid.stations.partition_point(|station| station.x_um < x_um);
+        grid.stations.get(after).or(grid.stations.last()).map_or([0.0; 2], |station| station.centre_um)
+    };
+    for Sight { projection, edges, .. } in sights {
+        each_column(&fin.points_um, projection, edges.len(), &centre, |u, v, middle| {
+            let lower = v >= middle;
+            let edge = &mut edges[u][usize::from(lower)];
+            if edge.is_nan() || (v > *edge) == lower {
+                *edge = v;
+            }
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::body::Known;
+    use super::*;
+    use crate::calibration::{Support, TurnView};
+    use crate::geometry::Camera;
+    use crate::profile::{Columns, Polygon, Window};
+    use std::f64::consts::FRAC_PI_2;
+
+    const WIDTH: usize = 320;
+    const HEIGHT: usize = 160;
+    const VIEWS: usize = 21;
+    /// Size of a px on the axis, um.
+    const PX_UM: f64 = 5.0;
+    const BODY_PX: f64 = 30.0;
+    /// Radius and direction of the sheet's free edge, and the columns between which it stands.
+    const EDGE_PX: f64 = 46.0;
+    const DIRECTION: f64 = 0.9;
+    const FROM_TO: (f64, f64) = (70.0, 250.0);
+
+    fn camera() -> Camera {
+        let (f, k) = (60_000.0, 1.0 / PX_UM);
+        let (ux, uy) = ((WIDTH - 1) as f64 / 2.0, (HEIGHT - 1) as f64 / 2.0);
+        Camera { f, kx: k, ky: k, ux, uy, s: 0.0, alpha: 0.0, gamma: 0.0, phi: FRAC_PI_2, width: WIDTH as u32, height: HEIGHT as u32 }
+    }
+
+    /// The fins that are found on a cylinder with a sheet whose border takes `contrast` standard deviations of a pixel's noise.
+    fn found(contrast: f64) -> Vec<Fin> {
+        let camera = camera();
+        let mut state = 7u64;
+        let mut uniform = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 33) as f64 / f64::from(1u32 << 31)
+        };
+        let mut noise = || (0..12).map(|_| uniform()).sum::<f64>() - 6.0;
+        let (top, bottom) = (camera.uy - BODY_PX, camera.uy + BODY_PX);
+        let right = WIDTH as f64;
+        let body = Polygon { vertices: vec![[-1.0, top], [right, top], [right, bottom], [-1.0, bottom]] };
+        let body = Columns::from_outlines(&[body], WIDTH, HEIGHT);
+        let tip = [EDGE_PX * DIRECTION.cos() * PX_UM, EDGE_PX * DIRECTION.sin() * PX_UM];
+        let views: Vec<_> = (0..VIEWS)
+            .map(|i| {
+                let omega = TAU * i as f64 / VIEWS as f64;
+                let projection = camera.projection(omega);
+                let edge_px = projection.project([0.0, tip[0], tip[1]]).unwrap().1 - camera.uy;
+                let lightness: Vec<f32> = (0..WIDTH * HEIGHT)
+                    .map(|k| {
+                        let (u, v) = ((k % WIDTH) as f64, (k / WIDTH) as f64 - camera.uy);
+                        let within = (FROM_TO.0..FROM_TO.1).contains(&u) && v * edge_px > 0.0;
+                        let inwards = edge_px.abs() - v.abs();
+                        let fin = if !within || inwards < -1.5 {
+                            0.0
+                        } else if inwards < 1.0 {
+                            1.0
+                        } else {
+                            0.5
+                        };
+                        let level = if v.abs() < BODY_PX { 40.0 } else { contrast * fin };
+                        (level + noise()) as f32
+                    })
+                    .collect();
+                let window = Window { lightness: &lightness, width: WIDTH, top: 0, mark: 5.0, blur_px: Some(1.0) };
+                (omega, projection, FinBorders::beside(&window, &body, |_| [0.0, (HEIGHT - 1) as f64]))
+            })
+            .collect();
+        let views: Vec<FinView> = views
+            .iter()
+            .map(|&(omega, projection, ref borders)| {
+                let turn = TurnView { columns: &body, omega, dy_px: 0.0 };
+                FinView { turn, body: Some(&body), borders: Some(borders), projection }
+            })
+            .collect();
+        let slice = |u: usize| {
+            let body = Support { coefficients: vec![BODY_PX * PX_UM, 0.0, 0.0] };
+            Standing { x_um: (u as f64 - camera.ux) * PX_UM, known: Known::Body, body, points_um: Vec::new() }
+        };
+        find(&views, &(0..WIDTH).map(slice).collect::<Vec<_>>(), Vec::new(), PX_UM)
+    }
+
+    /// A line of 0.45 of a pixel's noise gives each view about 1.9 standard deviations, which no single view would believe.
+    #[test]
+    fn a_sheet_that_no_single_view_shows_is_found_within_a_px() {
+        let fins = found(0.45);
+        assert_eq!(fins.len(), 1, "{:?}", fins.iter().map(|f| (f.points_um[0], f.edges)).collect::<Vec<_>>());
+        let px = |x_um: f64| x_um / PX_UM + camera().ux;
+        let (first, last) = (px(fins[0].points_um[0][0]), px(fins[0].points_um[fins[0].points_um.len() - 1][0]));
+        assert!((first - FROM_TO.0).abs() < 24.0 && (last - FROM_TO.1).abs() < 24.0, "columns {first:.0} to {last:.0}");
+        let inner = fins[0].points_um.iter().filter(|p| (FROM_TO.0 + 12.0..FROM_TO.1 - 12.0).contains(&px(p[0])));
+        let radii: Vec<f64> = inner.map(|p| (p[1] * DIRECTION.cos() + p[2] * DIRECTION.sin()) / PX_UM).collect();
+        let mean = radii.iter().sum::<f64>() / radii.len() as f64;
+        let sd = (radii.iter().map(|r| (r - mean).powi(2)).sum::<f64>() / radii.len() as f64).sqrt();
+        assert!((mean - EDGE_PX).abs() < 1.0 && sd < 1.0, "radius {mean:.2} +- {sd:.2}");
+    }
+
+    #[test]
+    fn without_a_sheet_none_is_found() {
+        let fins = found(0.0);
+        assert!(fins.is_empty(), "{:?}", fins.iter().map(|f| (f.points_um[0], f.edges)).collect::<Vec<_>>());
+    }
+}
