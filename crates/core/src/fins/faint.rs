@@ -144,6 +144,7 @@ pub(super) fn find(views: &[FinView], slices: &[Standing], known: Vec<Fin>, px_u
             break;
         }
     }
+    search.add_unexplained();
     let found = search.fins;
     (0..found.len()).map(|k| tapered(&found, k, slices, px_um)).collect()
 }
@@ -156,6 +157,8 @@ struct Search<'a> {
     evidence: Vec<Evidence>,
     blocked: Blocked,
     fins: Vec<Fin>,
+    /// Known curves of few edges. The views together may show them better, and elsewhere.
+    weak: Vec<Fin>,
     px_um: f64,
 }
 
@@ -174,16 +177,15 @@ impl<'a> Search<'a> {
         if grid.radii == 0 || sights.is_empty() {
             return None;
         }
-        // A curve of few edges is found again if the views together show it, and in its right place.
         let least = KNOWN_LEAST * 2.0 * sights.len() as f64;
-        let fins: Vec<Fin> = known.iter().filter(|fin| fin.edges as f64 >= least).cloned().collect();
+        let (fins, weak): (Vec<Fin>, Vec<Fin>) = known.iter().cloned().partition(|fin| fin.edges as f64 >= least);
         let mut blocked = Blocked(vec![vec![false; DIRECTIONS]; grid.stations.len()]);
         for fin in &fins {
             amend(&mut sights, fin, &grid);
             blocked.fin(fin, &grid);
         }
         let evidence = grid.all(0..grid.stations.len(), &sights);
-        Some(Self { sights, slices, grid, evidence, blocked, fins, px_um })
+        Some(Self { sights, slices, grid, evidence, blocked, fins, weak, px_um })
     }
 
     /// Accepts or refuses a piece. Neither is asked for again.
@@ -192,6 +194,19 @@ impl<'a> Search<'a> {
         let on = self.fins.iter().position(|fin| goes_on(piece, fin, &self.grid, self.px_um));
         if is_accepted(piece, &self.evidence, on.is_some(), self.sights.len(), self.grid.radii) {
             self.add(piece, on);
+        }
+    }
+
+    /// Adds the curves of few edges beside which no fin was found.
+    fn add_unexplained(&mut self) {
+        for weak in std::mem::take(&mut self.weak) {
+            let angles: Vec<_> = (0..self.grid.stations.len()).filter_map(|at| Some((at, angle_of(&weak, &self.grid, at)?))).collect();
+            let near = |&&(at, angle): &&(usize, f64)| {
+                self.fins.iter().filter_map(|fin| angle_of(fin, &self.grid, at)).any(|other| apart(other, angle) < APART)
+            };
+            if 2 * angles.iter().filter(near).count() < angles.len() {
+                self.fins.push(weak);
+            }
         }
     }
 

@@ -8,6 +8,12 @@
 //! ```
 //! A single view misses the border of a fin that only just emerges from behind the body, and invents one at a speck. The other
 //! views show both errors: a fin has one free edge that all views share, and a speck has none.
+//!
+//! ```text
+//!   responses of each view (FinBorders) ── pooled at each point of a slice ── followed along the capillary ── accepted ── Fin
+//! ```
+//! A fin that no single view shows is found in the same way, from the responses of all views at the points where its free edge may be.
+//! `faint` leads that search. It keeps the fins of the edges, and needs the responses of every view.
 
 mod amend;
 mod body;
