@@ -1,7 +1,7 @@
 //! The edges of a view, amended by the fins that all views share.
 
 use super::body::Known;
-use super::{FinView, Found, SAME_PX, centre};
+use super::{FinView, SAME_PX, SharedFins, centre};
 use crate::calibration::Side;
 use crate::geometry::Projection;
 use crate::profile::{ColumnEdges, Columns};
@@ -31,7 +31,7 @@ impl Rows {
     }
 }
 
-impl Found {
+impl SharedFins {
     /// The edges of a view: of the body, and of the fins where they lie further out. An edge that stands out of the body where there is no
     /// fin becomes that of the body.
     pub fn amended(&self, view: &FinView) -> Columns {

@@ -14,7 +14,7 @@ use super::extend::extended;
 use super::follow::{State, followed};
 use super::pool::{DIRECTIONS, Evidence, FEW, Grid, Sight};
 use super::taper::tapered;
-use super::{Fin, FinView, Standing};
+use super::{Fin, FinSlice, FinView};
 use crate::profile::FinBorders;
 use crate::statistics::median;
 use std::f64::consts::{PI, TAU};
@@ -127,7 +127,7 @@ fn goes_on(piece: &Piece, fin: &Fin, grid: &Grid, px_um: f64) -> bool {
 }
 
 /// The fins that only the views together show, besides the `known` ones, which are continued.
-pub(super) fn find(views: &[FinView], slices: &[Standing], known: Vec<Fin>, px_um: f64) -> Vec<Fin> {
+pub(super) fn find(views: &[FinView], slices: &[FinSlice], known: Vec<Fin>, px_um: f64) -> Vec<Fin> {
     let Some(mut search) = Search::new(views, slices, &known, px_um) else { return known };
     for _ in 0..ROUNDS {
         let scores: Vec<&[f32]> = search.evidence.iter().map(|e| e.score.as_slice()).collect();
@@ -152,7 +152,7 @@ pub(super) fn find(views: &[FinView], slices: &[Standing], known: Vec<Fin>, px_u
 /// A search with what it has found so far.
 struct Search<'a> {
     sights: Vec<Sight<'a>>,
-    slices: &'a [Standing],
+    slices: &'a [FinSlice],
     grid: Grid,
     evidence: Vec<Evidence>,
     blocked: Blocked,
@@ -164,7 +164,7 @@ struct Search<'a> {
 
 impl<'a> Search<'a> {
     /// `None` where a view does not tell its borders, or where there is nothing to search.
-    fn new(views: &'a [FinView<'a>], slices: &'a [Standing], known: &[Fin], px_um: f64) -> Option<Self> {
+    fn new(views: &'a [FinView<'a>], slices: &'a [FinSlice], known: &[Fin], px_um: f64) -> Option<Self> {
         let sight = |view: &'a FinView<'a>| {
             let (borders, body) = (view.borders?, view.body?);
             let row = |u: usize| body.get(u).map_or([f64::NAN; 2], |e| [e.upper, e.lower]);
@@ -306,7 +306,7 @@ fn is_accepted(piece: &Piece, evidence: &[Evidence], goes_on: bool, views: usize
 }
 
 /// The free edge of a fin along a piece, smoothed, with a point in every slice.
-fn shaped(piece: &Piece, evidence: &[Evidence], grid: &Grid, slices: &[Standing]) -> Fin {
+fn shaped(piece: &Piece, evidence: &[Evidence], grid: &Grid, slices: &[FinSlice]) -> Fin {
     let offsets: Vec<[f64; 2]> = piece
         .stations()
         .zip(&piece.states)
@@ -433,7 +433,7 @@ mod tests {
             .collect();
         let slice = |u: usize| {
             let body = Support { coefficients: vec![BODY_PX * PX_UM, 0.0, 0.0] };
-            Standing { x_um: (u as f64 - camera.ux) * PX_UM, known: Known::Body, body, points_um: Vec::new() }
+            FinSlice { x_um: (u as f64 - camera.ux) * PX_UM, known: Known::Body, body, points_um: Vec::new() }
         };
         find(&views, &(0..WIDTH).map(slice).collect::<Vec<_>>(), Vec::new(), PX_UM)
     }

@@ -91,15 +91,15 @@ struct Slice {
 
 /// Fins with the body that they stand out of.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub(crate) struct Found {
+pub(crate) struct SharedFins {
     pub fins: Vec<Fin>,
     /// The slices, from left to right.
-    slices: Vec<Standing>,
+    slices: Vec<FinSlice>,
 }
 
 /// A slice: its body and the points of its fins.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Standing {
+pub(crate) struct FinSlice {
     x_um: f64,
     known: Known,
     body: Support,
@@ -107,9 +107,9 @@ pub(crate) struct Standing {
     points_um: Vec<[f64; 2]>,
 }
 
-impl Found {
+impl SharedFins {
     /// The fins in the slice at `x_um`. `None` where there are none.
-    pub fn standing(&self, x_um: f64) -> Option<&Standing> {
+    pub fn in_slice(&self, x_um: f64) -> Option<&FinSlice> {
         Some(self.slice(x_um)?).filter(|slice| !slice.points_um.is_empty())
     }
 
@@ -119,14 +119,14 @@ impl Found {
     }
 
     /// The slice nearest to `x_um`.
-    fn slice(&self, x_um: f64) -> Option<&Standing> {
+    fn slice(&self, x_um: f64) -> Option<&FinSlice> {
         let after = self.slices.partition_point(|slice| slice.x_um < x_um);
         let near = [after.checked_sub(1), Some(after)].into_iter().flatten().filter_map(|at| self.slices.get(at));
         near.min_by(|a, b| (a.x_um - x_um).abs().total_cmp(&(b.x_um - x_um).abs()))
     }
 }
 
-impl Standing {
+impl FinSlice {
     /// How far the fins stand out of the body in direction `theta`, um: what they add to its support function.
     pub fn at(&self, theta: f64) -> f64 {
         let (sin, cos) = theta.sin_cos();
@@ -135,7 +135,7 @@ impl Standing {
     }
 }
 
-impl Standing {
+impl FinSlice {
     /// The same with the points of the fins further from the body's centre.
     pub fn further_out(&self, by_um: f64) -> Self {
         let [y, z] = centre(&self.body);
@@ -161,9 +161,11 @@ const SHARE_LEAST: f64 = 0.6;
 const ROUNDS: usize = 4;
 
 /// Finds the fins that these views agree on.
-pub(crate) fn find(pose: &Pose, views: &[FinView]) -> Found {
+pub(crate) fn find(pose: &Pose, views: &[FinView]) -> SharedFins {
     let extents: Vec<(usize, usize)> = views.iter().filter_map(|v| v.turn.columns.extent()).collect();
-    let Some((first, last)) = extents.iter().map(|e| e.0).min().zip(extents.iter().map(|e| e.1).max()) else { return Found::default() };
+    let Some((first, last)) = extents.iter().map(|e| e.0).min().zip(extents.iter().map(|e| e.1).max()) else {
+        return SharedFins::default();
+    };
     let px_um = 1.0 / pose.camera().ky;
     let widest = points::widest_gap(directions(&views.iter().map(|v| v.turn.omega).collect::<Vec<_>>()));
     let mut slices: Vec<Slice> = (first..=last).into_par_iter().map(|u| Slice::of(pose.slice(u as f64), pose, views)).collect();
@@ -171,7 +173,7 @@ pub(crate) fn find(pose: &Pose, views: &[FinView]) -> Found {
     let needed = if knows_bodies { (SHARE_LEAST * 2.0 * views.len() as f64).ceil() as usize } else { 0 };
     let (mut round, rounds) = (0, if knows_bodies { 0 } else { ROUNDS });
     let (bodies, points) = loop {
-        let Some(bodies) = bodies(&slices, needed, px_um) else { return Found::default() };
+        let Some(bodies) = bodies(&slices, needed, px_um) else { return SharedFins::default() };
         let of = |(slice, (known, body)): (&Slice, &(Known, Support))| match known {
             Known::Nothing => Vec::new(),
             Known::Body | Known::NoBody => points::of(slice, body, widest, px_um),
@@ -184,17 +186,17 @@ pub(crate) fn find(pose: &Pose, views: &[FinView]) -> Found {
         slices.par_iter_mut().zip(&points).for_each(|(slice, points)| slice.without(points, px_um));
     };
     let fins = chain::chained(&slices, &points, px_um);
-    let mut slices: Vec<Standing> = slices
+    let mut slices: Vec<FinSlice> = slices
         .iter()
         .zip(bodies)
-        .map(|(&Slice { x_um, .. }, (known, body))| Standing { x_um, known, body, points_um: Vec::new() })
+        .map(|(&Slice { x_um, .. }, (known, body))| FinSlice { x_um, known, body, points_um: Vec::new() })
         .collect();
     let fins = faint::find(views, &slices, fins, px_um);
     for slice in &mut slices {
         let near = |fin: &Fin| fin.points_um.iter().find(|p| (p[0] - slice.x_um).abs() < 1e-6).map(|p| [p[1], p[2]]);
         slice.points_um = fins.iter().filter_map(near).collect();
     }
-    Found { fins, slices }
+    SharedFins { fins, slices }
 }
 
 impl Slice {
@@ -287,13 +289,13 @@ mod tests {
             FinView { turn, body: knows_body.then_some(&self.body[i]), borders: None, projection: camera().projection(self.omegas[i]) }
         }
 
-        fn find(&self, knows_body: bool) -> Found {
+        fn find(&self, knows_body: bool) -> SharedFins {
             let views: Vec<FinView> = (0..self.omegas.len()).map(|i| self.view(i, knows_body)).collect();
             find(&Pose::new(&camera()), &views)
         }
 
         /// Largest distance of the amended edges from the true ones between two columns, px.
-        fn worst_px(&self, found: &Found, knows_body: bool, columns: std::ops::Range<usize>) -> f64 {
+        fn worst_px(&self, found: &SharedFins, knows_body: bool, columns: std::ops::Range<usize>) -> f64 {
             let off = |i: usize| {
                 let amended = found.amended(&self.view(i, knows_body));
                 let truth = &self.truth[i];
@@ -315,7 +317,7 @@ mod tests {
         for knows_body in [true, false] {
             let found = turn.find(knows_body);
             assert_eq!(found.fins.len(), 1, "body known: {knows_body}");
-            let unseen = turn.worst_px(&Found::default(), knows_body, 70..130);
+            let unseen = turn.worst_px(&SharedFins::default(), knows_body, 70..130);
             let worst = turn.worst_px(&found, knows_body, 70..130);
             assert!(unseen > 3.0 && worst < 0.5, "body known: {knows_body}: {unseen} px before, {worst} px after");
         }
@@ -367,7 +369,7 @@ mod tests {
         let amended: Vec<Columns> = (0..12).map(|i| found.amended(&turn.view(i, true))).collect();
         let views: Vec<TurnView> =
             amended.iter().zip(&turn.omegas).map(|(columns, &omega)| TurnView { columns, omega, dy_px: 0.0 }).collect();
-        let estimate = |fins: &Found| SupportEstimate::of(&Sections::with_fins(&pose, &views, 0.5, [true; 2], fins).unwrap());
+        let estimate = |fins: &SharedFins| SupportEstimate::of(&Sections::with_fins(&pose, &views, 0.5, [true; 2], fins).unwrap());
         // Few views do not show the low ends of the fin.
         let (first_um, last_um) = (found.fins[0].points_um[0][0], found.fins[0].points_um.last().unwrap()[0]);
         let flank = |x_um: f64| {
@@ -380,7 +382,7 @@ mod tests {
         let truth: f64 = (0..WIDTH).map(|u| PI * BODY_UM * BODY_UM + flank(pose.slice(u as f64))).sum::<f64>() * step_um;
         let cylinder = PI * BODY_UM * BODY_UM * step_um * WIDTH as f64;
         let off = |volume_um3: f64| 100.0 * (volume_um3 / truth * WIDTH as f64 / (WIDTH - 1) as f64 - 1.0);
-        let (with, without) = (off(estimate(&found).volume_um3), off(estimate(&Found::default()).volume_um3));
+        let (with, without) = (off(estimate(&found).volume_um3), off(estimate(&SharedFins::default()).volume_um3));
         assert!(
             with.abs() < 0.1 && without > 0.3,
             "{with} % with fins, {without} % without; the fin is {} %",

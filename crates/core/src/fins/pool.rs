@@ -6,7 +6,7 @@
 //! ```
 
 use super::body::Known;
-use super::{Standing, centre};
+use super::{FinSlice, centre};
 use crate::geometry::Projection;
 use crate::parallel::prelude::*;
 use crate::profile::FinBorders;
@@ -73,7 +73,7 @@ pub(super) struct Grid {
 
 impl Grid {
     /// Every `step`-th slice around its body, in a bore of radius `bore_um`. `margin_px` is the margin of the body's blur.
-    pub fn new(slices: &[Standing], step: usize, bore_um: f64, margin_px: f64, px_um: f64) -> Self {
+    pub fn new(slices: &[FinSlice], step: usize, bore_um: f64, margin_px: f64, px_um: f64) -> Self {
         let angle = |a: usize| a as f64 * TAU / DIRECTIONS as f64;
         let directions: Vec<[f64; 2]> = (0..DIRECTIONS).map(|a| [angle(a).cos(), angle(a).sin()]).collect();
         let stations: Vec<Station> = slices

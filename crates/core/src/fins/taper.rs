@@ -5,7 +5,7 @@
 //!        ..... taper  ----'             shows its border: its last slope is continued down to the body.
 //! ```
 
-use super::{Fin, Standing, centre};
+use super::{Fin, FinSlice, centre};
 
 /// Largest height of an end that is low, px.
 const LOW_PX: f64 = 10.0;
@@ -23,7 +23,7 @@ const AHEAD_PX: (f64, f64) = (20.0, 100.0);
 const SAME_DIRECTION: f64 = 0.8;
 
 /// A fin, continued from its low front end down to the body. Where another of the `fins` goes on, that one shows where it goes.
-pub(super) fn tapered(fins: &[Fin], which: usize, slices: &[Standing], px_um: f64) -> Fin {
+pub(super) fn tapered(fins: &[Fin], which: usize, slices: &[FinSlice], px_um: f64) -> Fin {
     let fin = fins[which].clone();
     if fin.points_um.len() < LONG_PX {
         return fin;
@@ -39,7 +39,7 @@ pub(super) fn tapered(fins: &[Fin], which: usize, slices: &[Standing], px_um: f6
 }
 
 /// Whether another fin continues where a fin ends: ahead of the end, near it, and in its direction.
-fn is_ahead(fin: &Fin, other: &Fin, right: bool, slices: &[Standing], px_um: f64) -> bool {
+fn is_ahead(fin: &Fin, other: &Fin, right: bool, slices: &[FinSlice], px_um: f64) -> bool {
     let end = if right { fin.points_um.last() } else { fin.points_um.first() };
     let (Some(end), Some(first), Some(last)) = (end, other.points_um.first(), other.points_um.last()) else { return false };
     let (far, near) = if right { (last[0] - end[0], first[0] - end[0]) } else { (end[0] - first[0], end[0] - last[0]) };
@@ -52,7 +52,7 @@ fn is_ahead(fin: &Fin, other: &Fin, right: bool, slices: &[Standing], px_um: f64
 }
 
 /// Whether the right end of a fin is the one where the body is thicker.
-fn is_right_front(fin: &Fin, slices: &[Standing]) -> bool {
+fn is_right_front(fin: &Fin, slices: &[FinSlice]) -> bool {
     let radius = |point: Option<&[f64; 3]>| {
         let at = slices.partition_point(|slice| slice.x_um < point.map_or(0.0, |p| p[0]) - 1e-6);
         slices.get(at).map_or(0.0, |slice| slice.body.coefficients[0])
@@ -61,10 +61,10 @@ fn is_right_front(fin: &Fin, slices: &[Standing]) -> bool {
 }
 
 /// The points beyond one end, from the end on.
-fn beyond(fin: &Fin, right: bool, slices: &[Standing], px_um: f64) -> Option<Vec<[f64; 3]>> {
+fn beyond(fin: &Fin, right: bool, slices: &[FinSlice], px_um: f64) -> Option<Vec<[f64; 3]>> {
     let end = *if right { fin.points_um.last()? } else { fin.points_um.first()? };
     let at = slices.iter().position(|slice| (slice.x_um - end[0]).abs() < 1e-6)?;
-    let height = |slice: &Standing, point: &[f64; 3]| {
+    let height = |slice: &FinSlice, point: &[f64; 3]| {
         let ([y, z], theta) = from_centre(slice, point);
         y.hypot(z) / px_um - reach_px(slice, theta, px_um)
     };
@@ -106,14 +106,14 @@ fn beyond(fin: &Fin, right: bool, slices: &[Standing], px_um: f64) -> Option<Vec
 }
 
 /// A point as the body's centre sees it, and its direction.
-fn from_centre(slice: &Standing, point: &[f64; 3]) -> ([f64; 2], f64) {
+fn from_centre(slice: &FinSlice, point: &[f64; 3]) -> ([f64; 2], f64) {
     let [y, z] = centre(&slice.body);
     let offset = [point[1] - y, point[2] - z];
     (offset, offset[1].atan2(offset[0]))
 }
 
 /// Distance of the body's edge from its centre, px.
-fn reach_px(slice: &Standing, theta: f64, px_um: f64) -> f64 {
+fn reach_px(slice: &FinSlice, theta: f64, px_um: f64) -> f64 {
     let [y, z] = centre(&slice.body);
     (slice.body.at(theta)[0] - y * theta.cos() - z * theta.sin()) / px_um
 }
@@ -128,8 +128,8 @@ mod tests {
     #[test]
     fn a_low_front_end_goes_on_down_to_the_body_and_a_rear_end_does_not() {
         let body = |u: usize| Support { coefficients: vec![60.0 - 0.1 * u as f64, 0.0, 0.0] };
-        let slices: Vec<Standing> =
-            (0..400).map(|u| Standing { x_um: u as f64, known: Known::Body, body: body(u), points_um: Vec::new() }).collect();
+        let slices: Vec<FinSlice> =
+            (0..400).map(|u| FinSlice { x_um: u as f64, known: Known::Body, body: body(u), points_um: Vec::new() }).collect();
         let height = |p: &[f64; 3]| p[1] - slices[p[0] as usize].body.coefficients[0];
         let points_um = (200..360).map(|u| [u as f64, slices[u].body.coefficients[0] + 4.0 + (u - 200) as f64 / 16.0, 0.0]).collect();
         let fins = [Fin { points_um, edges: 9 }];

@@ -124,7 +124,7 @@ impl Onsets {
     }
 
     /// The samples that the window of a shift contains.
-    pub fn seen<'a>(&self, window: usize, samples: &'a [f32]) -> Seen<'a> {
+    pub fn seen<'a>(&self, window: usize, samples: &'a [f32]) -> WindowSamples<'a> {
         let w = &self.shifts[window];
         let (from, upto) = (w.from.min(samples.len()), w.upto.min(samples.len()));
         let values = &samples[from..upto];
@@ -134,11 +134,11 @@ impl Onsets {
             squares += y * y;
         }
         let energy = (squares - sum * sum * free(values.len())).max(0.0);
-        Seen { window, from, complete: upto == w.upto, values, sum, energy }
+        WindowSamples { window, from, complete: upto == w.upto, values, sum, energy }
     }
 
     /// Least-squares fit of the profiles of shift `k` to the samples of a window.
-    pub fn fit(&self, k: usize, seen: &Seen) -> Fit {
+    pub fn fit(&self, k: usize, seen: &WindowSamples) -> Fit {
         let shift = &self.shifts[k];
         let n = seen.values.len();
         let courses = &shift.courses[seen.from..seen.from + n];
@@ -164,7 +164,7 @@ impl Onsets {
 }
 
 /// The samples in a window.
-pub(super) struct Seen<'a> {
+pub(super) struct WindowSamples<'a> {
     window: usize,
     from: usize,
     /// Whether the window has no samples beyond these.

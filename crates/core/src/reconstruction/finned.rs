@@ -8,14 +8,14 @@ use super::Reconstruction;
 use super::calibrated::{Calibrated, Judged};
 use super::turn::ObservedView;
 use crate::calibration::{Pose, TurnView};
-use crate::fins::{self, FinView, Found};
+use crate::fins::{self, FinView, SharedFins};
 use crate::parallel::prelude::*;
 
 /// Views amended by the fins, and their calibration.
 pub(super) struct Finned {
     /// In the order of observing.
     pub views: Vec<ObservedView>,
-    pub fins: Found,
+    pub fins: SharedFins,
     pub calibrated: Calibrated,
 }
 
@@ -23,7 +23,7 @@ impl Reconstruction {
     /// Finds fins, amends the views by them and calibrates again. A sphere has no fins. The views of a specimen that moved
     /// have none in common, and without a calibration it is not known where they meet: such views stay as they are.
     pub(super) fn finned(&self, calibrated: Calibrated, sphere: bool) -> Finned {
-        let unchanged = |calibrated| Finned { views: self.observed.clone(), fins: Found::default(), calibrated };
+        let unchanged = |calibrated| Finned { views: self.observed.clone(), fins: SharedFins::default(), calibrated };
         let Ok(Judged { calibration, .. }) = &calibrated.found else { return unchanged(calibrated) };
         if sphere || calibration.moved.is_some() {
             return unchanged(calibrated);

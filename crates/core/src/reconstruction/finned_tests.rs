@@ -37,7 +37,7 @@ fn fin_um(x_um: f64) -> Option<f64> {
 }
 
 /// What a view shows.
-struct Seen {
+struct SyntheticView {
     omega: f64,
     mask: Mask,
     outline: Vec<Polygon>,
@@ -80,20 +80,20 @@ fn mask(outline: &Polygon) -> Mask {
 }
 
 /// The views, each with some drift. View [`BAD`] shows the specimen elsewhere.
-fn views() -> Vec<Seen> {
+fn views() -> Vec<SyntheticView> {
     let view = |i: usize| {
         let omega = TAU * i as f64 / VIEWS as f64;
         let down_px = if i == BAD { 14.0 } else { 0.3 * (7.0 * i as f64).sin() };
         let found = outline(omega, Some(4.0), down_px);
-        Seen { omega, mask: mask(&found), outline: vec![found], body: vec![outline(omega, None, down_px)] }
+        SyntheticView { omega, mask: mask(&found), outline: vec![found], body: vec![outline(omega, None, down_px)] }
     };
     (0..VIEWS).map(view).collect()
 }
 
-fn observed<'a>(views: impl Iterator<Item = &'a Seen>) -> Reconstruction {
+fn observed<'a>(views: impl Iterator<Item = &'a SyntheticView>) -> Reconstruction {
     let grid = VoxelGrid::new(BoxUm { min: [-800.0, -230.0, -230.0], max: [800.0, 230.0, 230.0] }, 12.0).unwrap();
     let mut model = Reconstruction::new(&camera(), grid, VIEWS, ReconstructionSettings::default()).unwrap();
-    for Seen { omega, mask, outline, body } in views {
+    for SyntheticView { omega, mask, outline, body } in views {
         model.observe_outlines(mask, outline, body, None, *omega, Leaves::default()).unwrap();
     }
     model

@@ -3,7 +3,7 @@
 use super::corners::Corners;
 use super::smoothing::{Change, Smoother};
 use crate::calibration::{Fit, Pose, Slice, SliceError, SlicesLost, Support, TurnView, basis, fit, harmonics};
-use crate::fins::{Found, Standing};
+use crate::fins::{FinSlice, SharedFins};
 use crate::parallel::prelude::*;
 use std::f64::consts::TAU;
 
@@ -17,7 +17,7 @@ pub(crate) struct Section {
     /// Its outline without the fins that are known.
     pub support: Support,
     /// What these add. `None` where there are none.
-    pub fins: Option<Standing>,
+    pub fins: Option<FinSlice>,
     /// Share of the slice's extent that is hollow, in the view that shows most of it.
     pub gap_share: f64,
 }
@@ -130,7 +130,7 @@ impl Sections {
     /// # Errors
     /// [`SectionsError`], with the cause.
     pub fn of(pose: &Pose, views: &[TurnView], sd_um: f64, open: [bool; 2]) -> Result<Self, SectionsError> {
-        Self::with_fins(pose, views, sd_um, open, &Found::default())
+        Self::with_fins(pose, views, sd_um, open, &SharedFins::default())
     }
 
     /// The same with fins, by which the edges of the views were amended. The series then describes the body alone, so it needs no
@@ -138,7 +138,13 @@ impl Sections {
     ///
     /// # Errors
     /// As [`Self::of`].
-    pub(crate) fn with_fins(pose: &Pose, views: &[TurnView], sd_um: f64, open: [bool; 2], fins: &Found) -> Result<Self, SectionsError> {
+    pub(crate) fn with_fins(
+        pose: &Pose,
+        views: &[TurnView],
+        sd_um: f64,
+        open: [bool; 2],
+        fins: &SharedFins,
+    ) -> Result<Self, SectionsError> {
         let (series, from, to) = span(views)?;
         let coarse: Vec<Option<Support>> = (from..to + 2 * COARSE)
             .into_par_iter()
@@ -158,13 +164,13 @@ impl Sections {
                     (None, None) => None,
                 };
                 let mut slice = Slice::of(pose.slice(u as f64), pose, views, near.as_ref())?;
-                let standing = fins.standing(slice.x_um);
-                if let Some(fins) = standing {
+                let in_slice = fins.in_slice(slice.x_um);
+                if let Some(fins) = in_slice {
                     slice.sights.iter_mut().for_each(|s| s.tangent.offset_um -= fins.at(s.tangent.theta));
                 }
                 let fit = fit(&slice, series, sd_um, 2)?;
                 let fins_um =
-                    standing.map_or(0.0, |fins| all_around(DIRECTIONS).map(|theta| fins.at(theta)).sum::<f64>() / f64::from(DIRECTIONS));
+                    in_slice.map_or(0.0, |fins| all_around(DIRECTIONS).map(|theta| fins.at(theta)).sum::<f64>() / f64::from(DIRECTIONS));
                 if fit.support.coefficients[0] + fins_um > 0.0 { Ok((slice, fit)) } else { Err(SliceError::Empty) }
             })
             .collect();
@@ -187,7 +193,7 @@ impl Sections {
                 let support = smoother.support()?;
                 let slice = &found[at].0;
                 let gap = slice.sights.iter().map(|s| s.tangent.gap_px).fold(0.0, f64::max);
-                let fins = fins.standing(slice.x_um).cloned();
+                let fins = fins.in_slice(slice.x_um).cloned();
                 let mut section = Section { x_um: slice.x_um, support, fins, gap_share: 0.0 };
                 let outline = section.outline();
                 section.gap_share = gap / pose.camera().ky / (2.0 * outline.coefficients[0]);
