@@ -81,13 +81,15 @@ fn pictures() -> Vec<Picture> {
 const BESIDE_BYTES: usize = 1024;
 const BESIDE_CALLS: usize = 1;
 
-/// Total size in bytes and number of the vectors in a profile: the mask, the list of outlines, the list of their points, and the contents
-/// of these.
+/// Total size in bytes and number of the vectors in a profile: the mask, the lists of outlines with and without fins, the list of the
+/// points of the former, and the contents of these.
 fn handed_out(profile: &Profile) -> (usize, usize) {
-    let vertices: usize = profile.edge.iter().map(|p| p.vertices.len()).sum();
-    let lists = profile.edge.len() * (size_of::<Polygon>() + size_of::<Vec<EdgePoint>>());
-    let bytes = profile.mask.data().len() + lists + vertices * (size_of::<[f64; 2]>() + size_of::<EdgePoint>());
-    (bytes, 1 + if profile.edge.is_empty() { 0 } else { 2 + 2 * profile.edge.len() })
+    let vertices = |outlines: &[Polygon]| outlines.iter().map(|p| p.vertices.len()).sum::<usize>();
+    let (edge, body) = (vertices(&profile.edge), vertices(&profile.body));
+    let lists = profile.edge.len() * (size_of::<Polygon>() + size_of::<Vec<EdgePoint>>()) + profile.body.len() * size_of::<Polygon>();
+    let bytes = profile.mask.data().len() + lists + (edge + body) * size_of::<[f64; 2]>() + edge * size_of::<EdgePoint>();
+    let vectors = |outlines: &[Polygon], each: usize| if outlines.is_empty() { 0 } else { each * (1 + outlines.len()) };
+    (bytes, 1 + vectors(&profile.edge, 2) + vectors(&profile.body, 1))
 }
 
 #[test]

@@ -16,7 +16,8 @@ use crate::measure::Measurement;
 use crate::measure::facing::Facing;
 use crate::measure::shape::Shape;
 use crate::profile::{
-    Detection, EmptyCapillary, Mask, Picture, Polygon, Profile, ProfileError, ProfileQuality, SegmentSettings, Segmenters, Walls,
+    Detection, EmptyCapillary, FinBorders, Mask, Picture, Polygon, Profile, ProfileError, ProfileQuality, SegmentSettings, Segmenters,
+    Walls,
 };
 use crate::quality::{
     CalibrationOff, ClosureOff, ClosureSd, Estimate, FlagFacts, OFF_REFERENCES, Quality, QualitySettings, Spoiled, TurnFacts, ViewStrip,
@@ -279,6 +280,8 @@ pub struct SegmentedFrame {
     pub picture: Picture,
     /// The profile, or why there is none.
     pub profile: Result<Profile, ProfileError>,
+    /// Where borders of fins may be that are too faint for one view.
+    pub borders: Option<FinBorders>,
 }
 
 impl PipelineSettings {
@@ -336,8 +339,9 @@ impl Pipeline {
             });
         }
         let picture = Picture::from_frame(frame);
-        let profile = self.segmenters.segment(&picture, &self.settings.segment, self.settings.empty_capillary.as_deref());
-        Ok(SegmentedFrame { picture, profile })
+        let view = self.segmenters.segment_view(&picture, &self.settings.segment, self.settings.empty_capillary.as_deref());
+        let (profile, borders) = view.map_or_else(|error| (Err(error), None), |(profile, borders)| (Ok(profile), borders));
+        Ok(SegmentedFrame { picture, profile, borders })
     }
 
     /// Carves with the view number `index` at angle `omega` (rad), and returns the live volume, um^3. A frame without a profile
@@ -362,7 +366,8 @@ impl Pipeline {
             Ok(p) if p.mask.area_px() == 0 => record.reason = Some("no specimen in the frame".into()),
             Ok(p) => {
                 let leaves = Leaves { left: p.detection.is_clipped_left(), right: p.detection.is_clipped_right() };
-                volume_um3 = self.reconstruction.observe_outlines(&p.mask, &p.edge, &p.body, p.borders.as_ref(), omega, leaves)?.volume_um3;
+                volume_um3 =
+                    self.reconstruction.observe_outlines(&p.mask, &p.edge, &p.body, frame.borders.as_ref(), omega, leaves)?.volume_um3;
                 record.used = true;
                 self.carved.push(index);
                 record.area_px = Some(p.mask.area_px());

@@ -5,10 +5,10 @@
 //!   outwards from the body            ↑ margin                                capillary, divided by the level of chance = z
 //! ```
 
-use super::background::{Bore, Contrast};
+use super::background::Contrast;
 use super::fringe::{Filters, INSIDE, OUTER, WALL_LINE_PX, mark};
 use super::plane::{gaussian, quantile};
-use super::{Columns, Polygon};
+use super::{Columns, Profile};
 use std::sync::Arc;
 
 /// Standard deviation of the mean along the capillary, px.
@@ -56,12 +56,13 @@ pub(crate) struct Window<'a> {
 }
 
 impl FinBorders {
-    /// The responses beside the outlines of a body.
-    pub(super) fn of(contrast: &Contrast, bore: &Bore, body: &[Polygon], picture_height: usize, blur_px: Option<f64>) -> Self {
-        let body = Columns::from_outlines(body, bore.width, picture_height);
+    /// The responses beside the body of a profile, of whose frame this is the contrast.
+    pub(super) fn of(contrast: &Contrast, profile: &Profile, picture_height: usize) -> Self {
         let plane = &contrast.lightness;
-        let window = Window { lightness: &plane.data, width: plane.width, top: plane.top, mark: mark(contrast.all_light), blur_px };
-        let inner = |u: usize| [bore.walls.upper.inner.at(u as f64), bore.walls.lower.inner.at(u as f64)];
+        let body = Columns::from_outlines(&profile.body, plane.width, picture_height);
+        let (mark, blur_px) = (mark(contrast.all_light), profile.quality.blur_px);
+        let window = Window { lightness: &plane.data, width: plane.width, top: plane.top, mark, blur_px };
+        let inner = |u: usize| [profile.walls.upper.inner.at(u as f64), profile.walls.lower.inner.at(u as f64)];
         Self::beside(&window, &body, inner)
     }
 
@@ -188,6 +189,7 @@ fn mean_along(raw: &[f32], weight: &[f32], height: usize, kernel: &[f32]) -> Vec
 
 #[cfg(test)]
 mod tests {
+    use super::super::Polygon;
     use super::super::synthetic::{Noise, plane};
     use super::*;
 

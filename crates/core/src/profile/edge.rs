@@ -82,6 +82,8 @@ pub(super) struct EdgeFinder {
     shifts: Vec<f64>,
     smooth: Vec<f64>,
     models: Models,
+    /// The points of an outline that nobody asks for.
+    points: Vec<EdgePoint>,
     /// Blur of the newest frame, px, and the kind of its edges.
     seen_as: (f64, Kind),
 }
@@ -114,7 +116,12 @@ impl EdgeFinder {
             }
         }
         self.seen_as = (sigma, kind);
-        let (edge, points) = self.placed(outlines, darkness, limits, settings);
+        let width = darkness.width;
+        let of = |range: &std::ops::Range<usize>| {
+            let mut points = Vec::with_capacity(range.len());
+            (self.place(range.clone(), width, limits, settings, &mut points), points)
+        };
+        let (edge, points) = outlines.ranges.iter().map(of).unzip();
         Refined { edge, points, blur_px }
     }
 
@@ -123,18 +130,14 @@ impl EdgeFinder {
         self.look(outlines, darkness, limits, settings);
         let (sigma, kind) = self.seen_as;
         self.choose(outlines, sigma, kind, settings);
-        self.placed(outlines, darkness, limits, settings).0
-    }
-
-    fn placed(
-        &mut self,
-        outlines: &Outlines,
-        darkness: &Plane,
-        limits: &Limits,
-        settings: &EdgeSettings,
-    ) -> (Vec<Polygon>, Vec<Vec<EdgePoint>>) {
-        let (sigma, kind) = self.seen_as;
-        outlines.ranges.iter().map(|range| self.place(range.clone(), darkness.width, limits, settings, sigma, kind)).unzip()
+        let mut points = std::mem::take(&mut self.points);
+        let of = |range: &std::ops::Range<usize>| {
+            points.clear();
+            self.place(range.clone(), darkness.width, limits, settings, &mut points)
+        };
+        let edge = outlines.ranges.iter().map(of).collect();
+        self.points = points;
+        edge
     }
 
     /// Reads the darkness along all normals, averaged along the outlines.
@@ -228,17 +231,17 @@ impl EdgeFinder {
         Some(blur::estimated(near, rounded_better, residual))
     }
 
-    /// Places the edge of one outline between the shifts.
+    /// Places the edge of one outline between the shifts, and adds the certainty of its vertices to `points`.
     fn place(
         &mut self,
         range: std::ops::Range<usize>,
         width: usize,
         limits: &Limits,
         settings: &EdgeSettings,
-        sigma: f64,
-        kind: Kind,
-    ) -> (Polygon, Vec<EdgePoint>) {
+        points: &mut Vec<EdgePoint>,
+    ) -> Polygon {
         let last_u = (width - 1) as f64;
+        let (sigma, kind) = self.seen_as;
         let model = self.models.get(sigma, kind);
         let (places, samples) = (&self.places[range.clone()], &self.samples[range]);
         self.shifts.clear();
@@ -258,15 +261,14 @@ impl EdgeFinder {
             let (least, most) = (limits.rows)(u);
             let free = place.at[1] + shift * place.inward[1];
             let contrast = f64::from(place.contrast);
-            let point = EdgePoint {
+            points.push(EdgePoint {
                 contrast,
                 error_px: if contrast > 0.0 { spread / contrast } else { f64::INFINITY },
                 bounded: place.at_border || free - least < 0.5 || most - free < 0.5,
-            };
-            ([u, free.max(least).min(most)], point)
+            });
+            [u, free.max(least).min(most)]
         });
-        let (vertices, points) = moved.unzip();
-        (Polygon { vertices }, points)
+        Polygon { vertices: moved.collect() }
     }
 }
 

@@ -22,8 +22,6 @@ pub struct Profile {
     pub edge: Vec<Polygon>,
     /// The outlines without the fins that only their border shows: the same as `edge` where none was found.
     pub body: Vec<Polygon>,
-    /// Where borders of fins may be that are too faint for one view. `None` for a disc, and where fins are not searched.
-    pub borders: Option<FinBorders>,
     /// The certainty of each vertex of each outline.
     pub edge_points: Vec<Vec<EdgePoint>>,
     /// The walls of the capillary.
@@ -217,9 +215,6 @@ impl Segmenter {
             let limits = Limits { inside: &self.body, ..limits };
             self.edge.refine_again(&self.outlines, &contrast.darkness, &limits, &settings.edge)
         };
-        let may_have_fins = settings.method == Method::Hybrid && settings.fringe.reach_bore > 0.0;
-        let may_have_fins = may_have_fins && !body.iter().all(|outline| fringe::is_disc(&outline.vertices));
-        let borders = may_have_fins.then(|| FinBorders::of(contrast, &bore, &body, height, blur_px));
         let mut mask = Mask::empty(width, height);
         outline::rasterise(&edge, &mut mask, &mut self.crossings);
         let quality = ProfileQuality {
@@ -230,7 +225,25 @@ impl Segmenter {
             ..quality::of_edge(&edge, &points, &bore, &mut self.contrasts)
         };
         let detection = self.detector.detect(&mask, &bore, &contrast.darkness, contrast.all_light, &self.bubbles);
-        Ok(Profile { mask, edge, body, borders, edge_points: points, walls, quality, detection })
+        Ok(Profile { mask, edge, body, edge_points: points, walls, quality, detection })
+    }
+
+    /// The same for a view of a turn, with the borders of fins that are too faint for one view. There are none for a disc, and where fins
+    /// are not searched.
+    ///
+    /// # Errors
+    /// As [`Self::segment`].
+    pub fn segment_view(
+        &mut self,
+        picture: &Picture,
+        settings: &SegmentSettings,
+        empty: Option<&EmptyCapillary>,
+    ) -> Result<(Profile, Option<FinBorders>), ProfileError> {
+        let profile = self.segment(picture, settings, empty)?;
+        let is_searched = settings.method == Method::Hybrid && settings.fringe.reach_bore > 0.0;
+        let may_have_fins = is_searched && !profile.body.iter().all(|outline| fringe::is_disc(&outline.vertices));
+        let borders = may_have_fins.then(|| FinBorders::of(&self.background.contrast, &profile, picture.height()));
+        Ok((profile, borders))
     }
 }
 

@@ -5,7 +5,7 @@
 //!              ^───────── put back, with its memory ──'
 //! ```
 
-use super::{EmptyCapillary, Picture, Profile, ProfileError, SegmentSettings, Segmenter};
+use super::{EmptyCapillary, FinBorders, Picture, Profile, ProfileError, SegmentSettings, Segmenter};
 use std::sync::{Mutex, PoisonError};
 
 /// Lends each caller a segmenter of its own. The profile does not depend on which one.
@@ -18,10 +18,27 @@ impl Segmenters {
     /// # Errors
     /// As [`Segmenter::segment`].
     pub fn segment(&self, picture: &Picture, settings: &SegmentSettings, empty: Option<&EmptyCapillary>) -> Result<Profile, ProfileError> {
+        self.with_one(|segmenter| segmenter.segment(picture, settings, empty))
+    }
+
+    /// Separates the specimen in a view of a turn, as [`Segmenter::segment_view`] does.
+    ///
+    /// # Errors
+    /// As [`Segmenter::segment`].
+    pub fn segment_view(
+        &self,
+        picture: &Picture,
+        settings: &SegmentSettings,
+        empty: Option<&EmptyCapillary>,
+    ) -> Result<(Profile, Option<FinBorders>), ProfileError> {
+        self.with_one(|segmenter| segmenter.segment_view(picture, settings, empty))
+    }
+
+    fn with_one<T>(&self, work: impl FnOnce(&mut Segmenter) -> T) -> T {
         let free = self.0.lock().unwrap_or_else(PoisonError::into_inner).pop();
         let mut segmenter = free.unwrap_or_default();
-        let profile = segmenter.segment(picture, settings, empty);
+        let result = work(&mut segmenter);
         self.0.lock().unwrap_or_else(PoisonError::into_inner).push(segmenter);
-        profile
+        result
     }
 }
