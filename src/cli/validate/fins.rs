@@ -127,7 +127,7 @@ fn measured(set: &Set, dpf: u8, seed: u64) -> anyhow::Result<Vec<Measured>> {
 pub fn run(work: &Work) -> anyhow::Result<Section> {
     let mut section = Section { title: "11. Fins through frames", ..Section::default() };
     if work.effort.finned_frames == 0 {
-        section.text = "No frames were rendered.\n\n".to_owned();
+        section.text += "No frames were rendered.\n\n";
         return Ok(section);
     }
     let (mut rows, mut holds) = (Vec::new(), Vec::new());
