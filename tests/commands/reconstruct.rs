@@ -61,9 +61,10 @@ fn a_finned_larva_is_what_the_papers_carver_makes_of_it_and_its_hull_by_slices()
 
     let strict = report(&carved(dir.path(), &["--views", &views, "--cameras", &cameras, "--epsilon", "0"]));
     assert!(off(&strict["estimators"]["voxel"], "volume_um3", &truth, "hull_volume").abs() < 0.018);
-    // Masks and cameras are exact: the image of the hull is the mask up to the size of the voxels.
+    // Masks and cameras are exact: the image of the hull is the mask up to the size of the voxels, and to where the fins of all views
+    // differ from the masks.
     for view in strict["views"].as_array().unwrap() {
-        assert!(number(view, "overlap") > 0.98, "{view}");
+        assert!(number(view, "overlap") > 0.975, "{view}");
     }
     let no_sphere = refusal(&carved(dir.path(), &["--views", &views, "--cameras", &cameras, "--sphere"]));
     assert_eq!(no_sphere.matches("did not settle").count(), 1, "a cause is told once: {no_sphere}");

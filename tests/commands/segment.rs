@@ -21,7 +21,7 @@ fn larva() -> (Rgb, Mask) {
     scene.load(Some(Specimen::larva(4, 61).unwrap().placed(Placement::default()))).unwrap();
     let truth = scene.truth_mask(0.7);
     let truth = Mask::from_coverage(truth.width as usize, truth.height as usize, truth.data).unwrap();
-    (scene.render(&Exposure { angle_rad: 0.7, number: 3 }), truth)
+    (scene.render(&Exposure { angle_rad: 0.7, number: 4 }), truth)
 }
 
 fn colour(frame: &Rgb) -> DynamicImage {
