@@ -21,6 +21,9 @@ use std::f64::consts::{PI, TAU};
 
 /// Slices from one that is searched to the next. A slice is one px of the capillary.
 const STEP: usize = 4;
+/// From twice as many views on, only every second is pooled, and so on. Noise averages out over more views, but specks and errors of the
+/// background that turn with the glass do not, and the bars of the search belong to so many views.
+const VIEWS_MOST: usize = 28;
 /// Most rounds of search and amendment.
 const ROUNDS: usize = 7;
 /// Angle within which a slice has one fin only, rad.
@@ -170,14 +173,15 @@ impl<'a> Search<'a> {
             let row = |u: usize| body.get(u).map_or([f64::NAN; 2], |e| [e.upper, e.lower]);
             Some(Sight { borders, projection: view.projection, edges: (0..borders.width()).map(row).collect() })
         };
-        let mut sights: Vec<Sight> = views.iter().map(sight).collect::<Option<_>>()?;
+        let step = (views.len() / VIEWS_MOST).max(1);
+        let mut sights: Vec<Sight> = views.iter().step_by(step).map(sight).collect::<Option<_>>()?;
         let of_views = |of: &dyn Fn(&FinBorders) -> f64| median(sights.iter().map(|s| of(s.borders)).collect());
         let (margin_px, bore_um) = (of_views(&FinBorders::margin_px), of_views(&FinBorders::bore_px) / 2.0 * px_um);
         let grid = Grid::new(slices, STEP, bore_um, margin_px, px_um);
         if grid.radii == 0 || sights.is_empty() {
             return None;
         }
-        let least = KNOWN_LEAST * 2.0 * sights.len() as f64;
+        let least = KNOWN_LEAST * 2.0 * views.len() as f64;
         let (fins, weak): (Vec<Fin>, Vec<Fin>) = known.iter().cloned().partition(|fin| fin.edges as f64 >= least);
         let mut blocked = Blocked(vec![vec![false; DIRECTIONS]; grid.stations.len()]);
         for fin in &fins {
