@@ -180,7 +180,6 @@ impl HullModel {
     /// An empty model: no view is observed, and every voxel is left.
     ///
     /// # Errors
-    /// # Errors
     ///
     /// A setting or a grid from which no model can be made.
     pub fn new(grid: VoxelGrid, planned_views: usize, settings: ReconstructionSettings) -> Result<Self, ReconstructionError> {
@@ -193,7 +192,6 @@ impl HullModel {
     /// Carves with one view. `outlines` are those that the mask was filled from; without any, the sides of the mask's pixels
     /// are used.
     ///
-    /// # Errors
     /// # Errors
     ///
     /// Whatever the carver refuses, and a camera that does not have the whole box in front of it. The model is then unchanged.
@@ -223,7 +221,6 @@ impl HullModel {
     /// Carves all views so far again with the tolerance of another plan.
     ///
     /// # Errors
-    /// # Errors
     ///
     /// A plan of fewer views than were observed.
     pub fn replan(&mut self, planned_views: usize) -> Result<(), ReconstructionError> {
@@ -249,7 +246,6 @@ impl HullModel {
 
     /// Makes the surfaces and measures them. `sphere` fits a sphere, for beads.
     ///
-    /// # Errors
     /// # Errors
     ///
     /// No view was observed, no voxel is left, or no sphere is determined.

@@ -33,6 +33,7 @@ pub use nuisance::{Drift, Dust, HotPixels, LightCentre, Marks, Motion, Nuisances
 pub use optics::Optics;
 pub use outline::Outline;
 pub use phantom::{Condition, Larva, Look, Mesh, Narrowest, Placement, PlacementError, Specimen, Truth};
+pub use real::NOISE as REAL_NOISE;
 
 use nuisance::Turned;
 use optics::{Window, background, blur_reach, blurred, covered, exposed, thickness, transmission};

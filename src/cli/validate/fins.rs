@@ -11,7 +11,7 @@ use carved_core::pipeline::{Pipeline, PipelineSettings, SegmentedFrame};
 use carved_core::profile::SegmentSettings;
 use carved_core::quality::QualitySettings;
 use carved_core::reconstruction::ReconstructionSettings;
-use hardware_sim::scene::{Exposure, Larva, Look, Placement, Scene, SceneSettings};
+use hardware_sim::scene::{Exposure, Larva, Look, Placement, REAL_NOISE, Scene, SceneSettings};
 
 /// Views of the turns that are measured: even subsets of the captured ones.
 const ASDS: [usize; 3] = [12, 21, CAPTURED];
@@ -20,8 +20,6 @@ const ROWS: u32 = 256;
 /// The volume by support functions does not depend on the voxels, which are coarse to save time.
 const VOXEL_UM: f64 = 20.0;
 const BOX_UM: BoxUm = BoxUm { min: [-2800.0, -350.0, -350.0], max: [2800.0, 350.0, 350.0] };
-/// Noise of a VAST camera over that of the default optics.
-const REAL_NOISE: f64 = 1.24;
 
 /// A kind of larvae and frames.
 struct Set {

@@ -89,9 +89,8 @@ pub(super) enum Known {
     Nothing,
 }
 
-/// The body of every slice, smoothed along the capillary. Holes are filled, but for long ones in which
-/// the body has another shape. Beyond the ends of the body its centre goes on straight,
-/// with a pixel around it. `None` where no slice has one.
+/// The body of every slice, smoothed along the capillary. Holes are filled, except long ones in which the body has another shape. Beyond the
+/// ends of the body its centre goes on straight, with a pixel around it. `None` where no slice has one.
 pub(super) fn bodies(slices: &[Slice], needed: usize, px_um: f64) -> Option<Vec<(Known, Support)>> {
     let raw: Vec<Result<Coefficients, Missing>> = slices.par_iter().map(|s| nearest(&s.edges, needed, px_um)).collect();
     let at: Vec<usize> = (0..raw.len()).filter(|&i| raw[i].is_ok()).collect();

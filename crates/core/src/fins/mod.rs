@@ -38,7 +38,8 @@ use serde::{Deserialize, Serialize};
 pub struct Fin {
     /// Its points, um in the frame of the turn: x along the capillary, y and z across. One point per slice, from left to right.
     pub points_um: Vec<[f64; 3]>,
-    /// Number of edges of single views that stand out there, in the median of the slices.
+    /// Number of edges that a point rests on, in the median of the slices: those that stand out there in single views, or those that were
+    /// pooled for a fin too faint for these.
     pub edges: usize,
 }
 
@@ -133,9 +134,7 @@ impl FinSlice {
         let reach = self.points_um.iter().map(|[y, z]| y * cos + z * sin).fold(f64::NEG_INFINITY, f64::max);
         (reach - self.body.at(theta)[0]).max(0.0)
     }
-}
 
-impl FinSlice {
     /// The same with the points of the fins further from the body's centre.
     pub fn further_out(&self, by_um: f64) -> Self {
         let [y, z] = centre(&self.body);

@@ -38,10 +38,10 @@ impl Reconstruction {
         let used: Vec<FinView> =
             turned.iter().zip(&calibration.views).filter(|(_, state)| state.bad.is_none()).map(|(view, _)| *view).collect();
         let found = fins::find(&Pose::new(&calibration.camera), &used);
-        let mut views = self.observed.clone();
         if !found.is_searched() {
             return unchanged(calibrated);
         }
+        let mut views = self.observed.clone();
         // A view that does not belong stays as it is, so that it is left out again.
         let amended: Vec<(usize, ObservedView)> = calibrated
             .order

@@ -121,7 +121,6 @@ impl Reconstruction {
     /// An empty model of one camera.
     ///
     /// # Errors
-    /// # Errors
     ///
     /// A camera, a plan or settings from which no model can be made.
     pub fn new(
@@ -137,7 +136,6 @@ impl Reconstruction {
 
     /// Observes the view at angle `omega` (rad). `outlines` are those that the mask was filled from, if there are any.
     ///
-    /// # Errors
     /// # Errors
     ///
     /// A mask that does not have the size of the sensor, and whatever the carver refuses. The model is then unchanged.
@@ -174,7 +172,6 @@ impl Reconstruction {
     /// Removes the view that was observed as number `at`; the numbers of later ones decrease by one.
     ///
     /// # Errors
-    /// # Errors
     ///
     /// As [`Self::observe`]. The model is then unchanged.
     pub fn take_back(&mut self, at: usize) -> Result<(), ReconstructionError> {
@@ -200,7 +197,6 @@ impl Reconstruction {
 
     /// The same with edges that do not come from mask and outlines.
     ///
-    /// # Errors
     /// # Errors
     ///
     /// As [`Self::observe`].
@@ -240,7 +236,6 @@ impl Reconstruction {
     /// Carves all views so far again with the tolerance of another plan.
     ///
     /// # Errors
-    /// # Errors
     ///
     /// As [`HullModel::replan`].
     pub fn replan(&mut self, planned_views: usize) -> Result<(), ReconstructionError> {
@@ -263,7 +258,6 @@ impl Reconstruction {
     /// Calibrates, carves again with the result, and measures. `sphere` fits a sphere, for beads.
     ///
     /// # Errors
-    /// # Errors
     ///
     /// As [`HullModel::finish`].
     pub fn finish(&self, sphere: bool) -> Result<TurnModel, ReconstructionError> {
@@ -272,7 +266,6 @@ impl Reconstruction {
 
     /// Carves again with a calibration on all views, and measures.
     ///
-    /// # Errors
     /// # Errors
     ///
     /// As [`HullModel::finish`].

@@ -63,7 +63,6 @@ impl Contour {
     /// are the outline. Distances are valid up to `reach_um`, measured at the depth of `centre`.
     ///
     /// # Errors
-    /// # Errors
     ///
     /// A camera at or close to the box's centre, where distances have no scale.
     pub fn new(

@@ -60,7 +60,6 @@ type Vector = [f32; 4];
 /// The faired mesh; its triangles are those of `mesh`.
 ///
 /// # Errors
-/// # Errors
 ///
 /// A lambda that is no weight, a mesh that is not closed, and a lambda so large that the solver does not converge.
 pub fn fair(mesh: &Mesh, fairing: Fairing) -> Result<Mesh, FairingError> {
