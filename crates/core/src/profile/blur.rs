@@ -11,8 +11,14 @@ use super::onset::{Kind, Onsets};
 
 /// A blur that differs by at most this share moves no edge by 0.05 px.
 pub(super) const SAME_BLUR: f64 = 0.04;
-/// The fit overestimates the blur of discs of known blur (0.6 to 2.0 px) by this factor.
-const READ_HIGH: f64 = 1.05;
+/// The fit overestimates the blur of beads of known blur (0.6 to 1.6 px through a colour mosaic) by this factor: the blur of pixels
+/// and mosaic is not Gaussian.
+const READ_HIGH: f64 = 1.043;
+
+/// Strides of the descent to the kind of edges, and of the one to their blur, in steps. The residual rises faster towards sharper
+/// edges than towards blurred ones, so that a parabola over wide strides would find the blur too large.
+const WIDE: [i32; 4] = [16, -16, 8, -8];
+const NARROW: [i32; 4] = [4, -4, 2, -2];
 
 /// The blur, px, near an expected one, and the kind of edges, with the smallest residual. Rounded edges are accepted where they
 /// explain `rounded_better` times more than sharp ones.
@@ -20,14 +26,16 @@ pub(super) fn estimated(near_px: f64, rounded_better: f64, mut residual: impl Fn
     /// The right blur lowers the residual of rounded edges by this factor at most.
     const BETTER_BLUR: f64 = 4.0;
     let start = Models::step(near_px);
-    let sharp = least_near(start, |step| residual(Models::blur_px(step), Kind::Sharp));
-    let rounded = residual(Models::blur_px(sharp.0.round() as i32), Kind::Rounded);
-    if rounded * rounded_better > BETTER_BLUR * sharp.1 {
-        return (Models::blur_px_between(sharp.0) / READ_HIGH, Kind::Sharp);
+    let mut kind = Kind::Sharp;
+    let mut at = |step: i32, kind: Kind| residual(Models::blur_px(step), kind);
+    let mut best = least_near(start, WIDE, |step| at(step, kind));
+    if at(best.0, Kind::Rounded) * rounded_better <= BETTER_BLUR * best.1 {
+        let rounded = least_near(start, WIDE, |step| at(step, Kind::Rounded));
+        if rounded.1 * rounded_better < best.1 {
+            (best, kind) = (rounded, Kind::Rounded);
+        }
     }
-    let rounded = least_near(start, |step| residual(Models::blur_px(step), Kind::Rounded));
-    let (best, kind) = if rounded.1 * rounded_better < sharp.1 { (rounded, Kind::Rounded) } else { (sharp, Kind::Sharp) };
-    (Models::blur_px_between(best.0) / READ_HIGH, kind)
+    (Models::blur_px_between(between(best.0, |step| at(step, kind))) / READ_HIGH, kind)
 }
 
 /// The models by blur, each made once. A frame needs few of them, and the next frame the same ones.
@@ -38,9 +46,13 @@ pub(super) struct Models {
 }
 
 impl Models {
-    /// Steps per doubling of the blur. A step is less than [`SAME_BLUR`] of the blur to either side.
-    const PER_DOUBLING: f64 = 12.0;
+    /// Steps per doubling of the blur. An edge moves by 0.012 px per half step.
+    const PER_DOUBLING: f64 = 48.0;
     const RANGE_PX: (f64, f64) = (0.3, 4.0);
+
+    fn steps() -> std::ops::RangeInclusive<i32> {
+        Self::step(Self::RANGE_PX.0)..=Self::step(Self::RANGE_PX.1)
+    }
 
     fn step(blur_px: f64) -> i32 {
         (blur_px.clamp(Self::RANGE_PX.0, Self::RANGE_PX.1).log2() * Self::PER_DOUBLING).round() as i32
@@ -64,16 +76,11 @@ impl Models {
     }
 }
 
-/// Descends in steps of the blur from `start`, first wide, then narrow, and interpolates between steps by a parabola. Returns
-/// the place and the smallest residual.
-fn least_near(start: i32, mut residual: impl FnMut(i32) -> f64) -> (f64, f64) {
-    let bounds = Models::step(Models::RANGE_PX.0)..=Models::step(Models::RANGE_PX.1);
-    // The neighbours of the best step are asked for twice.
-    let mut known = [None; 64];
-    let mut residual = |step: i32| *known[(step - bounds.start()) as usize % known.len()].get_or_insert_with(|| residual(step));
+/// Descends from `start` by these strides, one after the other. Returns the step with the smallest residual, and the residual.
+fn least_near(start: i32, strides: [i32; 4], mut residual: impl FnMut(i32) -> f64) -> (i32, f64) {
     let mut best = (start, residual(start));
-    for stride in [4, -4, 2, -2] {
-        while bounds.contains(&(best.0 + stride)) {
+    for stride in strides {
+        while Models::steps().contains(&(best.0 + stride)) {
             let next = (best.0 + stride, residual(best.0 + stride));
             if next.1 >= best.1 {
                 break;
@@ -81,13 +88,20 @@ fn least_near(start: i32, mut residual: impl FnMut(i32) -> f64) -> (f64, f64) {
             best = next;
         }
     }
-    if !bounds.contains(&(best.0 - 2)) || !bounds.contains(&(best.0 + 2)) {
-        return (f64::from(best.0), best.1);
+    best
+}
+
+/// Descends from `start` by narrow strides, and interpolates between them by a parabola.
+fn between(start: i32, mut residual: impl FnMut(i32) -> f64) -> f64 {
+    let (step, b) = least_near(start, NARROW, &mut residual);
+    let stride = NARROW[2];
+    if ![step - stride, step + stride].iter().all(|step| Models::steps().contains(step)) {
+        return f64::from(step);
     }
-    let (a, c) = (residual(best.0 - 2), residual(best.0 + 2));
-    let bend = a - 2.0 * best.1 + c;
-    let part = if bend > 0.0 { (a - c) / bend } else { 0.0 };
-    (f64::from(best.0) + part.clamp(-2.0, 2.0), best.1)
+    let (a, c) = (residual(step - stride), residual(step + stride));
+    let bend = a - 2.0 * b + c;
+    let part = if bend > 0.0 { 0.5 * (a - c) / bend } else { 0.0 };
+    f64::from(step) + f64::from(stride) * part.clamp(-1.0, 1.0)
 }
 
 #[cfg(test)]
