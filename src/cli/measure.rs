@@ -159,7 +159,7 @@ pub(super) fn compute(reader: &RecordingReader, method: &Method) -> anyhow::Resu
     let bar = ProgressBar::new(entries.len() as u64)
         .with_style(ProgressStyle::with_template("{msg} {bar:30} {pos}/{len} views")?)
         .with_message(reader.folder().display().to_string());
-    let found = numbers::of_recording(reader, method, &entries, || bar.inc(1));
+    let found = numbers::of_recording(reader, method, &entries, |_, _| bar.inc(1));
     bar.finish_and_clear();
     found.map_err(|error| match error {
         NumbersError::Store(error) => error.into(),

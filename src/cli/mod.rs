@@ -53,7 +53,7 @@ enum Command {
     Measure(measure::Args),
     /// Compute a stored run again and compare it with the stored result bit for bit; or use another method.
     Replay(replay::Args),
-    /// Make a recording of a lab's own frames of one turn.
+    /// Make a recording of a lab's own frames of one turn, or a run of the pictures of a plate.
     Import(Box<import::Args>),
     /// Carve silhouettes of any origin and measure the result.
     Reconstruct(reconstruct::Args),
@@ -139,7 +139,7 @@ fn run() -> anyhow::Result<ExitCode> {
         Command::Simulate(args) => simulate::run(args),
         Command::Measure(args) => measure::run(&args),
         Command::Replay(args) => replay::run(&args),
-        Command::Import(args) => import::run(&args),
+        Command::Import(args) => return import::run(&args),
         Command::Reference(command) => reference::run(&command),
         Command::Camera(command) => camera::run(&command),
         Command::Calibrate(command) => calibrate::run(&command),

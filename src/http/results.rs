@@ -47,7 +47,7 @@ pub(super) struct Asked {
     method: Option<String>,
     operator: Option<String>,
     external_id: Option<String>,
-    /// `hardware` or `simulated`.
+    /// `hardware`, `simulated` or `imported`.
     mode: Option<String>,
     /// `succeeded`, `partial`, `failed`, `aborted`, `interrupted`, or `open` for those without one.
     outcome: Option<String>,
@@ -106,7 +106,7 @@ pub(super) struct Runs {
 pub(super) struct RunDetail {
     id: String,
     external_id: Option<String>,
-    /// `hardware` or `simulated`.
+    /// `hardware`, `simulated` or `imported`.
     mode: String,
     software_version: String,
     plate_barcode: String,

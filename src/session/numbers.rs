@@ -7,7 +7,7 @@
 
 use super::live;
 use crate::export;
-use carved_core::pipeline::{Pipeline, PipelineError};
+use carved_core::pipeline::{Pipeline, PipelineError, SegmentedFrame};
 use carved_core::surface::Mesh;
 use carved_records::{LedgerEntry, Method, Mode, ReferenceStatus, SpecimenKind, SpecimenOutcome, WellStatus};
 use carved_store::{self, MEASUREMENT, MeasurementFile, Recording, RecordingReader, RecordingWriter, StoreError};
@@ -24,7 +24,8 @@ pub enum NumbersError {
     Pipeline(#[from] PipelineError),
 }
 
-/// Surface and numbers of these views of a recording by this method, to the last bit those of a live run; `looked` hears of each view.
+/// Surface and numbers of these views of a recording by this method, to the last bit those of a live run; `looked` gets each view and what was found in its
+/// frame, from several threads.
 ///
 /// # Errors
 /// Frames that are not there or not what was recorded, and what the pipeline makes no number of.
@@ -32,7 +33,7 @@ pub fn of_recording(
     reader: &RecordingReader,
     method: &Method,
     entries: &[&LedgerEntry],
-    looked: impl Fn() + Sync,
+    looked: impl Fn(&LedgerEntry, &SegmentedFrame) + Sync,
 ) -> Result<(Mesh, MeasurementFile), NumbersError> {
     let recording = reader.recording();
     let sphere = recording.specimen.specimen == SpecimenKind::Bead;
@@ -40,7 +41,7 @@ pub fn of_recording(
     let mut pipeline = Pipeline::new(settings.compared_with(reader.empty_capillary()?.as_ref())?)?;
     let look = |entry: &LedgerEntry| {
         let seen = pipeline.look(&reader.frame(entry)?)?;
-        looked();
+        looked(entry, &seen);
         Ok::<_, NumbersError>(seen)
     };
     // All are looked at before any is judged: the first of the turn that fails is the one told, on any number of threads.

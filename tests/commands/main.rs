@@ -12,6 +12,7 @@ mod config;
 mod config_keys;
 mod doctor;
 mod import;
+mod import_plate;
 mod reconstruct;
 mod reference;
 mod references;

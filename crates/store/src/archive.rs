@@ -308,7 +308,7 @@ fn bytes_of(folder: &Path, files: &BTreeMap<PathBuf, String>) -> u64 {
 }
 
 fn pruned(root: &Path, id: &str, taken: &BTreeMap<PathBuf, String>, bytes: u64, receipt: Option<Receipt>, really: bool) -> Pruned {
-    let index = if really { index::follow_prune(root, id).err() } else { None };
+    let index = if really { index::follow_run(root, id).err() } else { None };
     Pruned { run: id.to_owned(), files: taken.len(), bytes, archived: receipt.map(|r| r.destination), index }
 }
 

@@ -37,7 +37,7 @@ pub use archive::{Pruned, Receipt, archive, cut_short, end_prune, prune, run_nam
 pub use attempts::set_aside;
 pub use budget::{Budget, bytes_per_specimen, size};
 pub use error::StoreError;
-pub use index::{Cursor, EventsAfter, Found, RunRow, RunsQuery, Unreadable};
+pub use index::{Cursor, EventsAfter, Found, RunRow, RunsQuery, Unreadable, follow_run};
 use journal::Repaired;
 pub use journal::{Journal, now};
 pub use reader::{SpecimenFile, StoreReader, StoredFile, StoredSpecimen};

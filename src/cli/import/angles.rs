@@ -1,7 +1,8 @@
 //! The angle of every picture, read from a file.
 //!
 //! ```text
-//!  external.txt   tomography <tab> x_position <tab> degrees ...     VAST's list for its trigger bridge, decimal comma
+//!  external.txt   tomography  x_position  degrees ...     VAST's list for its trigger bridge: 7 columns, tabs or spaces, decimal comma
+//!                 no          0           3,60    ...     flags are words or numbers
 //!  CSV            file,angle_deg      or view,omega_rad, ...         header required
 //!  a column       0                   degrees, one per line
 //!                 17,14
@@ -60,10 +61,10 @@ fn parse(text: &str, pictures: &[String]) -> anyhow::Result<Angles> {
         let degrees = lines.iter().map(|(n, l)| number(l).with_context(|| expected_number(*n, l)));
         return of_all(degrees.collect::<anyhow::Result<_>>()?, pictures).map(Angles::Degrees);
     }
-    let separator = ['\t', ';', ','].into_iter().find(|s| first.contains(*s)).unwrap_or(',');
+    let separator = separator(first);
     let mut rows: Vec<Row> = lines.iter().map(|(n, l)| (*n, fields(l, separator))).collect();
-    let is_header = rows[0].1.iter().any(|f| number(f).is_none());
-    if !is_header && separator == '\t' {
+    let is_header = rows[0].1.iter().any(|f| number(f).is_none() && !is_flag(f));
+    if !is_header && (separator == '\t' || rows[0].1.len() == EXTERNAL) {
         return external(&rows, pictures);
     }
     ensure!(
@@ -76,11 +77,33 @@ fn parse(text: &str, pictures: &[String]) -> anyhow::Result<Angles> {
     table(&header, &rows, pictures)
 }
 
+/// Number of columns of VAST's list.
+const EXTERNAL: usize = 7;
+
+/// Whether a field of VAST's list is a flag: its programs write 0 and 1, or words.
+fn is_flag(field: &str) -> bool {
+    ["no", "yes", "off", "on", "false", "true"].iter().any(|word| field.eq_ignore_ascii_case(word))
+}
+
+/// What separates the columns. Only VAST's list may have spaces there.
+fn separator(line: &str) -> char {
+    let by_spaces = || line.split_whitespace().count() == EXTERNAL && line.split_whitespace().all(|field| !field.ends_with(','));
+    match ['\t', ';'].into_iter().find(|s| line.contains(*s)) {
+        Some(separator) => separator,
+        None if by_spaces() => ' ',
+        None => ',',
+    }
+}
+
 /// Reads seven columns without a header: VAST's list as written by its program.
 fn external(rows: &[Row], pictures: &[String]) -> anyhow::Result<Angles> {
     let angle = |(n, row): &Row| {
-        let found = row.len();
-        ensure!(found == 7, "line {n}: found {found} columns, expected the 7 of VAST's external.txt, or a header that names: {COLUMNS}");
+        // A line may end with a separator.
+        let found = row.len() - usize::from(row.last().is_some_and(String::is_empty));
+        ensure!(
+            found == EXTERNAL,
+            "line {n}: found {found} columns, expected the 7 of VAST's external.txt, or a header that names: {COLUMNS}"
+        );
         number(&row[2]).with_context(|| expected_number(*n, &row[2]))
     };
     of_all(rows.iter().map(angle).collect::<anyhow::Result<_>>()?, pictures).map(Angles::Degrees)
@@ -173,6 +196,9 @@ fn expected_number(line: usize, found: &str) -> String {
 
 /// The fields of a line. A field in quotes may contain the separator.
 fn fields(line: &str, separator: char) -> Vec<String> {
+    if separator == ' ' {
+        return line.split_whitespace().map(str::to_owned).collect();
+    }
     let mut fields = vec![String::new()];
     let mut quoted = false;
     for c in line.chars() {
@@ -201,6 +227,12 @@ mod tests {
         for text in [
             external,
             &format!("\u{feff}{header}{external}"),
+            "no\t0\t0,00\t1\t1\tno\toff\r\nno\t0\t3,60\t1\t1\tno\toff\t\r\nno\t0\t7,20\t1\t1\tno\ton\r\n",
+            "no 0 0,00 1 1 no off\nno  0  3,60 1 1 no off \nYES 0 7,20 1 1 yes ON\n",
+            &format!("{}no 0 0,00 1 1 no off\nno 0 3,60 1 1 no off\nno 0 7,20 1 1 no off\n", header.replace('\t', " ")),
+            "no;0;0,00;1;1;no;off\nno;0;3,60;1;1;no;off\nno;0;7,20;1;1;no;off\n",
+            "0;0;0.00;1;1;0;1\n0;0;3.60;1;1;0;1\n0;0;7.20;1;1;0;1\n",
+            "no,0,0.00,1,1,no,off\nno,0,3.60,1,1,no,off\nno,0,7.20,1,1,no,off\n",
             "0\n3,6\n7.2\n",
             "# turn\nfile,angle_deg\nv2.png,7.2\nv0.png,0\nv1,3.6\n",
             "file;angle_deg\nC:\\x\\v1.png;3,6\nv0.png;0\nv2.png;7,2\n",
@@ -222,6 +254,9 @@ mod tests {
             ("0\nnan\n2\n", "line 2: found \"nan\""),
             ("0,1,2\n", "no header"),
             ("0\t1\t2\n", "found 3 columns, expected the 7"),
+            ("no 0 0,00 1 1 no off\nno 0 x 1 1 no off\nno 0 2 1 1 no off\n", "line 2: found \"x\""),
+            ("no 0 0,00 1 1 no off\nno 0 3,60 1 1 no\nno 0 2 1 1 no off\n", "line 2: found 6 columns, expected the 7"),
+            ("no,0,3,60,1,1,no,off\n", "found 8 columns of numbers and no header"),
             ("a,b\n0,1\n", "found the columns a, b, expected angle_deg"),
             ("angle_deg,omega_rad\n0,1\n", "say the same thing"),
             ("file,angle_deg\nv0.png,0\nv1.png,1\n", "found no angle of v2.png"),

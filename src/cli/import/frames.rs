@@ -40,7 +40,7 @@ impl Looked {
     }
 }
 
-fn file_name(path: &Path) -> String {
+pub(super) fn file_name(path: &Path) -> String {
     path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
@@ -81,17 +81,27 @@ pub(super) fn list(named: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
     Ok(paths)
 }
 
+/// Whether a name ends as that of a picture. A name that begins with a dot does not count.
+pub(super) fn is_picture(path: &Path) -> bool {
+    let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
+    ending.is_some_and(|e| ENDINGS.contains(&e.as_str())) && !file_name(path).starts_with('.')
+}
+
 fn of_folder(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
     let place = || format!("{}: cannot be read as a folder", folder.display());
     let mut paths = Vec::new();
     for entry in std::fs::read_dir(folder).with_context(place)? {
         let path = entry.with_context(place)?.path();
-        let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
-        if ending.is_some_and(|e| ENDINGS.contains(&e.as_str())) && !file_name(&path).starts_with('.') {
+        if is_picture(&path) {
             paths.push(path);
         }
     }
-    ensure!(!paths.is_empty(), "{}: found no picture, expected {} files, one per view", folder.display(), ENDINGS.join(", "));
+    ensure!(
+        !paths.is_empty(),
+        "{}: found no picture, expected {} files, one per view; for a folder with folders of wells, give --plate",
+        folder.display(),
+        ENDINGS.join(", ")
+    );
     if folder.join("../recording.json").is_file() {
         bail!(
             "{}: is the frames' folder of a recording, which `carved measure` measures as it is; to import views of it, name their files",
@@ -99,6 +109,13 @@ fn of_folder(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
         );
     }
     Ok(paths)
+}
+
+/// Width and height of a picture as its first bytes say, px.
+pub(super) fn size(path: &Path) -> anyhow::Result<(u32, u32)> {
+    let reader = std::io::BufReader::new(carved_files::open(path).context("cannot be read")?);
+    let reader = image::ImageReader::new(reader).with_guessed_format().context("cannot be read")?;
+    reader.into_dimensions().context("not a readable PNG, JPEG, TIFF or BMP")
 }
 
 /// Reads every picture, and refuses pictures that cannot be views of one turn.

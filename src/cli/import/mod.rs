@@ -1,15 +1,16 @@
-//! `carved import`: makes a recording of a lab's own frames of one turn, for `measure` and `simulate --replay`.
+//! `carved import`: makes a recording of a lab's own frames of one turn, for `measure` and `simulate --replay`; or a run of a plate.
 //!
 //! ```text
 //!  FRAMES ───────────────────────── frames ── looked at, natural order ──┐
 //!  --cameras, --config, defaults ── rig ───── camera, method ────────────┼── write ── recording, whole or not at all
 //!  --angles, --cameras, --even ──── angles ── turn: steps of a ledger ───┘
 //! ```
-//! Everything is read and checked before anything is written.
+//! Everything is read and checked before anything is written. With --plate, `plate` does this for each well.
 
 mod angles;
 mod frames;
 mod natural;
+mod plate;
 mod rig;
 mod turn;
 mod write;
@@ -23,21 +24,25 @@ use carved_core::pipeline::Pipeline;
 use carved_records::{Mode, PlannedWell, RunPlan, SpecimenKind};
 use carved_store::{Recording, RigRecord};
 use frames::Looked;
-use rig::Rig;
+use rig::{Rig, Sources};
 use serde_json::json;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::process::ExitCode;
 use std::sync::Arc;
 use turn::Turn;
 
-/// Make a recording of a lab's own frames of one turn
+/// Make a recording of a lab's own frames of one turn, or with --plate a run of the pictures of a plate
 ///
 /// The frames are those of one specimen, one per view, sorted by their names in NATURAL order: view2 comes before view10. Their angles
 /// come from one of --cameras (with omega), --angles and --even. The recording says `imported` as its mode.
+///
+/// With --plate the pictures are those of a plate: their names say well, fish and view. The wells become one run, which is measured.
 #[derive(Debug, clap::Args)]
 #[allow(clippy::struct_excessive_bools, reason = "each is a switch of the command line")]
 pub struct Args {
-    /// One folder of frames, or the frames' files: PNG, JPEG, BMP or TIFF, sorted by name in natural order (view2 before view10)
+    /// One folder of frames, or the frames' files: PNG, JPEG, BMP or TIFF, sorted by name in natural order (view2 before view10); with
+    /// --plate, folders with all that is below them
     #[arg(required = true, value_name = "FRAMES")]
     frames: Vec<PathBuf>,
     /// camera.json: f, kx, ky, ux, uy, width, height, and the angles omega in rad (omit omega with --angles or --even)
@@ -66,7 +71,7 @@ pub struct Args {
     #[arg(long, value_name = "NAME")]
     method: Option<String>,
     /// Well that the specimen came from
-    #[arg(long, default_value = "A01")]
+    #[arg(long, default_value = "A01", conflicts_with = "plate")]
     well: String,
     /// Type of the specimen
     #[arg(long, value_enum, default_value_t = Specimen::Larva)]
@@ -90,14 +95,25 @@ pub struct Args {
     #[arg(long)]
     bayer: bool,
     /// New folder for the recording; nothing is overwritten [default: FRAMES-recording in the current folder, numbered if taken]
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "DIR", conflicts_with = "plate")]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    of_plate: plate::PlateArgs,
 }
 
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
 enum Specimen {
     Larva,
     Bead,
+}
+
+impl From<Specimen> for SpecimenKind {
+    fn from(specimen: Specimen) -> Self {
+        match specimen {
+            Specimen::Larva => Self::Larva,
+            Specimen::Bead => Self::Bead,
+        }
+    }
 }
 
 /// Everything that was read and checked.
@@ -114,6 +130,31 @@ struct Imported {
 }
 
 impl Imported {
+    /// Pictures with the turn that they show. The picture of the empty capillary must be of their kind.
+    fn new(
+        args: &Args,
+        rig: &Rig,
+        (looks, kind): (Vec<Looked>, Kind),
+        turn: Turn,
+        angles_from: String,
+        warnings: Vec<String>,
+    ) -> anyhow::Result<Self> {
+        let empty = match &args.empty {
+            Some(file) => Some(Arc::new(frames::empty(file, args.bayer, kind)?)),
+            None => rig.empty.clone(),
+        };
+        if let Some(empty) = &empty {
+            ensure!(
+                (empty.width(), empty.height(), empty.format()) == (kind.width, kind.height, kind.format),
+                "the configuration's picture of the empty capillary is {} x {} px {}, the frames are {kind}; give one of their kind with --empty",
+                empty.width(),
+                empty.height(),
+                empty.format().name()
+            );
+        }
+        Ok(Self { looks, turn, angles_from, camera_from: rig.camera_from.clone(), empty, references: rig.references.clone(), warnings })
+    }
+
     /// The contents of `import.json`: which file became which view.
     fn origin(&self) -> serde_json::Value {
         let views = self.looks.iter().zip(&self.turn.stops).map(
@@ -134,7 +175,14 @@ impl Imported {
 ///
 /// # Errors
 /// Names the wrong file or option, the value found and the value expected. No files are left then.
-pub fn run(args: &Args) -> anyhow::Result<()> {
+pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    match &args.of_plate.plate {
+        Some(barcode) => plate::run(args, barcode),
+        None => one_turn(args).map(|()| ExitCode::SUCCESS),
+    }
+}
+
+fn one_turn(args: &Args) -> anyhow::Result<()> {
     let out = write::choose(args.out.as_deref(), &args.frames)?;
     let mut warnings = Vec::new();
     let mut warn = |doubt: String| {
@@ -142,32 +190,16 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         warnings.push(doubt);
     };
     let paths = frames::list(&args.frames)?;
+    plate::is_one_specimen(&paths)?;
     let (looks, kind) = frames::look(&paths, args.bayer, &mut warn)?;
-    let rig = rig::read(args, kind, &mut warn)?;
+    let sources = rig::load(args, &mut warn)?;
+    let rig = sources.rig(args, kind, &mut warn)?;
     let names: Vec<String> = looks.iter().map(Looked::name).collect();
-    let (omega_deg, angles_from) = omega_deg(args, &rig, &names, &mut warn)?;
+    let (omega_deg, angles_from) = omega_deg(args, &sources, &names, &mut warn)?;
     let turn = turn::turn(omega_deg, args.closure).with_context(|| angles_from.clone())?;
-    let empty = match &args.empty {
-        Some(file) => Some(Arc::new(frames::empty(file, args.bayer, kind)?)),
-        None => rig.empty.clone(),
-    };
-    if let Some(empty) = &empty {
-        ensure!(
-            (empty.width(), empty.height(), empty.format()) == (kind.width, kind.height, kind.format),
-            "the configuration's picture of the empty capillary is {} x {} px {}, the frames are {kind}; give one of their kind with --empty",
-            empty.width(),
-            empty.height(),
-            empty.format().name()
-        );
-    }
-    let kind_of_specimen = match args.specimen {
-        Specimen::Larva => SpecimenKind::Larva,
-        Specimen::Bead => SpecimenKind::Bead,
-    };
-    let specimen = PlannedWell::new(&args.well, kind_of_specimen, args.dpf);
-    let imported =
-        Imported { looks, turn, angles_from, camera_from: rig.camera_from.clone(), empty, references: rig.references.clone(), warnings };
-    let recording = recording(rig, specimen, kind, &imported)?;
+    let imported = Imported::new(args, &rig, (looks, kind), turn, angles_from, warnings)?;
+    let specimen = PlannedWell::new(&args.well, args.specimen.into(), args.dpf);
+    let recording = recording(rig, "imported", specimen, kind, &imported)?;
     write::write(&out, recording, &imported)?;
     let [steps, _] = imported.turn.steps_per_revolution.into();
     let told = json!({
@@ -186,10 +218,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 }
 
 /// omega of every picture, deg, and the origin of the angles in words.
-fn omega_deg(args: &Args, rig: &Rig, names: &[String], warn: &mut dyn FnMut(String)) -> anyhow::Result<(Vec<f64>, String)> {
+fn omega_deg(args: &Args, sources: &Sources, names: &[String], warn: &mut dyn FnMut(String)) -> anyhow::Result<(Vec<f64>, String)> {
     let asked = match &args.sense {
         Some(sense) => Some(if sense == "-1" { -1.0 } else { 1.0 }),
-        None => rig.sense,
+        None => sources.sense,
     };
     let sense = asked.unwrap_or(1.0);
     let of_axis = |deg: Vec<f64>| deg.into_iter().map(|a| sense * a).collect::<Vec<_>>();
@@ -198,7 +230,7 @@ fn omega_deg(args: &Args, rig: &Rig, names: &[String], warn: &mut dyn FnMut(Stri
         ensure!(!args.relative, "--relative: {from} has omega, which are positions; leave --relative out");
         Ok((rad.into_iter().map(f64::to_degrees).collect(), from))
     };
-    match (rig.omega.clone(), &args.angles, args.even) {
+    match (sources.omega(), &args.angles, args.even) {
         (Some(_), Some(_), _) | (Some(_), _, true) => {
             bail!("--cameras gives omega and {} other angles; leave one of them out", if args.even { "--even" } else { "--angles" })
         }
@@ -210,7 +242,7 @@ fn omega_deg(args: &Args, rig: &Rig, names: &[String], warn: &mut dyn FnMut(Stri
                 omega.len(),
                 names.len()
             );
-            of_rad(omega, from)
+            of_rad(omega.to_vec(), from)
         }
         (None, Some(file), _) => match angles::read(file, names)? {
             Angles::Rad(rad) => of_rad(rad, format!("omega_rad of --angles {}", file.display())),
@@ -248,7 +280,7 @@ fn summed(turns: &[f64]) -> Vec<f64> {
 }
 
 /// The recording without its views, checked as a run and its measurement check it.
-fn recording(rig: Rig, specimen: PlannedWell, kind: Kind, imported: &Imported) -> anyhow::Result<Recording> {
+fn recording(rig: Rig, run: &str, specimen: PlannedWell, kind: Kind, imported: &Imported) -> anyhow::Result<Recording> {
     let mut method = rig.method;
     method.asd = imported.turn.asd;
     let plan = RunPlan::new("IMPORT", &rig.method_name, "import", vec![specimen.clone()]);
@@ -275,5 +307,5 @@ fn recording(rig: Rig, specimen: PlannedWell, kind: Kind, imported: &Imported) -
         camera_identity: format!("imported: {}", imported.camera_from),
         second: None,
     };
-    Ok(Recording::new("imported", specimen, Mode::Imported, record, &rig.method_name, method))
+    Ok(Recording::new(run, specimen, Mode::Imported, record, &rig.method_name, method))
 }

@@ -1,4 +1,8 @@
 //! The camera and method of an imported recording, from files or defaults, with their origin.
+//!
+//! ```text
+//!  --config, --cameras, --method ── load ── Sources ── rig ── Rig: the camera for pictures of one size
+//! ```
 
 use super::Args;
 use crate::cli::segment::{self, input::Kind};
@@ -18,16 +22,24 @@ use std::sync::Arc;
 const KEYS: [&str; 15] =
     ["f", "kx", "ky", "ux", "uy", "s", "alpha", "gamma", "phi", "width", "height", "omega", "views", "pixel_convention", "model"];
 
+/// What the files and options say, whatever the size of the pictures.
+pub(super) struct Sources {
+    config: Option<Config>,
+    psi: Option<Psi>,
+    method_name: String,
+    /// The method. Its `asd` is not set yet.
+    method: Method,
+    references: Arc<[References]>,
+    /// Sense of the axis, 1 or -1. `None` if no file states it.
+    pub sense: Option<f64>,
+}
+
 #[derive(Debug)]
 pub(super) struct Rig {
     pub name: String,
     pub camera: Camera,
     /// Origin of the camera, in words.
     pub camera_from: String,
-    /// Angles in the file of the camera, rad.
-    pub omega: Option<Vec<f64>>,
-    /// Sense of the axis, 1 or -1. `None` if no file states it.
-    pub sense: Option<f64>,
     pub method_name: String,
     /// The method. Its `asd` is not set yet.
     pub method: Method,
@@ -42,7 +54,7 @@ struct Psi {
     omega: Option<Vec<f64>>,
 }
 
-pub(super) fn read(args: &Args, kind: Kind, warn: &mut dyn FnMut(String)) -> anyhow::Result<Rig> {
+pub(super) fn load(args: &Args, warn: &mut dyn FnMut(String)) -> anyhow::Result<Sources> {
     let config = args.config.as_deref().map(Config::load).transpose()?;
     let psi = args.cameras.as_deref().map(|file| psi(file, warn).with_context(|| format!("--cameras {}", file.display()))).transpose()?;
     let (method_name, mut method) = method(args, config.as_ref())?;
@@ -56,38 +68,78 @@ pub(super) fn read(args: &Args, kind: Kind, warn: &mut dyn FnMut(String)) -> any
     if let Some(file) = &args.settings {
         method.segment = segment::read_settings(file)?;
     }
-    let omega = psi.as_ref().and_then(|p| p.omega.clone());
-    let (camera, camera_from) = match (psi, &config, &args.config, &args.cameras) {
-        (Some(psi), _, _, Some(file)) => (psi.camera, file.display().to_string()),
-        (_, Some(config), Some(file), _) => (config.optics.clone(), format!("[optics] of {}", file.display())),
-        _ => {
-            warn(
-                "no --cameras and no --config: the camera is taken to be the published rig's, 5.5 um per px, the axis in the picture's \
-                 middle; 1 % of scale is 3 % of volume"
-                    .into(),
-            );
-            (Camera::published(kind.width, kind.height), "nominal, 5.5 um per px".into())
-        }
-    };
-    ensure!(
-        (camera.width, camera.height) == (kind.width, kind.height),
-        "{camera_from}: the camera has {} x {} px, the pictures {} x {} px",
-        camera.width,
-        camera.height,
-        kind.width,
-        kind.height
-    );
-    Ok(Rig {
-        name: config.as_ref().map_or_else(|| "imported".into(), |c| c.rig_name.clone()),
-        camera,
-        camera_from,
-        omega,
-        sense: config.as_ref().map(|c| f64::from(i8::from(c.acquisition.sense))),
-        method_name,
-        method,
-        references: config.as_ref().map_or_else(references::embedded, |c| Ok(c.references.clone()))?,
-        empty: config.and_then(|c| c.empty_capillary),
-    })
+    let references = config.as_ref().map_or_else(references::embedded, |c| Ok(c.references.clone()))?;
+    let sense = config.as_ref().map(|c| f64::from(i8::from(c.acquisition.sense)));
+    Ok(Sources { config, psi, method_name, method, references, sense })
+}
+
+impl Sources {
+    /// Angles in the file of the camera, rad.
+    pub fn omega(&self) -> Option<&[f64]> {
+        self.psi.as_ref()?.omega.as_deref()
+    }
+
+    /// The method and its name. Its `asd` is not set yet.
+    pub fn method(&self) -> (&str, &Method) {
+        (&self.method_name, &self.method)
+    }
+
+    /// The folder of the configuration's runs.
+    pub fn data_dir(&self) -> Option<&Path> {
+        self.config.as_ref().map(|c| c.store.data_dir.as_path())
+    }
+
+    /// The rig that took pictures of this kind.
+    pub fn rig(&self, args: &Args, kind: Kind, warn: &mut dyn FnMut(String)) -> anyhow::Result<Rig> {
+        let (camera, camera_from) = match (&self.psi, &self.config, &args.config, &args.cameras) {
+            (Some(psi), _, _, Some(file)) => (psi.camera.clone(), file.display().to_string()),
+            (_, Some(config), Some(file), _) => {
+                let from = format!("[optics] of {}", file.display());
+                match cropped(&config.optics, kind) {
+                    Some(camera) => {
+                        let whole = &config.optics;
+                        warn(format!(
+                            "{from}: the pictures have {} of the camera's {} rows; they are taken for a crop with the axis in its middle",
+                            kind.height, whole.height
+                        ));
+                        (camera, format!("{from}, cropped to {} rows", kind.height))
+                    }
+                    None => (config.optics.clone(), from),
+                }
+            }
+            _ => {
+                warn(
+                    "no --cameras and no --config: the camera is taken to be the published rig's, 5.5 um per px, the axis in the picture's \
+                     middle; 1 % of scale is 3 % of volume"
+                        .into(),
+                );
+                (Camera::published(kind.width, kind.height), "nominal, 5.5 um per px".into())
+            }
+        };
+        ensure!(
+            (camera.width, camera.height) == (kind.width, kind.height),
+            "{camera_from}: the camera has {} x {} px, the pictures {} x {} px",
+            camera.width,
+            camera.height,
+            kind.width,
+            kind.height
+        );
+        Ok(Rig {
+            name: self.config.as_ref().map_or_else(|| "imported".into(), |c| c.rig_name.clone()),
+            camera,
+            camera_from,
+            method_name: self.method_name.clone(),
+            method: self.method.clone(),
+            references: self.references.clone(),
+            empty: self.config.as_ref().and_then(|c| c.empty_capillary.clone()),
+        })
+    }
+}
+
+/// The camera of pictures that VAST has cut above and below the capillary, which it puts into the middle. `None` if they are not cut.
+fn cropped(whole: &Camera, kind: Kind) -> Option<Camera> {
+    let is_crop = kind.width == whole.width && kind.height < whole.height;
+    is_crop.then(|| Camera { height: kind.height, uy: (f64::from(kind.height) - 1.0) / 2.0, ..whole.clone() })
 }
 
 fn psi(file: &Path, warn: &mut dyn FnMut(String)) -> anyhow::Result<Psi> {

@@ -3,7 +3,7 @@
 use super::Imported;
 use anyhow::{Context, bail, ensure};
 use carved_records::{LedgerEntry, sha256_hex};
-use carved_store::{Recording, RecordingWriter, durable};
+use carved_store::{Recording, RecordingWriter, StoreError, durable};
 use std::path::{Path, PathBuf};
 
 /// The destination of the recording. An existing one is never changed.
@@ -26,8 +26,30 @@ pub(super) fn choose(out: Option<&Path>, named: &[PathBuf]) -> anyhow::Result<Pa
     Ok(out.to_owned())
 }
 
-/// A temporary folder that is removed unless it was renamed to its destination.
-struct Part(PathBuf);
+/// A temporary folder that is removed unless it was put in its place.
+pub(super) struct Part(PathBuf);
+
+impl Part {
+    /// A folder beside `out`, whose name begins with a dot.
+    pub fn beside(out: &Path) -> anyhow::Result<Self> {
+        let name = out.file_name().unwrap_or_default().to_string_lossy();
+        let path = durable::folder_of(out).join(format!(".{name}.{}.part", std::process::id()));
+        std::fs::create_dir(&path).with_context(|| format!("{}: cannot be made", path.display()))?;
+        Ok(Self(path))
+    }
+
+    pub fn path(&self) -> &Path {
+        &self.0
+    }
+
+    /// Renames the folder to `out`.
+    pub fn put(&self, out: &Path) -> anyhow::Result<()> {
+        ensure!(out.symlink_metadata().is_err(), "{}: was made by somebody else meanwhile; nothing is overwritten", out.display());
+        std::fs::rename(&self.0, out).with_context(|| format!("{}: cannot be put in place", out.display()))?;
+        durable::sync_folder(durable::folder_of(out))?;
+        Ok(())
+    }
+}
 
 impl Drop for Part {
     fn drop(&mut self) {
@@ -36,16 +58,37 @@ impl Drop for Part {
     }
 }
 
+/// Why a recording was not written.
+pub(super) enum Failure {
+    /// Its pictures cannot be used.
+    Pictures(anyhow::Error),
+    /// The disk does not take it.
+    Disk(anyhow::Error),
+}
+
+impl From<StoreError> for Failure {
+    fn from(error: StoreError) -> Self {
+        Self::Disk(error.into())
+    }
+}
+
 /// Writes the recording completely or not at all.
 pub(super) fn write(out: &Path, recording: Recording, imported: &Imported) -> anyhow::Result<()> {
-    let name = out.file_name().unwrap_or_default().to_string_lossy();
-    let part = Part(durable::folder_of(out).join(format!(".{name}.{}.part", std::process::id())));
-    std::fs::create_dir(&part.0).with_context(|| format!("{}: cannot be made", part.0.display()))?;
+    let part = Part::beside(out)?;
+    let close = |writer: RecordingWriter| writer.close().map_err(Failure::from);
+    fill(part.path(), recording, imported).and_then(close).map_err(|failure| match failure {
+        Failure::Pictures(error) | Failure::Disk(error) => error,
+    })?;
+    part.put(out)
+}
+
+/// Writes frames and ledger into a folder. The recording is not closed yet.
+pub(super) fn fill(folder: &Path, recording: Recording, imported: &Imported) -> Result<RecordingWriter, Failure> {
     let (steps_per_revolution, sense) = (recording.rig.steps_per_revolution, recording.rig.sense);
-    let mut writer = RecordingWriter::create(&part.0, recording, imported.empty.as_deref())?;
+    let mut writer = RecordingWriter::create(folder, recording, imported.empty.as_deref())?;
     writer.add_references(&imported.references)?;
     for ((looked, stop), number) in imported.looks.iter().zip(&imported.turn.stops).zip(1..) {
-        let frame = looked.frame()?;
+        let frame = looked.frame().map_err(Failure::Pictures)?;
         let entry = LedgerEntry {
             view: stop.view,
             retake: 0,
@@ -67,9 +110,5 @@ pub(super) fn write(out: &Path, recording: Recording, imported: &Imported) -> an
         writer.add_view(entry, &frame)?;
     }
     writer.add_json("import.json", &imported.origin())?;
-    writer.close()?;
-    ensure!(out.symlink_metadata().is_err(), "{}: was made by somebody else meanwhile; nothing is overwritten", out.display());
-    std::fs::rename(&part.0, out).with_context(|| format!("{}: cannot be put in place", out.display()))?;
-    durable::sync_folder(durable::folder_of(out))?;
-    Ok(())
+    Ok(writer)
 }

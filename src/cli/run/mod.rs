@@ -65,7 +65,7 @@ pub struct WatchArgs {
 }
 
 /// The exit code for the outcome of a run.
-fn code_of(outcome: RunOutcome) -> u8 {
+pub fn code_of(outcome: RunOutcome) -> u8 {
     match outcome {
         RunOutcome::Succeeded => 0,
         RunOutcome::Partial => 4,

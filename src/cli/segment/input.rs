@@ -39,8 +39,15 @@ impl std::fmt::Display for Kind {
     }
 }
 
+/// Larger files are not read into memory. A frame of the largest cameras has 150 MB.
+const MOST_BYTES: u64 = 512 << 20;
+
 /// Alpha is ignored, because a transparent pixel need not show light.
 pub(in crate::cli) fn read(path: &Path, bayer: bool) -> anyhow::Result<Input> {
+    let length = std::fs::metadata(path).context("cannot be read")?.len();
+    if length > MOST_BYTES {
+        bail!("the file has {} MB; expected a picture of {} MB at most", length >> 20, MOST_BYTES >> 20);
+    }
     let bytes = carved_files::read(path).context("cannot be read")?;
     let reader = ImageReader::new(Cursor::new(&bytes)).with_guessed_format().context("cannot be read")?;
     if reader.format().is_none() {

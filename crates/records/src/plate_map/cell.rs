@@ -74,7 +74,7 @@ pub struct Row {
 }
 
 /// A well as a file may name it: `a1` and `A1` are `A01`.
-fn well_of(written: &str) -> Option<String> {
+pub fn well_of(written: &str) -> Option<String> {
     let row = written.chars().next().filter(char::is_ascii_alphabetic)?.to_ascii_uppercase();
     let column = &written[1..];
     let digits = !column.is_empty() && column.len() <= 2 && column.bytes().all(|b| b.is_ascii_digit());

@@ -15,6 +15,7 @@ mod number;
 mod table;
 mod text;
 
+pub use cell::well_of;
 pub use table::{UNCLOSED_QUOTE, unclosed_quote};
 
 use super::{FieldError, PlannedWell};

@@ -207,8 +207,11 @@ pub(super) fn run_names(root: &Path) -> Result<Vec<String>, StoreError> {
     Ok(refresh::folders(root)?.into_keys().collect())
 }
 
-/// A run that another program than the daemon has taken files of, or that is gone: its rows follow, where there is an index.
-pub(super) fn follow_prune(root: &Path, id: &str) -> Result<(), StoreError> {
+/// A run that another program than the daemon has added, has taken files of, or has removed: its rows follow, where there is an index.
+///
+/// # Errors
+/// The index or the run's record cannot be read. The folder is as it was.
+pub fn follow_run(root: &Path, id: &str) -> Result<(), StoreError> {
     let path = root.join(FILE);
     if !path.exists() {
         return Ok(());
@@ -221,7 +224,7 @@ pub(super) fn follow_prune(root: &Path, id: &str) -> Result<(), StoreError> {
         Some(record) => rows::put_run(tx, root, record, true),
         None => rows::remove_run(tx, id),
     };
-    in_one(&mut connection, follow).map_err(failed("follow what was pruned; carved index rebuild makes it anew", &path))
+    in_one(&mut connection, follow).map_err(failed("follow the run's folder; carved index rebuild makes it anew", &path))
 }
 
 /// Makes the index from the folders, beside its place, and puts it there whole.

@@ -1,0 +1,157 @@
+//! What the name of a picture says about it, by the user's pattern or by the names that VAST's programs give.
+//!
+//! ```text
+//!  2021.10.11_5dpf_tail_W_A02_1_4_rot.tiff     date, age, well, fish, view; `_rot` and other words at the end say nothing
+//!  W_A02_1_4.tiff   A02_4.tiff                 the fish may be left out
+//!  Well_A02/VAST_1_4.tiff                      the well of the nearest folder that names one
+//! ```
+
+use super::pattern::{Field, Pattern};
+use carved_records::plate_map::well_of;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// What a name says.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(super) struct Label {
+    /// `A01` to `P24`.
+    pub well: Option<String>,
+    pub fish: Option<u32>,
+    pub view: u32,
+    pub dpf: Option<f64>,
+    /// What else tells plates apart: names of folders without that of the well, date, plate.
+    pub group: Group,
+}
+
+/// Marks that pictures of one plate share.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Default)]
+pub(super) struct Group {
+    pub folder: String,
+    pub date: Option<String>,
+    pub plate: Option<String>,
+}
+
+impl std::fmt::Display for Group {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let folder = if self.folder.is_empty() { "the folder itself" } else { self.folder.as_str() };
+        write!(f, "{folder}")?;
+        self.date.iter().try_for_each(|date| write!(f, ", date {date}"))?;
+        self.plate.iter().try_for_each(|plate| write!(f, ", plate {plate}"))
+    }
+}
+
+/// Reads a path below the named folder. `None` if it does not name a view.
+pub(in crate::cli::import) fn read(path: &Path, pattern: Option<&Pattern>) -> Option<Label> {
+    let path = path.iter().map(|part| part.to_string_lossy()).collect::<Vec<_>>().join("/");
+    match pattern {
+        Some(pattern) => of_fields(&path, &pattern.fields(&format!("/{path}"))?),
+        None => of_vast(&path),
+    }
+}
+
+fn of_fields(path: &str, fields: &BTreeMap<Field, String>) -> Option<Label> {
+    let text = |field| fields.get(&field).map(String::as_str);
+    // A field that does not fit is a name that does not match.
+    let number = |field| text(field).map(str::parse::<u32>).transpose().ok();
+    let well = match text(Field::Well) {
+        Some(written) => Some(well_of(written)?),
+        None => None,
+    };
+    let (well, folder) = in_folders(path, well);
+    Some(Label {
+        well,
+        fish: number(Field::Fish)?,
+        view: number(Field::View)??,
+        dpf: text(Field::Age).and_then(age),
+        group: Group { folder, date: text(Field::Date).map(str::to_owned), plate: text(Field::Plate).map(str::to_owned) },
+    })
+}
+
+fn of_vast(path: &str) -> Option<Label> {
+    let name = path.rsplit('/').next().unwrap_or(path);
+    let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
+    let mut tokens: Vec<&str> = stem.split(['_', '-', ' ']).filter(|t| !t.is_empty()).collect();
+    while tokens.len() > 1 && tokens.last().is_some_and(|t| t.chars().all(char::is_alphabetic)) {
+        tokens.pop();
+    }
+    let number = |token: Option<&&str>| token.filter(|t| t.bytes().all(|b| b.is_ascii_digit())).and_then(|t| t.parse::<u32>().ok());
+    let view = number(tokens.last())?;
+    tokens.pop();
+    let fish = number(tokens.last());
+    if fish.is_some() {
+        tokens.pop();
+    }
+    // The well is beside the numbers. `W` before it is not needed.
+    let well = tokens.last().and_then(|token| well_of(token));
+    let (well, folder) = in_folders(path, well);
+    // Without a well, any numbered picture would be a view of something.
+    well.as_ref()?;
+    let is_date = |t: &&str| t.bytes().filter(u8::is_ascii_digit).count() >= 6 && t.bytes().all(|b| b.is_ascii_digit() || b == b'.');
+    Some(Label {
+        well,
+        fish,
+        view,
+        dpf: tokens.iter().find_map(|t| age(t.to_lowercase().strip_suffix("dpf")?)),
+        group: Group { folder, date: tokens.iter().copied().find(|t| is_date(t)).map(str::to_owned), plate: None },
+    })
+}
+
+fn age(text: &str) -> Option<f64> {
+    text.replacen(',', ".", 1).parse().ok().filter(|age: &f64| age.is_finite())
+}
+
+/// The well of the name, or of the nearest folder that names one well; and the other folders.
+fn in_folders(path: &str, well: Option<String>) -> (Option<String>, String) {
+    let mut folders: Vec<&str> = path.split('/').collect();
+    folders.pop();
+    let of_folder = |name: &str| {
+        let wells: Vec<String> = name.split(['_', '-', ' ']).filter_map(well_of).collect();
+        if let [well] = &wells[..] { Some(well.clone()) } else { None }
+    };
+    // A plate's folder may have a name such as P1. It is taken for a well only if the name of the picture says none.
+    let at = folders.iter().rposition(|name| of_folder(name).is_some_and(|w| well.as_ref().is_none_or(|well| *well == w)));
+    let named = at.and_then(|at| of_folder(folders.remove(at)));
+    (well.or(named), folders.join("/"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn said(path: &str, pattern: Option<&str>) -> Option<String> {
+        let pattern = pattern.map(|p| Pattern::read(p).unwrap());
+        let Label { well, fish, view, dpf, group } = read(Path::new(path), pattern.as_ref())?;
+        let date = group.date.as_deref().unwrap_or("-");
+        Some(format!("{} {fish:?} {view} {dpf:?} {date} [{}]", well.as_deref().unwrap_or("-"), group.folder).replace("Some", ""))
+    }
+
+    #[test]
+    fn names_of_vast_are_understood() {
+        for (path, expected) in [
+            ("2021.10.11_5dpf_tail_W_A02_1_1_rot.tiff", "A02 (1) 1 (5.0) 2021.10.11 []"),
+            ("20211011_3,5dpf_W_h7_2_12.png", "H07 (2) 12 (3.5) 20211011 []"),
+            ("W_A02_1_4.tiff", "A02 (1) 4 None - []"),
+            ("W_A02_1_4_rot_crop.tiff", "A02 (1) 4 None - []"),
+            ("A2_4.tiff", "A02 None 4 None - []"),
+            ("B12/VAST_1_4.tiff", "B12 (1) 4 None - []"),
+            ("P1/Well_B12/VAST_3_4_rot.tiff", "B12 (3) 4 None - [P1]"),
+            ("P1/W_A02_1_4.tiff", "A02 (1) 4 None - [P1]"),
+            ("P1/A02/W_A02_1_4.tiff", "A02 (1) 4 None - [P1]"),
+        ] {
+            assert_eq!(said(path, None).as_deref(), Some(expected), "{path}");
+        }
+        for path in ["VAST_1_4.tiff", "overview.png", "W_A02.tiff", "W_A02_1_99999999999.tiff", "W_Z9_1_4.tiff"] {
+            assert_eq!(said(path, None), None, "{path}");
+        }
+    }
+
+    #[test]
+    fn a_pattern_reads_other_names() {
+        let of = |path, pattern| said(path, Some(pattern));
+        assert_eq!(of("x/d3-F2-v4-C05.png", "d{age}-F{fish}-v{view}-{well}").unwrap(), "C05 (2) 4 (3.0) - [x]");
+        assert_eq!(of("C05/v4.png", "v{view}").unwrap(), "C05 None 4 None - []");
+        assert_eq!(of("v4.png", "v{view}").unwrap(), "- None 4 None - []");
+        assert_eq!(of("Z99_v4.png", "{well}_v{view}"), None);
+        assert_eq!(of("A01_v99999999999.png", "{well}_v{view}"), None);
+    }
+}

@@ -1,0 +1,222 @@
+//! A pattern for the names of pictures, as a user gives it.
+//!
+//! ```text
+//!  {date}_{age}dpf_{_}_W_{well}_{fish}_{view}_rot.tiff
+//!  {well}/VAST_{fish}_{view}                            with folders; without an ending any picture
+//! ```
+//! A number is taken whole: `{fish}` is never a part of its digits. Letters match regardless of case.
+
+use anyhow::{Context, bail, ensure};
+use std::collections::{BTreeMap, BTreeSet};
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Field {
+    Well,
+    Fish,
+    View,
+    Age,
+    Date,
+    Plate,
+    /// `{_}`: any text.
+    Any,
+}
+
+impl Field {
+    const ALL: [(&'static str, Self); 7] = [
+        ("well", Self::Well),
+        ("fish", Self::Fish),
+        ("view", Self::View),
+        ("age", Self::Age),
+        ("date", Self::Date),
+        ("plate", Self::Plate),
+        ("_", Self::Any),
+    ];
+
+    fn named(name: &str) -> Option<Self> {
+        Self::ALL.iter().find(|(n, _)| *n == name).map(|(_, field)| *field)
+    }
+
+    /// Possible lengths of the field at the beginning of a text, the preferred one first.
+    fn lengths(self, text: &str) -> Vec<usize> {
+        let digits = |text: &str| text.bytes().take_while(u8::is_ascii_digit).count();
+        match self {
+            Self::Well => {
+                let column = text.get(1..).map_or(0, digits);
+                let is_row = text.starts_with(|c: char| c.is_ascii_alphabetic());
+                if is_row && (1..=2).contains(&column) { vec![1 + column] } else { Vec::new() }
+            }
+            Self::Fish | Self::View => Some(digits(text)).filter(|n| *n > 0).into_iter().collect(),
+            Self::Age => {
+                let whole = digits(text);
+                let part = text[whole..].strip_prefix(['.', ',']).map_or(0, digits);
+                let lengths = [(part > 0, whole + 1 + part), (true, whole)];
+                lengths.into_iter().filter(|(is, _)| *is && whole > 0).map(|(_, n)| n).collect()
+            }
+            Self::Date | Self::Plate | Self::Any => {
+                let end = text.find('/').unwrap_or(text.len());
+                text[..end].char_indices().map(|(at, c)| at + c.len_utf8()).collect()
+            }
+        }
+    }
+
+    fn is_number(self) -> bool {
+        matches!(self, Self::Fish | Self::View | Self::Age)
+    }
+}
+
+#[derive(Debug, Clone, PartialEq)]
+enum Part {
+    Text(String),
+    Field(Field),
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub(in crate::cli::import) struct Pattern {
+    parts: Vec<Part>,
+    /// Number of folders before the name.
+    folders: usize,
+    /// Whether it ends with the ending of a picture.
+    has_ending: bool,
+}
+
+impl Pattern {
+    pub fn read(text: &str) -> anyhow::Result<Self> {
+        let known = || Field::ALL.iter().map(|(name, _)| format!("{{{name}}}")).collect::<Vec<_>>().join(", ");
+        let mut parts: Vec<Part> = Vec::new();
+        let mut named = BTreeSet::new();
+        let mut rest = text;
+        while let Some((before, after)) = rest.split_once('{') {
+            ensure!(!before.contains('}'), "found }} without {{ before it; expected fields as {}", known());
+            if !before.is_empty() {
+                parts.push(Part::Text(before.to_lowercase()));
+            }
+            let (name, after) =
+                after.split_once('}').with_context(|| format!("found {{{after} without }}; expected fields as {}", known()))?;
+            let field = Field::named(name).with_context(|| format!("found {{{name}}}, expected one of {}", known()))?;
+            ensure!(
+                field == Field::Any || named.insert(field),
+                "found {{{name}}} twice, expected it once; {{_}} stands for a text that is not used"
+            );
+            parts.push(Part::Field(field));
+            rest = after;
+        }
+        ensure!(!rest.contains('}'), "found }} without {{ before it; expected fields as {}", known());
+        if !rest.is_empty() {
+            parts.push(Part::Text(rest.to_lowercase()));
+        }
+        if !named.contains(&Field::View) {
+            bail!("found no {{view}}, which gives a picture its angle; the fields are {}", known());
+        }
+        let has_ending = crate::cli::import::frames::is_picture(std::path::Path::new(rest));
+        Ok(Self { parts, folders: text.matches('/').count(), has_ending })
+    }
+
+    /// The fields of a path with `/` between its folders. `None` if it does not match.
+    pub(super) fn fields(&self, path: &str) -> Option<BTreeMap<Field, String>> {
+        let mut from = path.len();
+        for _ in 0..=self.folders {
+            from = path[..from].rfind('/')?;
+        }
+        let text = &path[from + 1..];
+        let text = if self.has_ending { text } else { text.rsplit_once('.').map_or(text, |(stem, _)| stem) };
+        let mut search = Search { parts: &self.parts, text, failed: BTreeSet::new(), found: Vec::new() };
+        search.from(0, 0).then(|| search.found.into_iter().map(|(field, at, end)| (field, text[at..end].to_owned())).collect())
+    }
+}
+
+/// A search with return to earlier choices. What has failed once is not tried again, so that a search is short for any pattern.
+struct Search<'a> {
+    parts: &'a [Part],
+    text: &'a str,
+    failed: BTreeSet<(usize, usize)>,
+    found: Vec<(Field, usize, usize)>,
+}
+
+impl Search<'_> {
+    fn from(&mut self, part: usize, at: usize) -> bool {
+        let Some(next) = self.parts.get(part) else { return at == self.text.len() };
+        if self.failed.contains(&(part, at)) {
+            return false;
+        }
+        let rest = &self.text[at..];
+        let matches = match next {
+            Part::Text(text) => rest.get(..text.len()).is_some_and(|t| t.to_lowercase() == *text) && self.from(part + 1, at + text.len()),
+            Part::Field(field) => {
+                let splits_number = field.is_number()
+                    && part > 0
+                    && matches!(self.parts[part - 1], Part::Field(_))
+                    && self.text[..at].ends_with(|c: char| c.is_ascii_digit());
+                !splits_number && self.field(*field, part, at)
+            }
+        };
+        if !matches {
+            self.failed.insert((part, at));
+        }
+        matches
+    }
+
+    fn field(&mut self, field: Field, part: usize, at: usize) -> bool {
+        for length in field.lengths(&self.text[at..]) {
+            let known = self.found.len();
+            if field != Field::Any {
+                self.found.push((field, at, at + length));
+            }
+            if self.from(part + 1, at + length) {
+                return true;
+            }
+            self.found.truncate(known);
+        }
+        false
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn found(pattern: &str, path: &str) -> Option<String> {
+        let fields = Pattern::read(pattern).unwrap().fields(&format!("/{path}"))?;
+        Some(fields.values().map(String::as_str).collect::<Vec<_>>().join(" "))
+    }
+
+    #[test]
+    fn fields_are_found_in_names_and_folders() {
+        let vast = "{date}_{age}dpf_{_}_W_{well}_{fish}_{view}_rot.tiff";
+        for (pattern, path, expected) in [
+            (vast, "2021.10.11_5dpf_tail_W_A02_1_4_rot.tiff", Some("A02 1 4 5 2021.10.11")),
+            (vast, "2021.10.11_5dpf_tail_W_A02_1_12_ROT.TIFF", Some("A02 1 12 5 2021.10.11")),
+            (vast, "2021.10.11_5.5dpf_a_b_W_h12_10_1_rot.tiff", Some("h12 10 1 5.5 2021.10.11")),
+            (vast, "2021.10.11_5dpf_tail_W_A02_1_4.tiff", None),
+            (vast, "2021.10.11_5dpf_W_A02_1_4_rot.tiff", None),
+            ("{well}/VAST_{fish}_{view}", "plate/B03/VAST_1_4.png", Some("B03 1 4")),
+            ("{well}/VAST_{fish}_{view}", "VAST_1_4.png", None),
+            ("{plate}/{_}{view}", "P-1/v12.png", Some("12 P-1")),
+            ("{_}{view}", "12.png", None),
+            ("v{view}", "v007.png", Some("007")),
+            ("{_}{view}µ", "µ7µ.png", Some("7")),
+        ] {
+            assert_eq!(found(pattern, path).as_deref(), expected, "{pattern} {path}");
+        }
+    }
+
+    #[test]
+    fn a_pattern_that_means_nothing_is_refused() {
+        for (pattern, expected) in [
+            ("{well}_{fish}", "found no {view}"),
+            ("{wel}_{view}", "found {wel}, expected one of {well}, {fish}"),
+            ("{view", "found {view without }"),
+            ("view}_{view}", "found } without {"),
+            ("{view}}", "found } without {"),
+            ("{view}_{view}", "found {view} twice"),
+        ] {
+            let said = Pattern::read(pattern).unwrap_err().to_string();
+            assert!(said.contains(expected), "{pattern}: {said}");
+        }
+    }
+
+    #[test]
+    fn a_search_ends_for_many_wildcards() {
+        let name = "a".repeat(250);
+        assert_eq!(found(&format!("{}{{view}}", "{_}a".repeat(20)), &format!("{name}.png")), None);
+    }
+}

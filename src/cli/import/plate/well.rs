@@ -1,0 +1,120 @@
+//! One well: its pictures become a recording with numbers.
+
+use super::plan::Plan;
+use super::sort::{WellPictures, first_of};
+use crate::cli::import::rig::Sources;
+use crate::cli::import::write::{self, Failure};
+use crate::cli::import::{Args, Imported, frames, recording};
+use crate::cli::told;
+use crate::session::numbers::{self, NumbersError};
+use anyhow::Context;
+use carved_core::frame::RawFrame;
+use carved_core::pipeline::SegmentedFrame;
+use carved_core::profile::Mask;
+use carved_records::{LedgerEntry, PlannedWell, SpecimenOutcome, WellStatus};
+use carved_store::{Recording, RecordingReader};
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError};
+
+pub(super) struct Well<'a> {
+    pub args: &'a Args,
+    pub sources: &'a Sources,
+    pub plan: &'a Plan,
+    pub run: &'a str,
+    pub planned: &'a PlannedWell,
+    /// Folder of the recording.
+    pub folder: PathBuf,
+}
+
+impl Well<'_> {
+    /// A well of the plate map that nobody took pictures of.
+    pub fn without_pictures(&self) -> WellStatus {
+        let mut status = WellStatus::pending(self.planned);
+        status.end(SpecimenOutcome::Skipped, Some("no picture of this well was found"));
+        status
+    }
+
+    /// Writes the recording and measures it. What is wrong with its pictures ends the well, not the import.
+    ///
+    /// # Errors
+    /// The disk does not take the recording.
+    pub fn import(
+        &self,
+        pictures: &WellPictures,
+        empty: &mut Option<Arc<RawFrame>>,
+        warn: &mut dyn FnMut(String),
+    ) -> anyhow::Result<WellStatus> {
+        let mut status = WellStatus::pending(self.planned);
+        let read = self.read(pictures, warn).map_err(Failure::Pictures);
+        let written = read.and_then(|(imported, recording)| {
+            *empty = empty.take().or_else(|| imported.empty.clone());
+            write::fill(&self.folder, recording, &imported)
+        });
+        let mut writer = match written {
+            Ok(writer) => writer,
+            Err(Failure::Disk(error)) => return Err(error.context(format!("well {}", self.planned.well))),
+            Err(Failure::Pictures(error)) => {
+                // A picture that was changed meanwhile leaves a part of the recording.
+                if self.folder.is_dir() {
+                    std::fs::remove_dir_all(&self.folder).with_context(|| format!("{}: cannot be removed", self.folder.display()))?;
+                }
+                let why = told(&error);
+                note!("carved: {}: {why}", self.planned.well);
+                status.end(SpecimenOutcome::Failed, Some(&why));
+                return Ok(status);
+            }
+        };
+        let reader = RecordingReader::open(&self.folder)?;
+        let stored = reader.recording();
+        let entries: Vec<&LedgerEntry> = stored.ledger.counted().collect();
+        let masks: Mutex<BTreeMap<u32, Mask>> = Mutex::default();
+        let keep_mask = |entry: &LedgerEntry, seen: &SegmentedFrame| {
+            if let (Ok(profile), false) = (&seen.profile, entry.closure)
+                && profile.mask.area_px() > 0
+            {
+                masks.lock().unwrap_or_else(PoisonError::into_inner).insert(entry.view, profile.mask.clone());
+            }
+        };
+        let numbers = numbers::of_recording(&reader, &stored.method, &entries, keep_mask);
+        for (view, mask) in masks.into_inner().unwrap_or_else(PoisonError::into_inner) {
+            writer.add_profile(view, &mask)?;
+        }
+        match numbers {
+            Ok((mesh, file)) => {
+                numbers::keep(&mut writer, &mesh, &file)?;
+                numbers::tell(&mut status, &file, self.plan.method.asd);
+            }
+            Err(NumbersError::Store(error)) => return Err(error.into()),
+            Err(NumbersError::Pipeline(error)) => {
+                note!("carved: {}: {error}", self.planned.well);
+                status.end(SpecimenOutcome::Failed, Some(&error.to_string()));
+            }
+        }
+        writer.close()?;
+        Ok(status)
+    }
+
+    fn read(&self, pictures: &WellPictures, warn: &mut dyn FnMut(String)) -> anyhow::Result<(Imported, Recording)> {
+        let mut warnings = Vec::new();
+        let mut of_well = |doubt: String| {
+            warn(format!("{}: {doubt}", self.planned.well));
+            warnings.push(doubt);
+        };
+        let plan = self.plan;
+        let (views, paths): (Vec<u32>, Vec<PathBuf>) = pictures.in_order(&plan.views)?.into_iter().unzip();
+        let missing = pictures.missing(&plan.views);
+        if !missing.is_empty() {
+            of_well(format!("{} of {} pictures are missing, those of view {}", missing.len(), plan.views.len(), first_of(&missing)));
+        }
+        let turn = plan.turn(&views).with_context(|| plan.angles_from.clone())?;
+        let (looks, kind) = frames::look(&paths, self.args.bayer, &mut of_well)?;
+        let rig = self.sources.rig(self.args, kind, &mut |doubt| {
+            warn(doubt.clone());
+            warnings.push(doubt);
+        })?;
+        let imported = Imported::new(self.args, &rig, (looks, kind), turn, plan.angles_from.clone(), warnings)?;
+        let recording = recording(rig, self.run, self.planned.clone(), kind, &imported)?;
+        Ok((imported, recording))
+    }
+}
