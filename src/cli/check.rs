@@ -11,6 +11,9 @@ pub struct Args {
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let config = Config::load(&args.file)?;
+    for doubt in &config.doubts {
+        say!("{}: look again: {doubt}", args.file.display());
+    }
     say!(
         "{}: sound; instrument {:?}, methods: {}",
         args.file.display(),

@@ -21,6 +21,9 @@ pub struct Args {
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let config = Arc::new(Config::load(&args.config)?);
+    for doubt in &config.doubts {
+        tracing::warn!("{}: look again: {doubt}", args.config.display());
+    }
     let listener = http::bind(&config.http)?;
     // The data folder is claimed before any device is opened, because its owner may be in the middle of a turn.
     let claim = Claim::on(&config.store.data_dir)?;

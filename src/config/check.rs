@@ -1,6 +1,7 @@
 //! Raw to checked: every breach is found and said, then nothing needs to be doubted again.
 
 use super::HttpSettings;
+use super::plausible::implausible;
 use super::raw::{CalibrationConfig, CameraDriver, Drivers, Raw, RawSecondOptics, RotationDriver, SamplerDriver};
 use super::references::{self, ReferencesError};
 use carved_core::frame::{PixelFormat, RawFrame};
@@ -45,6 +46,8 @@ pub struct Config {
     pub methods: BTreeMap<String, Method>,
     /// The larvae that specimens are compared with.
     pub references: Arc<[References]>,
+    /// Values that may be meant and hardly ever are, each a sentence.
+    pub doubts: Vec<String>,
 }
 
 /// The second camera and where it looks from.
@@ -153,6 +156,8 @@ impl Config {
             breaches.extend(checked.err().map(|e| format!("  {e}")));
         }
         wires(raw.translation.as_ref(), &drivers, &mut breaches);
+        let implausible = implausible(&raw, &drivers, in_range);
+        breaches.extend(implausible.breaches);
         let second = second_camera(drivers.camera_second, raw.optics_second.as_ref(), &mut breaches);
         breaches.extend(second.iter().flat_map(|second| too_near(&raw.methods, "optics_second", &second.optics.camera)));
         let mut wrong = |key: &str, found: String, expected: &str| breaches.push(format!("  {key} = {found}; expected {expected}"));
@@ -181,6 +186,7 @@ impl Config {
             sampler: drivers.sampler,
             methods: raw.methods,
             references,
+            doubts: implausible.doubts,
         })
     }
 }

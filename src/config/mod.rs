@@ -2,11 +2,13 @@
 //!
 //! ```text
 //! file ─> Raw (serde, deny_unknown_fields) ─> check: every breach is listed ─> Config
+//!          │                                   └─ plausible: what no instrument has
 //!          └─> schema: `carved config schema`, docs/configuration.md
 //! ```
 
 mod check;
 mod http;
+mod plausible;
 mod raw;
 pub mod references;
 mod schema;

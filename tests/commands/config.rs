@@ -146,3 +146,127 @@ fn a_bore_that_no_capillary_has_is_refused_with_both_numbers() {
     assert_eq!(Config::parse(&with("650.0"), &path).unwrap().bore_um, Some(650.0));
     assert_eq!(Config::parse(&text, &path).unwrap().bore_um, None);
 }
+
+/// The lines that `carved config check` says of a shipped file with one change, and whether it accepts the file.
+fn checked(file: &str, from: &str, to: &str) -> (bool, String) {
+    let text = std::fs::read_to_string(folder().join(file)).unwrap();
+    assert!(text.contains(from), "{file}: {from}");
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("rig.toml");
+    std::fs::write(&path, text.replacen(from, to, 1)).unwrap();
+    let output = run(&["config", "check", path.to_str().unwrap()]);
+    (output.status.success(), format!("{}{}", String::from_utf8_lossy(&output.stdout), stderr(&output)))
+}
+
+/// Each value is a number of the right kind, and no instrument has it. The message has what was found, what is expected and what to do.
+#[test]
+fn values_that_no_instrument_has_are_refused_with_both_numbers_and_the_way_out() {
+    let camera = "exposure_us = 5000.0";
+    for (from, to, expected) in [
+        ("distance_um = 60000.0", "distance_um = 60.0", &["optics.distance_um = 60;", "708 um", "60 mm"][..]),
+        ("distance_um = 60000.0", "distance_um = 0.06", &["optics.distance_um = 0.06; expected 1 to 1000000000 um"]),
+        (
+            "kx_px_per_um = 0.18181818181818182",
+            "kx_px_per_um = 5.5",
+            &["optics.kx_px_per_um = 5.5", "a pixel is 0.182 um; expected 0.25 to 100 um", "write 0.181818"],
+        ),
+        ("ky_px_per_um = 0.18181818181818182", "ky_px_per_um = 181.8", &["optics.ky_px_per_um = 181.8; expected 0.0001 to 100 px/um"]),
+        (
+            "ky_px_per_um = 0.18181818181818182",
+            "ky_px_per_um = 0.5",
+            &["optics.kx_px_per_um = 0.18", "ky_px_per_um = 0.5", "factor of 2", "calibrate scale"],
+        ),
+        (camera, "exposure_us = 0.005", &["camera.exposure_us = 0.005; expected 0.1 to 60000000 us"]),
+        (
+            camera,
+            "exposure_us = 5e6",
+            &["camera.exposure_us = 5000000 (5000 ms); expected less than camera.frame_timeout_ms = 500", "shorten the exposure"],
+        ),
+        ("gamma_deg = 0.0", "gamma_deg = 100.0", &["optics.gamma_deg = 100; expected -30 to 30 deg", "or write 0"]),
+        ("uy_px = 511.5", "uy_px = 5115.0", &["optics.uy_px = 5115; expected a row of the picture, 0 to 1023", "near 511.5"]),
+        ("ux_px = 511.5", "ux_px = 5115.0", &["optics.ux_px = 5115; expected -1024 to 2047", "the middle is 511.5"]),
+        ("reference = \"home\"", "reference = \"home\"\nbaud = 0", &["rotation.baud = 0; expected 300 to 4000000 baud"]),
+        ("port = \"/dev/carved-rotation\"", "port = \"\"", &["rotation.port = \"\"; expected", "/dev/ttyUSB0", "carved doctor"]),
+        ("port = \"/dev/carved-rotation\"", "port = { usb_serial = \" \" }", &["rotation.port.usb_serial = \"\"; expected"]),
+        (
+            "data_dir = \"/var/lib/carved\"",
+            "data_dir = \"/proc/carved\"",
+            &["store.data_dir = \"/proc/carved\"; /proc is the kernel's", "as /var/lib/carved"],
+        ),
+        ("data_dir = \"/var/lib/carved\"", "data_dir = \"\"", &["store.data_dir = \"\"; expected a folder"]),
+        (
+            "name = \"vast-1\"",
+            "name = \"vast-1\"\nbacklash_steps = 5000",
+            &["rig.backlash_steps = 5000, which are 3600 deg of 500 steps per turn; expected 62 steps (45 deg) at most", "or write 0"],
+        ),
+        (
+            "grab_deadline_ms = 3000",
+            "grab_deadline_ms = 100",
+            &["acquisition.grab_deadline_ms = 100; expected at least camera.frame_timeout_ms = 500", "to 1000 or more"],
+        ),
+        (
+            camera,
+            "exposure_us = 5000.0\ntrigger = { fixed_rate_hz = 0.1 }",
+            &[
+                "camera.trigger.fixed_rate_hz = 0.1, a frame each 10000 ms; expected one within acquisition.grab_deadline_ms = 3000",
+                "0.333 Hz",
+            ],
+        ),
+    ] {
+        let (sound, said) = checked("vast-grbl.toml", from, to);
+        assert!(!sound, "{to}: {said}");
+        for part in expected {
+            assert!(said.contains(part), "{to}: {part:?} is not in: {said}");
+        }
+    }
+}
+
+/// What an instrument may have and hardly ever has is accepted, with a remark.
+#[test]
+fn doubtful_values_are_accepted_and_named() {
+    for (from, to, expected) in [
+        ("gamma_deg = 0.0", "gamma_deg = 3.14", &["optics.gamma_deg = 3.14 deg", "within 3 deg"][..]),
+        ("reference = \"home\"", "reference = \"home\"\nbaud = 11520", &["rotation.baud = 11520", "is 115200 meant?"]),
+        ("width = 1024 ", "offset_x = 4000\nwidth = 1024 ", &["camera.offset_x = 4000: the region of 1024 px ends at 5024", "4096 px"]),
+    ] {
+        let (sound, said) = checked("vast-grbl.toml", from, to);
+        assert!(sound && said.contains("look again: ") && said.contains("sound; instrument"), "{to}: {said}");
+        for part in expected {
+            assert!(said.contains(part), "{to}: {part:?} is not in: {said}");
+        }
+    }
+    let (sound, said) = checked("vast-grbl.toml", "gamma_deg = 0.0", "gamma_deg = 0.5");
+    assert!(sound && !said.contains("look again"), "{said}");
+}
+
+/// A value of another type, in a table whose `driver` says which keys it has.
+#[test]
+fn type_errors_of_the_drivers_tables_name_their_key() {
+    for (file, from, to, expected) in [
+        ("vast-grbl.toml", "exposure_us = 5000.0", "exposure_us = \"5 ms\"", "camera.exposure_us: invalid type: string \"5 ms\""),
+        ("vast-grbl.toml", "width = 1024 ", "width = -1024 ", "camera.width: invalid value: integer `-1024`"),
+        ("vast-grbl.toml", "width = 1024 ", "width = 1024.5 ", "camera.width: invalid type: floating point `1024.5`"),
+        ("vast-grbl.toml", "\"192.168.10.2\"", "\"192.168.10\"", "camera.select.address: invalid IPv4"),
+        ("vast-grbl.toml", "\"BayerRG8\"", "\"Bayer\"", "camera.pixel_format: unknown variant `Bayer`"),
+        (
+            "vast-grbl.toml",
+            "exposure_us = 5000.0",
+            "exposure_us = 1.0\ntrigger = { fixed_rate_hz = \"a\" }",
+            "camera.trigger.fixed_rate_hz: invalid type",
+        ),
+        ("vast-grbl.toml", "exposure_us = 5000.0", "exposure = 5000.0", "camera.exposure: unknown field `exposure`"),
+        (
+            "vast-grbl.toml",
+            "steps_per_unit = [100, 1]",
+            "steps_per_unit = [100, \"1\"]",
+            "rotation.steps_per_unit[1]: invalid type: string \"1\"",
+        ),
+        ("vast-grbl.toml", "reference = \"home\"", "reference = 1", "rotation.reference: "),
+        ("vast-grbl.toml", "port = \"/dev/carved-rotation\"", "port = 3", "rotation.port: a path such as"),
+        ("vast-tmcl.toml", "driver = \"tmcl\"", "driver = \"tmcl\"\nbaud = true", "rotation.baud: invalid type: boolean `true`"),
+        ("vast-zaber.toml", "driver = \"zaber\"", "driver = \"zaber\"\nbaud = \"fast\"", "rotation.baud: invalid type: string \"fast\""),
+    ] {
+        let (sound, said) = checked(file, from, to);
+        assert!(!sound && said.contains(expected), "{to}: {said}");
+    }
+}
