@@ -160,7 +160,6 @@ export class CommandRow {
     this.#asker = new Asker(find);
     this.#answer = find("answer");
     for (const [command, button] of this.#buttons) button.addEventListener("click", () => void this.#clicked(command));
-    find("emergency-stop").addEventListener("click", () => void this.#emergencyStop());
   }
 
   update(status: Status): void {
@@ -215,28 +214,6 @@ export class CommandRow {
       await job();
     } catch (error) {
       this.#say(`${refused}: ${reason(error)}.`, () => own !== this.#attempts);
-    }
-  }
-
-  async #emergencyStop(): Promise<void> {
-    const stands = (s: Status) => s.faults.some((f) => f.code === "emergency_stop");
-    let seen = false;
-    // The notice stays until the fault was shown and acknowledged.
-    const isOver = (now: Status) => {
-      seen ||= stands(now);
-      return seen && !stands(now);
-    };
-    try {
-      await post("/v1/emergency-stop");
-      this.#say(
-        "Emergency stop: the motors were stopped. Acknowledge the fault below when the instrument is safe.",
-        isOver,
-      );
-    } catch (error) {
-      this.#say(
-        `The emergency stop did not get through: ${reason(error)}. Use the instrument's own emergency stop, or cut its power.`,
-        never,
-      );
     }
   }
 

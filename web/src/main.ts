@@ -9,6 +9,7 @@ import { VolumeChart } from "./chart.ts";
 import { CommandRow } from "./commands.ts";
 import { keepLive } from "./connection.ts";
 import { byId, setText, show } from "./dom.ts";
+import { EmergencyStop } from "./emergency.ts";
 import { FaultsView } from "./faults.ts";
 import { FrameView } from "./frame.ts";
 import { HeaderView } from "./header.ts";
@@ -25,6 +26,8 @@ import { saveTable } from "./table.ts";
 import { TokenForm } from "./token.ts";
 import { WellCard } from "./wellcard.ts";
 
+// First: whatever fails below, the stop works.
+const emergency = new EmergencyStop(byId("emergency-stop"), byId("emergency-answer"));
 const header = new HeaderView({
   stamp: byId("stamp"),
   version: byId("version"),
@@ -181,6 +184,7 @@ void keepLive({
     // A page of another version could misread the answers of this daemon.
     if (newest && newest.version !== status.version) location.reload();
     newest = status;
+    emergency.update(status);
     history.take(status);
     header.status(status);
     showAll(status);

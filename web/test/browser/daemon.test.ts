@@ -3,17 +3,13 @@
 // CARVED_BIN names the daemon; without it the one that `cargo test` has left in target/debug is used.
 
 import assert from "node:assert/strict";
-import { fileURLToPath } from "node:url";
 import { after, before, test } from "node:test";
 import type { Browser, Locator, Page } from "playwright-core";
-import type { Status, WellStatus } from "../../src/status.ts";
+import type { WellStatus } from "../../src/status.ts";
 import { drawn, openBrowser, openPage, shoot } from "../support/browser.ts";
-import { Daemon } from "../support/daemon.ts";
+import { BINARY, Daemon, RUN_MS } from "../support/daemon.ts";
 
-const BINARY = process.env["CARVED_BIN"] ?? fileURLToPath(new URL("../../../../target/debug/carved", import.meta.url));
 const TIME_SCALE = 20;
-/** The demo takes 120 s at most at time factor 1 in a release build; a test build on a busy machine gets as long. */
-const RUN_MS = 240_000;
 
 let browser: Browser;
 let daemon: Daemon;
@@ -29,25 +25,6 @@ after(async () => {
   await browser?.close();
   await daemon?.stop();
 });
-
-async function status(after?: number): Promise<Status> {
-  const wait = after === undefined ? "" : `?wait=5&after=${after}`;
-  const response = await fetch(`${daemon.url}/v1/status${wait}`);
-  assert.equal(response.status, 200);
-  return (await response.json()) as Status;
-}
-
-/** Follows the status until `done`, and says what it was when time is up. */
-async function follow(done: (status: Status) => boolean): Promise<Status> {
-  const deadline = performance.now() + RUN_MS;
-  let newest = await status();
-  while (!done(newest)) {
-    const told = `state ${newest.state}, doing ${newest.doing}, faults ${JSON.stringify(newest.faults)}`;
-    assert.ok(performance.now() < deadline, `time is up: ${told}\n${daemon.log}`);
-    newest = await status(newest.revision);
-  }
-  return newest;
-}
 
 /** The number as the page must show it, written here on its own. */
 const whole = (value: number) => value.toLocaleString("en-US", { maximumFractionDigits: 0 });
@@ -108,7 +85,7 @@ test("the demo plate, as the operator sees it", { timeout: RUN_MS + 60_000 }, as
   assert.ok(frame.share > 0.005 && frame.shades > 20, `a picture, not ${JSON.stringify(frame)}`);
   await shoot(page, "daemon-running");
 
-  const finished = await follow((s) => s.run !== null && s.run.outcome !== null);
+  const finished = await daemon.follow((s) => s.run !== null && s.run.outcome !== null);
   const run = finished.run!;
   assert.equal(run.outcome, "succeeded", `${JSON.stringify(run)}\n${daemon.log}`);
   await page.locator("#progress-line", { hasText: /finished: 3 measured, 1 skipped/ }).waitFor();

@@ -615,17 +615,18 @@ test("the emergency stop asks nothing, and its fault is acknowledged", async () 
   await page.goto(server.url);
   await until("link", /^Live$/);
   await page.getByRole("button", { name: "Emergency stop" }).click();
-  await until("answer", /the motors were stopped/);
+  await until("emergency-answer", /the motors were stopped/);
   const stopped = fault({ seq: 12, code: "emergency_stop", operator_required: true, message: "Emergency stop" });
   server.publish({ ...running(9), state: "Aborted", faults: [stopped] });
   await page.getByRole("button", { name: "Acknowledge" }).click();
   server.publish({ ...running(9), state: "Aborted", faults: [] });
   await page.locator("#faults").waitFor({ state: "hidden" });
+  await page.locator("#emergency-answer").waitFor({ state: "hidden" });
   assert.deepEqual(commands(), ["POST /v1/emergency-stop", "POST /v1/faults/12/acknowledge"]);
 
   server.refusal = { detail: "the daemon is busy" };
   await page.getByRole("button", { name: "Emergency stop" }).click();
-  await until("answer", /did not get through: the daemon is busy\. Use the instrument's own emergency stop/);
+  await until("emergency-answer", /did not get through: the daemon is busy\. Use the instrument's own emergency stop/);
 });
 
 test("a new run: every mistake of its map, the preflight, the start", async () => {

@@ -23,9 +23,9 @@ export async function openBrowser(): Promise<Browser> {
 /** A fresh page; `complaints` fills with script errors and breaches of the content security policy. */
 export async function openPage(
   browser: Browser,
-  size = { width: 1440, height: 960 },
+  { width = 1440, height = 960, hasTouch = false } = {},
 ): Promise<{ page: Page; complaints: string[] }> {
-  const context = await browser.newContext({ viewport: size });
+  const context = await browser.newContext({ viewport: { width, height }, hasTouch });
   const page = await context.newPage();
   const complaints: string[] = [];
   page.on("pageerror", (error) => complaints.push(String(error)));

@@ -1,5 +1,6 @@
 // The real daemon on its emulated rig, as a child process of the test.
 
+import assert from "node:assert/strict";
 import { spawn, type ChildProcess } from "node:child_process";
 import { once } from "node:events";
 import { createServer, type AddressInfo } from "node:net";
@@ -7,6 +8,13 @@ import { mkdtemp, rm } from "node:fs/promises";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { createInterface } from "node:readline";
+import { fileURLToPath } from "node:url";
+import type { Status } from "../../src/status.ts";
+
+export const BINARY =
+  process.env["CARVED_BIN"] ?? fileURLToPath(new URL("../../../../target/debug/carved", import.meta.url));
+/** The demo takes 120 s at most at time factor 1 in a release build; a test build on a busy machine gets as long. */
+export const RUN_MS = 240_000;
 
 /** How long the daemon may take to say where it listens, and to end. */
 const START_MS = 60_000;
@@ -35,11 +43,12 @@ export class Daemon {
     this.#said = said;
   }
 
-  static async start(binary: string, timeScale: number): Promise<Daemon> {
+  static async start(binary: string, timeScale: number, more: readonly string[] = []): Promise<Daemon> {
     const folder = await mkdtemp(join(tmpdir(), "carved-page-"));
     const url = `http://127.0.0.1:${await freePort()}`;
     const args = ["simulate", "--listen", url.slice("http://".length), "--data", folder];
-    const child = spawn(binary, [...args, "--time-scale", String(timeScale)], { stdio: ["ignore", "pipe", "pipe"] });
+    args.push("--time-scale", String(timeScale), ...more);
+    const child = spawn(binary, args, { stdio: ["ignore", "pipe", "pipe"] });
     const said: string[] = [];
     const daemon = new Daemon(url, child, folder, said);
     let timer: NodeJS.Timeout | undefined;
@@ -63,6 +72,33 @@ export class Daemon {
       clearTimeout(timer);
     }
     return daemon;
+  }
+
+  async status(after?: number): Promise<Status> {
+    const wait = after === undefined ? "" : `?wait=5&after=${after}`;
+    const response = await fetch(`${this.url}/v1/status${wait}`);
+    assert.equal(response.status, 200);
+    return (await response.json()) as Status;
+  }
+
+  /** Follows the status until `done`, and says what it was when time is up. */
+  async follow(done: (status: Status) => boolean): Promise<Status> {
+    const deadline = performance.now() + RUN_MS;
+    let newest = await this.status();
+    while (!done(newest)) {
+      const told = `state ${newest.state}, doing ${newest.doing}, faults ${JSON.stringify(newest.faults)}`;
+      assert.ok(performance.now() < deadline, `time is up: ${told}\n${this.log}`);
+      newest = await this.status(newest.revision);
+    }
+    return newest;
+  }
+
+  /** What another client of the daemon sends. */
+  async send(method: string, path: string, body?: unknown): Promise<void> {
+    const json =
+      body === undefined ? {} : { body: JSON.stringify(body), headers: { "Content-Type": "application/json" } };
+    const response = await fetch(`${this.url}${path}`, { method, ...json });
+    assert.ok(response.ok, `${method} ${path}: ${response.status} ${await response.text()}`);
   }
 
   /** What it wrote, for a failure's message. */
