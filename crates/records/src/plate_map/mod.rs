@@ -39,7 +39,7 @@ pub enum Format {
 pub struct PlateMap {
     /// The `plate_map` of a run's plan: the wells in the order of the file.
     pub plate_map: Vec<PlannedWell>,
-    /// The `metadata` of a run's plan: MIHCSME as it came, for one.
+    /// The `metadata` of a run's plan: MIHCSME as it came, or `columns` with the cells of a CSV that carved does not read.
     pub metadata: Metadata,
     /// What was read otherwise than it stands there, each with its place.
     pub notes: Vec<String>,
@@ -151,25 +151,41 @@ impl Reading {
         }
     }
 
-    /// Takes one well, or says what is wrong with it.
-    fn row(&mut self, row: &cell::Row) {
+    fn note(&mut self, note: String) {
+        self.map.notes.push(note);
+    }
+
+    /// Keeps a cell of a column that carved does not read: `metadata.columns.<column>.<well>`.
+    fn keep(&mut self, column: &str, well: &str, text: &str) {
+        let object = || serde_json::Value::Object(Metadata::new());
+        let columns = self.map.metadata.entry("columns").or_insert_with(object);
+        let cells = columns.as_object_mut().map(|columns| columns.entry(column).or_insert_with(object));
+        if let Some(cells) = cells.and_then(serde_json::Value::as_object_mut) {
+            cells.insert(well.to_owned(), text.into());
+        }
+    }
+
+    /// Takes one well and returns its name, or says what is wrong with it.
+    fn row(&mut self, row: &cell::Row) -> Option<String> {
         let (planned, mistakes, notes) = row.well();
         self.map.notes.extend(notes);
         let sound = mistakes.is_empty();
         for (column, detail) in mistakes {
             self.wrong(row.place.mistake(&column, detail));
         }
-        let Some(planned) = planned else { return };
+        let planned = planned?;
         if let Some(first) = self.named.get(&planned.well) {
             let detail = format!("{} stands in the plate map twice, first at {first}", planned.well);
             let column = row.name_of(cell::Column::Well);
             self.wrong(row.place.mistake(&column, detail));
-            return;
+            return None;
         }
-        self.named.insert(planned.well.clone(), row.place.clone());
+        let well = planned.well.clone();
+        self.named.insert(well.clone(), row.place.clone());
         if sound {
             self.map.plate_map.push(planned);
         }
+        Some(well)
     }
 
     fn finish(mut self) -> Result<PlateMap, Vec<Mistake>> {

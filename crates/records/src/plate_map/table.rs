@@ -25,8 +25,8 @@ pub fn read(bytes: &[u8], reading: &mut Reading) {
         return reading.wrong(Mistake::in_line(1, "", format!("the file is empty; its first line names the columns: {}", Column::known())));
     };
     let columns = columns(line, &headings, reading);
-    if !reading.mistakes.is_empty() {
-        // With columns that mean something else every line would be wrong for the same reason.
+    if !columns.iter().any(|heading| matches!(heading, Heading::Known(Column::Well, _))) {
+        // Every line would be wrong for the same reason.
         return;
     }
     for (line, record) in rows {
@@ -39,15 +39,21 @@ pub fn read(bytes: &[u8], reading: &mut Reading) {
             reading.wrong(Mistake::in_line(line, "", detail));
             continue;
         }
-        let mut cells = Vec::new();
+        let (mut cells, mut kept) = (Vec::new(), Vec::new());
         for (text, column) in record.iter().zip(&columns).filter(|(text, _)| !text.is_empty()) {
             match column {
-                Some((column, name)) => cells.push(Cell { column: *column, name: name.clone(), text: text.to_owned() }),
-                None => reading.wrong(Mistake::in_line(line, "", format!("{text:?} stands in a column without a heading"))),
+                Heading::Known(column, name) => cells.push(Cell { column: *column, name: name.clone(), text: text.to_owned() }),
+                Heading::Unknown(name) => kept.push((name, text)),
+                Heading::Empty => reading.wrong(Mistake::in_line(line, "", format!("{text:?} stands in a column without a heading"))),
             }
         }
-        if !cells.is_empty() {
-            reading.row(&Row { place: Place::Line(line), decimal, cells });
+        if cells.is_empty() && kept.is_empty() {
+            continue;
+        }
+        if let Some(well) = reading.row(&Row { place: Place::Line(line), decimal, cells }) {
+            for (column, text) in kept {
+                reading.keep(column, &well, text);
+            }
         }
     }
 }
@@ -103,25 +109,45 @@ pub fn unclosed_quote(text: &[u8], delimiter: u8, comment: Option<u8>) -> Option
     opened
 }
 
-/// The column of each heading; nothing of one without a name.
-fn columns(line: u64, headings: &StringRecord, reading: &mut Reading) -> Vec<Option<(Column, String)>> {
+/// What a heading names.
+enum Heading {
+    /// A column that carved reads, and what the file calls it.
+    Known(Column, String),
+    /// A column that is kept without being read.
+    Unknown(String),
+    /// Nothing: its cells have to be empty.
+    Empty,
+}
+
+fn columns(line: u64, headings: &StringRecord, reading: &mut Reading) -> Vec<Heading> {
     if headings.iter().all(|heading| Column::of_heading(heading).is_none()) {
         let detail = format!("this line must name the columns, and names none of them: {}", Column::known());
         reading.wrong(Mistake::in_line(line, "", detail));
         return Vec::new();
     }
-    let mut found: Vec<Option<(Column, String)>> = Vec::new();
+    let mut found: Vec<Heading> = Vec::new();
     for heading in headings {
         let column = Column::of_heading(heading);
-        if let Some(column) = column.filter(|c| found.iter().flatten().any(|(seen, _)| seen == c)) {
-            reading.wrong(Mistake::in_line(line, heading, format!("the column {} is there twice", column.name())));
-        } else if column.is_none() && !heading.is_empty() {
-            let detail = format!("there is no column {heading:?}; the known ones are {}", Column::known());
-            reading.wrong(Mistake::in_line(line, heading, detail));
+        let is_same = |seen: &Heading| match (seen, column) {
+            (Heading::Known(seen, _), Some(column)) => *seen == column,
+            (Heading::Unknown(seen), None) => seen == heading,
+            _ => false,
+        };
+        if found.iter().any(is_same) {
+            let name = column.map_or_else(|| heading.to_owned(), |column| column.name().to_owned());
+            reading.wrong(Mistake::in_line(line, heading, format!("the column {name} is there twice")));
         }
-        found.push(column.map(|c| (c, heading.to_owned())));
+        found.push(match column {
+            Some(column) => Heading::Known(column, heading.to_owned()),
+            None if heading.is_empty() => Heading::Empty,
+            None => {
+                let known = Column::known();
+                reading.note(format!("line {line}, {heading}: carved does not read this column and keeps it as it is; it reads {known}"));
+                Heading::Unknown(heading.to_owned())
+            }
+        });
     }
-    if reading.mistakes.is_empty() && !found.iter().flatten().any(|(c, _)| *c == Column::Well) {
+    if !found.iter().any(|heading| matches!(heading, Heading::Known(Column::Well, _))) {
         reading.wrong(Mistake::in_line(line, "well", format!("the column well is missing; the known columns are {}", Column::known())));
     }
     found

@@ -114,9 +114,6 @@ fn every_mistake_is_listed_with_its_line_and_column() {
 #[test]
 fn a_file_of_another_form_is_refused_by_what_is_wrong_with_it() {
     let refused = |text: &str| csv(text).unwrap_err().into_iter().map(|m| m.to_string()).collect::<Vec<_>>();
-    let unknown = refused("well,dose,colour\nA01,1,red\n");
-    assert_eq!(unknown.len(), 2);
-    assert!(unknown[0].starts_with("line 1, dose: ") && unknown[0].contains("concentration_unit"), "{unknown:?}");
     assert!(refused("Well,WELL\nA01,A02\n")[0].contains("twice"));
     assert!(refused("compound\nDMSO\n")[0].contains("the column well is missing"));
     for empty in ["", "\n\n", "\u{feff}"] {
@@ -158,6 +155,18 @@ fn a_file_of_another_form_is_refused_by_what_is_wrong_with_it() {
     assert!(headless.len() == 1 && headless[0].to_string().contains("must name the columns"), "{headless:?}");
     assert!(read(b"\xff\xfew\0e\0", Format::Csv, None).unwrap_err()[0].to_string().contains("UTF-16"));
     assert!(refused("well;concentration;concentration_unit\nA01;1.500;mM\n")[0].contains("could be 1500 or 1.500"));
+}
+
+#[test]
+fn a_column_that_is_not_known_is_kept_and_hides_no_mistake() {
+    let map = csv("well,colour,dpf,box 7\na1,red,3,\nA02,,4,x\nA03,\"a, b\",5,\n").unwrap();
+    assert_eq!(map.plate_map.iter().map(|well| well.dpf).collect::<Vec<_>>(), [Some(3.0), Some(4.0), Some(5.0)]);
+    let kept = serde_json::json!({"columns": {"colour": {"A01": "red", "A03": "a, b"}, "box 7": {"A02": "x"}}});
+    assert_eq!(serde_json::Value::Object(map.metadata), kept);
+    assert!(map.notes[0].starts_with("line 1, colour: ") && map.notes[0].contains("concentration_unit"), "{:?}", map.notes);
+    assert_eq!(map.notes.len(), 3, "both columns, and a1");
+    assert_eq!(places("well,colour,dpf\nZ9,red,3\nA01,blue,x\n"), [(2, "well".into()), (3, "dpf".into())]);
+    assert_eq!(places("well,colour,colour,DPF,dpf\nA01,,,3,\nA02,,,x,\n"), [(1, "colour".into()), (1, "dpf".into()), (3, "DPF".into())]);
 }
 
 #[test]
