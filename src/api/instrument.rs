@@ -15,21 +15,26 @@ pub struct Fault {
     pub message: String,
     pub recoverable: bool,
     pub scheduler_action: SchedulerAction,
+    /// Whether a person has to do something: about the fault itself, or because the run that it holds waits.
     pub operator_required: bool,
+    /// Whether it ends with its cause. Others end with their acknowledgement.
+    #[serde(default)]
+    pub ends_by_itself: bool,
     /// What its code means, in plain words; `message` has what was found this time.
     #[serde(default)]
     pub meaning: String,
-    /// What the operator does about it, in plain words.
+    /// What the operator does about it, in plain words, and whether the run then goes on by itself.
     #[serde(default)]
     pub what_to_do: String,
     /// RFC 3339, UTC.
     pub since: String,
 }
 
-impl From<records::Fault> for Fault {
-    fn from(from: records::Fault) -> Self {
-        let records::Fault { seq, code, category, message, recoverable, scheduler_action, operator_required, meaning, what_to_do, since } =
-            from;
+impl Fault {
+    /// A fault as it is for the run under way.
+    pub fn of(fault: &records::Fault, run: records::RunUnderFault) -> Self {
+        let (operator_required, what_to_do, ends_by_itself) = (fault.needs_a_person(run), fault.advice(run), fault.ends_by_itself());
+        let records::Fault { seq, code, category, message, recoverable, scheduler_action, meaning, since, .. } = fault.clone();
         Self {
             seq,
             code,
@@ -38,6 +43,7 @@ impl From<records::Fault> for Fault {
             recoverable,
             scheduler_action: scheduler_action.into(),
             operator_required,
+            ends_by_itself,
             meaning,
             what_to_do,
             since,
@@ -65,13 +71,14 @@ pub struct FaultCode {
     /// Whether the daemon goes on without being started again.
     pub recoverable: bool,
     pub meaning: &'static str,
-    /// For the operator, in plain words.
-    pub what_to_do: &'static str,
+    /// For the operator, in plain words. A fault in the status has what is so for its run.
+    pub what_to_do: String,
 }
 
 impl From<records::FaultCode> for FaultCode {
     fn from(from: records::FaultCode) -> Self {
-        let records::FaultCode { code, category, scheduler_action, operator_required, recoverable, meaning, what_to_do } = from;
+        let what_to_do = from.what_to_do();
+        let records::FaultCode { code, category, scheduler_action, operator_required, recoverable, meaning, remedy: _ } = from;
         Self {
             code,
             category: category.into(),
@@ -131,14 +138,17 @@ pub struct GateStatus {
     pub max_age_s: f64,
     /// It passed, and is not too old yet.
     pub stands: bool,
-    /// What was found and what to do.
+    /// What a technician does about it, in short; empty where an earlier build looked it up.
+    #[serde(default)]
+    pub summary: String,
+    /// What was found, in every number, and what to do.
     pub words: Vec<String>,
 }
 
 impl From<records::GateStatus> for GateStatus {
     fn from(from: records::GateStatus) -> Self {
-        let records::GateStatus { id, verdict, measured, max_age_s, stands, words } = from;
-        Self { id, verdict, measured, max_age_s, stands, words }
+        let records::GateStatus { id, verdict, measured, max_age_s, stands, summary, words } = from;
+        Self { id, verdict, measured, max_age_s, stands, summary, words }
     }
 }
 

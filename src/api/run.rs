@@ -148,7 +148,7 @@ impl From<PlannedWell> for records::PlannedWell {
 pub struct PlateMap {
     /// The `plate_map` of a run's plan: the wells in the order of the file.
     pub plate_map: Vec<PlannedWell>,
-    /// The `metadata` of a run's plan: MIHCSME as it came, for one.
+    /// The `metadata` of a run's plan: MIHCSME as it came, or `columns` with the cells of a CSV that carved does not read.
     #[schema(value_type = Object)]
     pub metadata: records::plate_map::Metadata,
     /// What was read otherwise than it stands there, each with its place.

@@ -60,7 +60,7 @@ pub struct Plate {
 /// Why a run is held, and what lets it go on.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 pub struct Hold {
-    /// A fault's code, `operator`, or `restart` of the daemon.
+    /// A fault's code, `operator`, `restart` of the daemon, or `fault` where an early journal does not say which.
     pub code: String,
     /// The same in plain words; it may be over by now.
     pub cause: String,
@@ -68,6 +68,22 @@ pub struct Hold {
     pub times: u32,
     /// The one thing to do next; `null` where the run goes on without it.
     pub next_action: Option<String>,
+    /// The command that carries it out or confirms it. `null` while a cause stands that no command ends: `unhold` would be refused.
+    #[serde(default)]
+    pub next_command: Option<NextCommand>,
+    /// The fault that `next_action` is about, and that `acknowledge` is for; `null` where none is open.
+    #[serde(default)]
+    pub fault_seq: Option<u64>,
+}
+
+/// The command that comes next for a held run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum NextCommand {
+    /// `POST /v1/faults/{seq}/acknowledge`.
+    Acknowledge,
+    /// `POST /v1/runs/{id}/unhold`.
+    Unhold,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
@@ -114,8 +130,52 @@ pub struct SpecimenStatus {
     /// Whether `volume_um3` has settled and is known as well as the method's `early_stop` promises (its defaults where the method has
     /// none), whether or not a turn may end by that; `null` where `volume_um3` is. Never `true` before `min_views` (28) views.
     pub converged: Option<bool>,
+    /// Why `volume_um3` is `null`; `null` where it is not.
+    #[serde(default)]
+    pub volume_wait: Option<VolumeWait>,
+    /// Every `volume_um3` of this turn, oldest first.
+    #[serde(default)]
+    pub estimates: Vec<VolumeEstimate>,
     /// Volume of the live hull after each view, oldest first: of few views too large, and no estimate.
     pub hull_volumes_um3: Vec<f64>,
+}
+
+/// Why the volume of a specimen is not known yet.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum VolumeWait {
+    /// Too few views, or none from one side.
+    Views,
+    /// The views are enough. The computer is busy with them.
+    Computing,
+    /// The slices of this specimen do not determine it. The measurement will.
+    Slices,
+}
+
+/// The volume as it was estimated after some views.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct VolumeEstimate {
+    /// The views that it is of.
+    pub views: u32,
+    pub volume_um3: f64,
+    /// Standard deviation of `volume_um3`.
+    pub volume_sd_um3: Option<f64>,
+}
+
+impl VolumeEstimate {
+    /// Each estimate once: it stays the same until the next is made, and one of as many views replaces it.
+    pub fn each(known: impl Iterator<Item = LiveEstimate>) -> Vec<Self> {
+        let mut found = Vec::new();
+        known.for_each(|estimate| Self::take(&mut found, estimate));
+        found
+    }
+
+    pub fn take(known: &mut Vec<Self>, newest: LiveEstimate) {
+        if let (Some(volume_um3), Some(views)) = (newest.volume_um3, newest.volume_views) {
+            known.retain(|before| before.views < views);
+            known.push(Self { views, volume_um3, volume_sd_um3: newest.volume_sd_um3 });
+        }
+    }
 }
 
 impl SpecimenStatus {
@@ -131,6 +191,8 @@ impl SpecimenStatus {
             volume_sd_um3: None,
             volume_views: None,
             converged: None,
+            volume_wait: Some(VolumeWait::Views),
+            estimates: Vec::new(),
             hull_volumes_um3: Vec::new(),
         }
     }
@@ -138,6 +200,7 @@ impl SpecimenStatus {
     pub fn tell(&mut self, known: LiveEstimate) {
         let LiveEstimate { volume_um3, volume_sd_um3, volume_views, converged } = known;
         (self.volume_um3, self.volume_sd_um3, self.volume_views, self.converged) = (volume_um3, volume_sd_um3, volume_views, converged);
+        self.volume_wait = self.volume_wait.filter(|_| volume_um3.is_none());
     }
 }
 

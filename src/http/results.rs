@@ -13,7 +13,7 @@ pub(super) use files::{__path_mesh, __path_model, __path_profile, __path_view, m
 use super::conditional;
 use super::problem::Problem;
 use super::{App, AppState};
-use crate::api::{RunOutcome, RunPlan, WellCounts, WellStatus};
+use crate::api::{RunOutcome, RunPlan, VolumeEstimate, WellCounts, WellStatus};
 use axum::extract::rejection::{PathRejection, QueryRejection};
 use axum::extract::{Path, Query, State};
 use axum::http::{HeaderMap, StatusCode, header};
@@ -153,6 +153,8 @@ pub(super) struct SpecimenDetail {
     measurement: Option<Value>,
     /// Volume of the live hull after each view of the newest attempt, oldest first, as the journal has it; none of an earlier one.
     hull_volumes_um3: Vec<f64>,
+    /// The estimates while its views came in, oldest first; none of an earlier attempt.
+    estimates: Vec<VolumeEstimate>,
     links: Links,
 }
 
@@ -323,7 +325,9 @@ pub(super) async fn specimen(
         result: stored.status.map(Into::into),
         recording: stored.recording,
         measurement: stored.measurement,
-        hull_volumes_um3: stored.hull_volumes_um3,
+        // The closure view and a view that is taken again have no hull.
+        hull_volumes_um3: stored.views.iter().filter_map(|view| view.hull_volume_um3).collect(),
+        estimates: VolumeEstimate::each(stored.views.iter().map(|view| view.estimate)),
         links,
     };
     Ok(json(&headers, &detail))

@@ -89,7 +89,7 @@ mod tests {
     fn an_error_has_its_code_and_all_that_the_table_says_of_it() {
         let fault = of(7, &full(std::io::ErrorKind::StorageFull));
         assert_eq!((fault.seq, fault.code.as_str(), fault.category.as_str()), (7, "disk_full", "storage"));
-        assert_eq!(fault.what_to_do, fault_table::DISK_FULL.what_to_do);
+        assert_eq!(fault.what_to_do, fault_table::DISK_FULL.what_to_do());
         assert_eq!(of(8, &full(std::io::ErrorKind::PermissionDenied)).code, "store_failed");
         let unarmed = of(9, &RunError::Device(DeviceError::NotArmed));
         assert_eq!((unarmed.code.as_str(), unarmed.recoverable), ("camera_refused", false));

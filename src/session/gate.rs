@@ -1,6 +1,8 @@
 //! The daily beads as a run asks for them: kept after a run that had some, and asked for before numbers are taken for sound.
 
 use crate::config::Config;
+use carved_core::quality::Check;
+use carved_core::quality::gate::{BeadGate as CheckedBeads, GateNumbers, GateSettings, GateVerdict};
 use carved_records::{BeadGate, Method};
 use carved_records::{CalibrationStatus, FieldError, GateStatus, Mode, RunPlan, SpecimenKind, SpecimenOutcome, WellStatus};
 use carved_store::calibrations;
@@ -15,7 +17,73 @@ fn status_of(file: &GateFile, now: jiff::Timestamp) -> GateStatus {
         measured: file.found.measured.to_string(),
         max_age_s: file.found.settings.max_age_h * 3600.0,
         stands: file.stands(now),
+        summary: summary(&file.found.gate, &file.found.settings),
         words: file.found.gate.words.clone(),
+    }
+}
+
+/// The gate for the technician at the instrument: the verdict, the size that was found, and the one thing to do next.
+fn summary(gate: &CheckedBeads, settings: &GateSettings) -> String {
+    let GateNumbers { beads, diameter_um, repeat_um, .. } = &gate.numbers;
+    let off_um = diameter_um.mean - settings.nominal_um;
+    let side = if off_um < 0.0 { "small" } else { "large" };
+    let size = format!("{beads} beads, mean diameter {:.1} µm ({:.1} µm too {side})", diameter_um.mean, off_um.abs());
+    match gate.verdict {
+        GateVerdict::TooFewBeads => {
+            format!("Not decided: {beads} of the {} beads that are needed. Next: measure the others.", settings.beads_least)
+        }
+        GateVerdict::Failed => {
+            let limit = gate.checks.iter().find(|check| check.over).map(|check| over(check));
+            let changed = || gate.charts.iter().find(|chart| chart.jumped || chart.drifted).map(|chart| changed(&chart.name));
+            let (what, next) = limit.or_else(changed).unwrap_or(("a limit is exceeded".into(), "look at the frames of the beads"));
+            format!("Failed: {what}. Measure no specimens. Next: {next}.")
+        }
+        GateVerdict::Passed | GateVerdict::NoHistory => {
+            let next = if repeat_um.is_none() {
+                "measure one of the beads twice".to_owned()
+            } else if gate.verdict == GateVerdict::NoHistory {
+                let days = settings.history_least.saturating_sub(gate.history);
+                format!("measure beads daily. After {days} more such sets, a change is noticed")
+            } else {
+                format!("measure specimens. Measure beads again within {:.0} h", settings.max_age_h)
+            };
+            format!("Passed: {size}. Next: {next}.")
+        }
+    }
+}
+
+/// What is wrong with the beads by this check, and what to do.
+fn over(check: &Check) -> (String, &'static str) {
+    let found = check.found.unwrap_or_default();
+    match check.name.as_str() {
+        "aspect_off" => (
+            format!("the beads look {:.1} % too {}", 100.0 * found.abs(), if found < 0.0 { "short" } else { "long" }),
+            "look for air around the capillary, then calibrate the scale with beads",
+        ),
+        "roundness_um" => (
+            format!("a bead is {found:.1} µm off a sphere, {:.1} µm is allowed", check.limit),
+            "clean the capillary and measure the bead again",
+        ),
+        "residual_px" => ("the views of a bead do not agree".into(), "check focus, light and vibration"),
+        "repeat_um" => (
+            format!("one bead measured twice differs by {found:.1} µm, {:.1} µm is allowed", check.limit),
+            "check focus, light and the seat of the capillary, then measure it again",
+        ),
+        _ => (
+            "the mean diameter is not that of the beads".into(),
+            "check the batch of the beads, then calibrate the scale with a micrometer",
+        ),
+    }
+}
+
+/// What has changed since earlier sets, and what to do.
+fn changed(chart: &str) -> (String, &'static str) {
+    match chart {
+        "uy_px" | "gamma_deg" => ("the capillary or the camera has moved since earlier sets".into(), "check their mounts"),
+        "aspect_ratio" | "diameter_um" => {
+            ("the beads measure otherwise than in earlier sets".into(), "check the lens, its distance and the water around the capillary")
+        }
+        _ => ("edges are worse than in earlier sets".into(), "check focus, light and the glass"),
     }
 }
 
@@ -66,7 +134,10 @@ pub fn lacking(newest: Option<&GateStatus>, method: &Method, mode: Mode) -> Opti
             let hours = gate.max_age_s / 3600.0;
             Some(format!("the newest bead gate is of {}, and stands for {hours:.0} h: {WAY_OUT}", gate.measured))
         }
-        Some(gate) => Some(format!("the newest bead gate, of {}, {}; {WAY_OUT}", gate.measured, gate.words.join("; "))),
+        Some(gate) => {
+            let found = if gate.summary.is_empty() { gate.words.join("; ") } else { gate.summary.trim_end_matches('.').to_owned() };
+            Some(format!("the newest bead gate, of {}: {found}; {WAY_OUT}", gate.measured))
+        }
         None if mode == Mode::Simulated => None,
         None => Some(format!("this rig has no bead gate: {WAY_OUT}")),
     }
@@ -99,6 +170,66 @@ pub fn keep(config: &Config, run_folder: &Path) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use carved_core::quality::gate::BeadMeasured;
+
+    /// Beads that are `off_um` too large, the first of them measured again where `twice`.
+    fn beads(n: usize, off_um: f64, twice: bool) -> Vec<BeadMeasured> {
+        let bead = |i: usize, more_um: f64| BeadMeasured {
+            bead: format!("A{i:02}"),
+            diameter_um: 500.0 + off_um + [0.0, 0.4, -0.4][i % 3] + more_um,
+            aspect_ratio: 1.0,
+            sphere_rms_um: 0.5,
+            residual_px: Some(0.2),
+            uy_px: Some(511.5),
+            gamma_deg: Some(0.2),
+        };
+        (0..n).map(|i| bead(i, 0.0)).chain(twice.then(|| bead(0, 0.0))).collect()
+    }
+
+    fn said(beads: &[BeadMeasured], earlier: usize) -> String {
+        let settings = GateSettings::default();
+        let history = vec![GateNumbers::of(&self::beads(3, 0.0, true)).unwrap(); earlier];
+        summary(&CheckedBeads::of(beads, &history, &settings).unwrap(), &settings)
+    }
+
+    #[test]
+    fn a_technician_reads_the_verdict_the_size_and_one_next_step() {
+        assert_eq!(
+            said(&beads(3, -1.1, false), 0),
+            "Passed: 3 beads, mean diameter 498.9 µm (1.1 µm too small). Next: measure one of the beads twice."
+        );
+        let few = said(&beads(3, 1.1, true), 1);
+        assert!(
+            few.starts_with("Passed: 3 beads, mean diameter 501.1 µm (1.1 µm too large). Next: measure beads daily. After 4 more"),
+            "{few}"
+        );
+        assert_eq!(said(&beads(2, 0.0, true), 0), "Not decided: 2 of the 3 beads that are needed. Next: measure the others.");
+        let off = said(&beads(3, 20.0, true), 0);
+        assert!(
+            off.starts_with("Failed: the mean diameter is not that of the beads. Measure no specimens. Next: check the batch"),
+            "{off}"
+        );
+        let mut dented = beads(3, 0.0, true);
+        dented[0].sphere_rms_um = 4.2;
+        assert!(
+            said(&dented, 0).starts_with("Failed: a bead is 4.2 µm off a sphere, 3.0 µm is allowed. Measure no"),
+            "{}",
+            said(&dented, 0)
+        );
+        for said in [few, off] {
+            assert!(!said.contains("score") && !said.contains("repeat_um"), "{said}");
+        }
+    }
+
+    #[test]
+    fn a_capillary_that_has_moved_is_named() {
+        let mut moved = beads(3, 0.0, true);
+        for bead in &mut moved {
+            bead.uy_px = Some(540.0);
+        }
+        assert!(said(&moved, 6).contains("Failed: the capillary or the camera has moved since earlier sets"), "{}", said(&moved, 6));
+        assert!(said(&beads(3, 0.0, true), 6).contains("Next: measure specimens. Measure beads again within 24 h"));
+    }
     use carved_records::PlannedWell;
 
     fn method(gate: BeadGate) -> Method {
@@ -116,6 +247,7 @@ mod tests {
             measured: "2026-11-20T09:00:00Z".into(),
             max_age_s: 86400.0,
             stands,
+            summary: String::new(),
             words: vec!["failed: 3 beads".into()],
         };
         let (good, old, bad) = (gate("passed", true), gate("no_history", false), gate("failed", false));

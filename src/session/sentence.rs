@@ -80,7 +80,7 @@ pub fn of(s: &Status) -> String {
                     let next = hold.next_action.as_deref().unwrap_or("Let the run go on.");
                     format!("Held by a cause that is over{}: {} {next}", again(Some(hold)), hold.cause)
                 }
-                None => "Held, until somebody lets it go on.".into(),
+                None => "Held.".into(),
             },
         },
         State::Unholding => "The run goes on: the camera is being set up.".into(),
@@ -110,7 +110,7 @@ mod tests {
     use crate::api;
     use crate::session::state::tests::ALL;
     use crate::session::{Driver, SpecimenStatus};
-    use carved_records::{Fault, Mode};
+    use carved_records::{Fault, Mode, RunUnderFault};
 
     #[test]
     fn a_flagged_well_counts_as_measured_and_what_there_is_none_of_is_not_said() {
@@ -137,15 +137,16 @@ mod tests {
     fn a_held_run_says_by_whom_and_a_fault_says_what_it_means() {
         let mut s = Driver::first_status(Mode::Simulated, "b".into());
         s.state = State::Held;
-        assert_eq!(of(&s), "Held, until somebody lets it go on.");
-        s.faults = vec![Fault::new(1, &carved_records::fault_table::DISK_FULL, "os error 28".into(), String::new()).into()];
+        let fault = Fault::new(1, &carved_records::fault_table::DISK_FULL, "os error 28".into(), String::new());
+        s.faults = vec![api::Fault::of(&fault, RunUnderFault::Waits)];
         assert_eq!(of(&s), "Held by a fault. The disk that holds the data is full. The plate is not called removable.");
     }
 
     /// Whoever reads the sentence and not `ready` is not misled by it.
     #[test]
     fn only_an_instrument_that_is_ready_is_called_so_and_one_that_is_not_says_why() {
-        let fault: api::Fault = Fault::new(1, &carved_records::fault_table::DISK_FULL, "no room".into(), String::new()).into();
+        let fault = Fault::new(1, &carved_records::fault_table::DISK_FULL, "no room".into(), String::new());
+        let fault = api::Fault::of(&fault, RunUnderFault::None);
         let specimen = SpecimenStatus::new("A01", Phase::Eject, 21);
         let reasons = [
             None,

@@ -116,5 +116,6 @@ fn beads_on_a_rig_whose_scale_is_off_make_a_gate_that_failed() {
     let over: Vec<&Value> = checks.as_array().unwrap().iter().filter(|c| c["over"] == true).map(|c| &c["name"]).collect();
     assert_eq!(over, [&json!("aspect_off")], "{checks}");
     let why = refused(&daemon);
-    assert!(why.contains("aspect_off") && why.contains("kx and ky do not belong together"), "{why}");
+    assert!(why.contains("% too long") && why.contains("air around the capillary"), "{why}");
+    assert!(gate["words"].to_string().contains("kx and ky do not belong together"), "{gate}");
 }

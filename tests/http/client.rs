@@ -151,6 +151,7 @@ fn a_watcher_tells_each_well_and_fault_and_ends_as_the_run_does() {
                 recoverable: true,
                 scheduler_action: SchedulerAction::PauseInstrument,
                 operator_required: true,
+                ends_by_itself: true,
                 meaning: String::new(),
                 what_to_do: "Check the cable.".into(),
                 since: "2026-01-01T00:00:00Z".into(),

@@ -251,6 +251,7 @@ fn a_refusal_names_the_states_and_the_fault_behind_it() {
             recoverable: true,
             scheduler_action: SchedulerAction::PauseInstrument,
             operator_required: true,
+            ends_by_itself: true,
             meaning: String::new(),
             what_to_do: String::new(),
             since: "2026-01-01T00:00:00Z".into(),

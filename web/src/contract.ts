@@ -74,6 +74,7 @@ export interface Event {
 export interface Fault {
   category: string;
   code: string;
+  ends_by_itself: boolean;
   meaning: string;
   message: string;
   operator_required: boolean;
@@ -99,6 +100,7 @@ export interface GateStatus {
   max_age_s: number;
   measured: string;
   stands: boolean;
+  summary: string;
   verdict: string;
   words: string[];
 }
@@ -128,7 +130,9 @@ export interface HardwareStatus {
 export interface Hold {
   cause: string;
   code: string;
+  fault_seq: number | null;
   next_action: string | null;
+  next_command: NextCommand | null;
   times: number;
 }
 
@@ -184,6 +188,8 @@ export interface Mistake {
 }
 
 export type Mode = "hardware" | "simulated" | "imported";
+
+export type NextCommand = "acknowledge" | "unhold";
 
 export interface Noted {
   revision: number;
@@ -337,6 +343,7 @@ export type SchedulerAction =
 export interface SpecimenDetail {
   attempt: number;
   earlier_attempts: number[];
+  estimates: VolumeEstimate[];
   hull_volumes_um3: number[];
   links: Links;
   measurement: unknown;
@@ -352,6 +359,7 @@ export type SpecimenOutcome = "succeeded" | "failed" | "aborted" | "interrupted"
 
 export interface SpecimenStatus {
   converged: boolean | null;
+  estimates: VolumeEstimate[];
   hull_volumes_um3: number[];
   in_capillary: boolean;
   phase: Phase;
@@ -360,6 +368,7 @@ export interface SpecimenStatus {
   volume_sd_um3: number | null;
   volume_um3: number | null;
   volume_views: number | null;
+  volume_wait: VolumeWait | null;
   well: string;
 }
 
@@ -410,6 +419,14 @@ export interface TranslationStatus {
   position_um: number | null;
   referenced: boolean;
 }
+
+export interface VolumeEstimate {
+  views: number;
+  volume_sd_um3: number | null;
+  volume_um3: number;
+}
+
+export type VolumeWait = "views" | "computing" | "slices";
 
 export interface WellCounts {
   failed: number;

@@ -58,6 +58,9 @@ pub struct GateStatus {
     pub max_age_s: f64,
     /// It passed, and is not too old yet.
     pub stands: bool,
-    /// What was found and what to do.
+    /// What a technician does about it, in short; empty where an earlier build looked it up.
+    #[serde(default)]
+    pub summary: String,
+    /// What was found, in every number, and what to do.
     pub words: Vec<String>,
 }

@@ -34,7 +34,7 @@ pub use event::{
     SpecimenDone, SpecimenInterrupted, ViewTaken, WellLoaded, kind,
 };
 pub use fault::table::{self as fault_table, ALL as FAULT_CODES, Category, FaultCode};
-pub use fault::{Device, Fault};
+pub use fault::{Device, Fault, FaultEnd, RunUnderFault};
 pub use handover::{Handoff, HandoffEnd, HandoffIntent};
 pub use hash::sha256_hex;
 pub use ledger::{Ledger, LedgerEntry, LedgerError, SecondEntry};

@@ -8,7 +8,7 @@
 use super::index::{self, EventsAfter, RunRow, RunsQuery};
 use super::recording::{DETECTION, MEASUREMENT, RECORDING, frame_name};
 use super::{RunRecord, StoreError, attempts, durable, run, sums};
-use carved_records::{WellStatus, is_plain_name, is_well, sha256_hex};
+use carved_records::{ViewTaken, WellStatus, is_plain_name, is_well, sha256_hex};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -28,8 +28,8 @@ pub struct StoredSpecimen {
     pub earlier: Vec<u32>,
     pub recording: Value,
     pub measurement: Option<Value>,
-    /// After each view of the newest attempt; none of an earlier one.
-    pub hull_volumes_um3: Vec<f64>,
+    /// The views of the newest attempt as the journal has them; none of an earlier one.
+    pub views: Vec<ViewTaken>,
     pub files: Vec<SpecimenFile>,
 }
 
@@ -160,11 +160,11 @@ impl StoreReader {
         files.retain(|file| folder.join(file.name(&folder)).is_file());
         let earlier = folder.parent().map(|run| attempts::earlier(run, well)).unwrap_or_default();
         let measurement = json(MEASUREMENT)?;
-        let newest = (attempt == 0).then(|| index::hull_volumes(&self.root, run, well)).transpose();
+        let newest = (attempt == 0).then(|| index::views(&self.root, run, well)).transpose();
         // What counts is in the folder: a broken index takes away a curve to look at, and nothing else.
         let broken = |error: &StoreError| tracing::warn!(%error, "the volumes after each view are not read");
-        let hull_volumes_um3 = newest.inspect_err(broken).ok().flatten().unwrap_or_default();
-        Ok(Some(StoredSpecimen { status, earlier, recording, measurement, hull_volumes_um3, files }))
+        let taken = newest.inspect_err(broken).ok().flatten().unwrap_or_default();
+        Ok(Some(StoredSpecimen { status, earlier, recording, measurement, views: taken, files }))
     }
 
     /// A file of a specimen, if it is there.

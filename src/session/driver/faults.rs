@@ -2,7 +2,7 @@
 //! [`OpenFaults`](carved_records::OpenFaults); the driver raises them.
 
 use super::super::Refusal;
-use carved_records::{Device, Fault, FaultAcknowledged, HoldCause, OpenFaults, fault_table};
+use carved_records::{Device, FaultAcknowledged, HoldCause, OpenFaults, fault_table};
 
 /// Refuses what cannot run: a device is lost, or a fault waits for somebody.
 ///
@@ -45,14 +45,17 @@ pub(super) fn is_open(faults: &OpenFaults, code: &str) -> bool {
 
 /// What holds a run that comes to rest now: the newest fault, or an operator.
 pub(super) fn cause_of_hold(faults: &OpenFaults, by_fault: bool) -> HoldCause {
-    let newest: Option<&Fault> = faults.open().last().filter(|_| by_fault);
-    newest.map_or_else(HoldCause::operator, |f| HoldCause { code: f.code.clone(), words: f.plainly().to_owned() })
+    match faults.open().last() {
+        _ if !by_fault => HoldCause::operator(),
+        Some(fault) => HoldCause { code: fault.code.clone(), words: fault.plainly().to_owned() },
+        None => HoldCause::fault(),
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use carved_records::{EventBody, EventData, FaultCode, InstrumentState};
+    use carved_records::{EventBody, EventData, Fault, FaultCode, InstrumentState};
 
     /// Faults 1, 2, ... of these codes.
     fn open(codes: &[&FaultCode]) -> OpenFaults {
@@ -94,6 +97,6 @@ mod tests {
         let faults = open(&[&fault_table::CAMERA_LOST, &fault_table::DISK_FULL]);
         assert_eq!(cause_of_hold(&faults, true).code, fault_table::DISK_FULL.code);
         assert_eq!(cause_of_hold(&faults, false), HoldCause::operator());
-        assert_eq!(cause_of_hold(&OpenFaults::default(), true), HoldCause::operator());
+        assert_eq!(cause_of_hold(&OpenFaults::default(), true), HoldCause::fault(), "nobody asked for it");
     }
 }

@@ -1,6 +1,7 @@
 //! How a worker's progress shows in the status.
 
 use super::super::{RotationStatus, RunStatus, SpecimenStatus, Status, TranslationStatus};
+use crate::api::{VolumeEstimate, VolumeWait};
 use carved_devices::StreamCounters;
 use carved_records::Light;
 use carved_records::{LiveEstimate, Phase};
@@ -12,6 +13,8 @@ pub(super) struct View {
     /// `None` where the view is not part of the model.
     pub hull_volume_um3: Option<f64>,
     pub estimate: LiveEstimate,
+    /// Why there is no estimate.
+    pub wait: Option<VolumeWait>,
     pub light: Option<Light>,
 }
 
@@ -22,7 +25,9 @@ fn specimen<'a>(s: &'a mut Status, well: &str) -> Option<&'a mut SpecimenStatus>
 /// Shows a view of the specimen that is shown; one of another specimen came late and changes nothing.
 pub(super) fn show_view(s: &mut Status, well: &str, view: &View) {
     let Some(specimen) = specimen(s, well) else { return };
+    specimen.volume_wait = view.wait;
     specimen.tell(view.estimate);
+    VolumeEstimate::take(&mut specimen.estimates, view.estimate);
     if let Some(hull_volume_um3) = view.hull_volume_um3 {
         specimen.view += 1;
         specimen.hull_volumes_um3.push(hull_volume_um3);
@@ -96,7 +101,8 @@ mod tests {
             achieved_steps: 7,
             position_deg: 1.5,
             hull_volume_um3: Some(3e8),
-            estimate: LiveEstimate { volume_um3: Some(2e8), ..LiveEstimate::default() },
+            estimate: LiveEstimate { volume_um3: Some(2e8), volume_views: Some(7), ..LiveEstimate::default() },
+            wait: None,
             light: None,
         }
     }
@@ -109,6 +115,13 @@ mod tests {
         show_estimate(&mut s, "A01", view().estimate);
         assert_eq!(s, before);
         show_view(&mut s, "A02", &view());
+        assert_eq!(s.specimen.as_ref().map(|x| (x.estimates.len(), x.volume_wait)), Some((1, None)));
+        show_view(
+            &mut s,
+            "A02",
+            &View { hull_volume_um3: None, estimate: LiveEstimate::default(), wait: Some(VolumeWait::Slices), ..view() },
+        );
+        assert_eq!(s.specimen.as_ref().map(|x| (x.estimates.len(), x.volume_wait)), Some((1, Some(VolumeWait::Slices))));
         show_view(&mut s, "A02", &View { hull_volume_um3: None, ..view() });
         let specimen = s.specimen.unwrap();
         assert_eq!((specimen.view, specimen.hull_volumes_um3, specimen.volume_um3), (1, vec![3e8], Some(2e8)));

@@ -2,7 +2,8 @@
 
 use super::super::Hold;
 use super::run::{Request, RunInProgress};
-use carved_records::{Fault, OpenFaults, Resume, RunState};
+use crate::api::NextCommand;
+use carved_records::{Fault, FaultEnd, OpenFaults, Resume, RunState, RunUnderFault};
 
 /// A run that has gone on this often without finishing a well waits for a person: the cause comes back.
 const RESUMED_BY_ITSELF: u32 = 3;
@@ -19,20 +20,46 @@ pub(super) fn goes_on_by_itself(run: &RunInProgress, state: Option<&RunState>, f
     is_held_by_something && !by_operator && is_automatic(run, state) && faults.open().iter().all(Fault::ends_by_itself)
 }
 
+/// What the run under way does about an open fault, by the same rule by which it goes on.
+pub(super) fn under_fault(run: Option<&RunInProgress>, state: Option<&RunState>, faults: &OpenFaults) -> RunUnderFault {
+    match run {
+        Some(run) if is_ending(run) => RunUnderFault::None,
+        Some(run) if goes_on_by_itself(run, state, faults) => RunUnderFault::GoesOnByItself,
+        Some(_) => RunUnderFault::Waits,
+        None => RunUnderFault::None,
+    }
+}
+
+fn is_ending(run: &RunInProgress) -> bool {
+    matches!(run.request(), Request::Stop | Request::Abort | Request::ShutDown)
+}
+
 /// Why the run is held, and what to do next, by the same rule by which it goes on.
 pub(super) fn hold(run: &RunInProgress, state: Option<&RunState>, faults: &OpenFaults) -> Option<Hold> {
     let known = state?;
     let cause = known.held_by()?;
     let comes_back = known.resumed_by_itself() > 0 && !is_automatic(run, state);
-    let ends = matches!(run.request(), Request::Stop | Request::Abort | Request::ShutDown);
-    let next_action = match faults.open().last() {
-        Some(fault) => Some(fault.what_to_do.clone()),
-        None if ends || goes_on_by_itself(run, state, faults) => None,
-        None if comes_back => Some("Find out why it comes back. Then let the run go on.".to_owned()),
-        None => Some("Let the run go on when you are ready.".to_owned()),
+    let under = under_fault(Some(run), state, faults);
+    // What stands in the way comes first: the run does not go on before.
+    let fault = faults.open().iter().find(|f| f.operator_required).or_else(|| faults.open().last());
+    let (next_action, next_command) = match (fault, under) {
+        (Some(fault), _) => {
+            let command = match fault.end() {
+                FaultEnd::Acknowledgement => Some(NextCommand::Acknowledge),
+                FaultEnd::Resumption if under == RunUnderFault::Waits => Some(NextCommand::Unhold),
+                FaultEnd::Cause | FaultEnd::Resumption | FaultEnd::Restart => None,
+            };
+            (Some(fault.advice(under)), command)
+        }
+        (None, RunUnderFault::None | RunUnderFault::GoesOnByItself) => (None, None),
+        (None, RunUnderFault::Waits) if comes_back => {
+            (Some("Find out why it comes back. Then let the run go on.".to_owned()), Some(NextCommand::Unhold))
+        }
+        (None, RunUnderFault::Waits) => (Some("Let the run go on when you are ready.".to_owned()), Some(NextCommand::Unhold)),
     };
     let times = known.times_held_by(&cause.code).max(1);
-    Some(Hold { code: cause.code.clone(), cause: cause.words.clone(), times, next_action })
+    let fault_seq = fault.map(|fault| fault.seq);
+    Some(Hold { code: cause.code.clone(), cause: cause.words.clone(), times, next_action, next_command, fault_seq })
 }
 
 #[cfg(test)]
@@ -80,6 +107,34 @@ mod tests {
         assert!(!goes_on(&three, &may), "it comes back each time");
     }
 
+    /// Whatever holds the run: the words, who has to act, and the command agree with whether it goes on.
+    #[test]
+    fn the_next_action_agrees_with_the_hold() {
+        let three = [held(), resumed(), held(), resumed(), held(), resumed(), held()];
+        for code in carved_records::FAULT_CODES {
+            for (before, comes_back) in [(&three[..1], false), (&three[..], true)] {
+                let events = [before, &[raised(code)]].concat();
+                let (r, state) = (run(&["A01"]), after(&events));
+                let goes_on = goes_on_by_itself(&r, state.run.as_ref(), &state.faults);
+                let hold = hold(&r, state.run.as_ref(), &state.faults).unwrap();
+                let fault = &state.faults.open()[0];
+                let next = hold.next_action.unwrap();
+                assert_eq!(goes_on, fault.end() == FaultEnd::Cause && !comes_back, "{}", code.code);
+                assert_eq!(next.contains("goes on by itself"), goes_on, "{}: {next}", code.code);
+                assert!(fault.needs_a_person(under_fault(Some(&r), state.run.as_ref(), &state.faults)), "{}", code.code);
+                let command = match fault.end() {
+                    FaultEnd::Acknowledgement => Some(NextCommand::Acknowledge),
+                    FaultEnd::Resumption => Some(NextCommand::Unhold),
+                    FaultEnd::Cause | FaultEnd::Restart => None,
+                };
+                assert_eq!((hold.next_command, hold.fault_seq), (command, Some(1)), "{}: not while the cause stands", code.code);
+            }
+        }
+        let (r, state) = (run(&["A01"]), after(&three));
+        let over = hold(&r, state.run.as_ref(), &state.faults).unwrap();
+        assert_eq!((over.next_command, over.fault_seq, over.times), (Some(NextCommand::Unhold), None, 4));
+    }
+
     #[test]
     fn the_next_action_is_the_fault_then_what_the_run_waits_for() {
         let mut r = run(&["A01"]);
@@ -89,7 +144,7 @@ mod tests {
         };
         assert_eq!(next(&[], &r), None, "nothing holds it");
         let by_fault = [held(), raised(&fault_table::ROTATION_LOST)];
-        assert_eq!(next(&by_fault, &r), Some(Some(fault_table::ROTATION_LOST.what_to_do.to_owned())));
+        assert_eq!(next(&by_fault, &r).flatten(), Some(fault_table::ROTATION_LOST.what_to_do()), "it goes on by itself");
         assert!(next(&[held()], &r).flatten().unwrap().starts_with("Let the run go on"));
         let three = [held(), resumed(), held(), resumed(), held(), resumed(), held()];
         assert!(next(&three, &r).flatten().unwrap().starts_with("Find out why"));

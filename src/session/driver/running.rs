@@ -1227,14 +1227,14 @@ impl Running {
                 self.publish(|s| s.specimen = Some(SpecimenStatus::new(&well, Phase::Position, views_planned)));
                 self.event(Some(&well), EventData::SpecimenTriedAgain(AttemptFailed { attempt, why }));
             }
-            Progress::View { well, index, closure, achieved_steps, hull_volume_um3, estimate, light, live } => {
+            Progress::View { well, index, closure, achieved_steps, hull_volume_um3, estimate, wait, light, live } => {
                 let shown = self.publisher.status().specimen.as_ref().filter(|s| s.well == well).map(|s| s.view);
                 // One that comes late belongs to a specimen that has made room for the next: it is journalled, and that is all.
                 if let Some(before) = shown {
                     self.show(&well, before + u32::from(hull_volume_um3.is_some()), live);
                 }
                 let position_deg = self.config.steps_per_revolution.angle(Steps(achieved_steps)).to_degrees();
-                let view = View { achieved_steps, position_deg, hull_volume_um3, estimate, light };
+                let view = View { achieved_steps, position_deg, hull_volume_um3, estimate, wait, light };
                 self.publish(|s| show_view(s, &well, &view));
                 let view = ViewTaken { index, closure, achieved_steps, hull_volume_um3, estimate };
                 self.event(Some(&well), EventData::ViewTaken(view));

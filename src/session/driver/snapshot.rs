@@ -6,6 +6,7 @@ use super::loader::Loader;
 use super::plates::to_be_taken_out;
 use super::resume;
 use super::run::{Request, RunInProgress};
+use crate::api;
 use carved_records::{CalibrationStatus, Capillary, Device, Fault, InstrumentState, Phase, RunState, WellCounts};
 use carved_store::RunRecord;
 use jiff::Timestamp;
@@ -34,7 +35,8 @@ impl Parts<'_> {
     pub fn derive(&self, s: &mut Status) {
         let capillary = capillary(self.state);
         s.pending = self.pending();
-        s.faults = self.state.faults.open().iter().cloned().map(Into::into).collect();
+        let under = resume::under_fault(self.run, self.state.run.as_ref(), &self.state.faults);
+        s.faults = self.state.faults.open().iter().map(|fault| api::Fault::of(fault, under)).collect();
         s.calibration = self.calibration.cloned().map(Into::into);
         if let Some(specimen) = &mut s.specimen {
             specimen.in_capillary = capillary.inside() == Some(&specimen.well);

@@ -5,6 +5,7 @@
 //!   from the rule's first views on, each view: estimate ─────┴─ newest ── volume, sd     rule ── converged, enough
 //! ```
 
+use crate::api::VolumeWait;
 use carved_core::measure::Estimator;
 use carved_core::quality::{EarlyStopSettings, Estimate, has_converged, should_stop};
 use carved_records::{LiveEstimate, WellStatus};
@@ -14,17 +15,20 @@ pub struct LiveEstimator {
     /// In the order of their views.
     estimates: Vec<Estimate>,
     newest: Option<Estimate>,
+    /// The newest attempt at an estimate gave none.
+    is_untold: bool,
 }
 
 impl LiveEstimator {
     pub fn new(rule: EarlyStopSettings) -> Self {
-        Self { rule, estimates: Vec::new(), newest: None }
+        Self { rule, estimates: Vec::new(), newest: None, is_untold: false }
     }
 
     /// Takes what the views so far were found to tell; one that is not trusted is not shown. The end of a turn does not depend on
     /// which estimates there was time for: those that its rule asks for are all made.
     pub fn take(&mut self, found: Option<Estimate>, is_trusted: bool) {
         self.newest = found.filter(|_| is_trusted);
+        self.is_untold = self.newest.is_none();
         if let Some(estimate) = found {
             // Of a view taken again there are as many views as before.
             self.estimates.retain(|e| e.views < estimate.views);
@@ -43,6 +47,16 @@ impl LiveEstimator {
             volume_sd_um3: self.newest.map(|e| e.stated_sd_um3),
             volume_views: self.newest.map(|e| e.views as u32),
             converged: self.newest.map(|_| has_converged(&self.estimates, &self.rule)),
+        }
+    }
+
+    /// Why nothing is known; `None` where something is. `is_seen_around`: the views are enough for an estimate.
+    pub fn wait(&self, is_seen_around: bool) -> Option<VolumeWait> {
+        match self.newest {
+            Some(_) => None,
+            None if !is_seen_around => Some(VolumeWait::Views),
+            None if self.is_untold => Some(VolumeWait::Slices),
+            None => Some(VolumeWait::Computing),
         }
     }
 
@@ -74,11 +88,14 @@ mod tests {
         let mut estimator = LiveEstimator::new(RULE);
         let nothing = LiveEstimate { volume_um3: None, volume_sd_um3: None, volume_views: None, converged: None };
         assert_eq!(estimator.known(), nothing);
+        assert_eq!((estimator.wait(false), estimator.wait(true)), (Some(VolumeWait::Views), Some(VolumeWait::Computing)));
         estimator.take(None, true);
         assert_eq!(estimator.known(), nothing);
+        assert_eq!((estimator.wait(false), estimator.wait(true)), (Some(VolumeWait::Views), Some(VolumeWait::Slices)));
         estimator.take(Some(estimate(7, 100.0)), true);
         let told = LiveEstimate { volume_um3: Some(100.0), volume_sd_um3: Some(0.3), volume_views: Some(7), converged: Some(false) };
         assert_eq!(estimator.known(), told, "with the rig's share of the spread");
+        assert_eq!(estimator.wait(true), None);
         estimator.take(Some(estimate(8, 100.0)), false);
         assert_eq!(estimator.known(), nothing, "the hull says that the end will trust the voxels");
         estimator.take(Some(estimate(9, 100.1)), true);

@@ -24,6 +24,7 @@ pub use science::CLOSING;
 pub use watch::Overrun;
 
 use super::{Live, RotationStatus, TranslationStatus, placing};
+use crate::api::VolumeWait;
 use crate::config::Config;
 use carved_core::pipeline::{Pipeline, PipelineError};
 use carved_core::profile::{Detection, Profile};
@@ -81,6 +82,8 @@ pub enum Progress {
         achieved_steps: i64,
         hull_volume_um3: Option<f64>,
         estimate: LiveEstimate,
+        /// Why there is no estimate.
+        wait: Option<VolumeWait>,
         light: Option<Light>,
         live: Live,
     },

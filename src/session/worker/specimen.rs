@@ -15,6 +15,7 @@ use super::{OpticsFault, Progress, RunContext, RunError, optics_fault};
 use crate::session::{live, numbers};
 use carved_core::frame::RawFrame;
 use carved_core::pipeline::{Pipeline, PipelineError, SpecimenRecord, TurnVerdict};
+use carved_core::reconstruction::is_seen_around;
 use carved_core::surface::Mesh;
 use carved_records::{LedgerEntry, Light, Phase, PlannedWell, SpecimenOutcome, WellStatus, WellTimes};
 use carved_store::{self, MeasurementFile, RecordingWriter};
@@ -194,8 +195,9 @@ impl Specimen {
         }
         let hull_volume_um3 = (!closure && retake == 0).then(|| pipeline.live().volume_um3);
         let (well, estimate) = (self.planned.well.clone(), estimator.known());
+        let wait = estimator.wait(is_seen_around(writer.recording().ledger.carved().map(|entry| entry.omega)));
         let live = stages.live.time(|| live::of_view(&seen, &pipeline.live_mesh()));
-        self.context.tell(Progress::View { well, index, closure, achieved_steps, hull_volume_um3, estimate, light, live });
+        self.context.tell(Progress::View { well, index, closure, achieved_steps, hull_volume_um3, estimate, wait, light, live });
         Ok(Ok(waiting))
     }
 

@@ -28,6 +28,7 @@ export function kept(change: Partial<Specimen> = {}): Specimen {
     recording: {},
     measurement: null,
     hull_volumes_um3: [],
+    estimates: [],
     links: { ...NO_FILES },
     ...change,
   };

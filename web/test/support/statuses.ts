@@ -86,6 +86,8 @@ export function specimen(name: string, volumes: number[], change: Partial<Specim
     volume_sd_um3: null,
     volume_views: null,
     converged: null,
+    volume_wait: "views",
+    estimates: [],
     hull_volumes_um3: volumes,
     ...change,
   };
@@ -100,6 +102,7 @@ export function fault(change: Partial<Fault> = {}): Fault {
     recoverable: true,
     scheduler_action: "retry",
     operator_required: false,
+    ends_by_itself: false,
     since: "2026-03-05T09:31:12Z",
     meaning: "The camera does not answer any more.",
     what_to_do: "Look at the camera's cable.",

@@ -21,6 +21,8 @@ SchedulerAction = Literal[
 ]  # fmt: skip
 Mode = Literal["hardware", "simulated", "imported"]
 SpecimenKind = Literal["larva", "bead"]
+NextCommand = Literal["acknowledge", "unhold"]
+VolumeWait = Literal["views", "computing", "slices"]
 HandoffIntent = Literal["load", "unload"]
 Control = Literal["positive", "negative"]
 ConcentrationUnit = Literal[
@@ -43,6 +45,8 @@ class Fault:
     #: The meaning of its code, in plain words; ``message`` has the details of this case.
     meaning: str = ""
     what_to_do: str = ""
+    #: True if it ends with its cause. Others end with their acknowledgement.
+    ends_by_itself: bool = False
 
 
 @dataclass(frozen=True)
@@ -112,7 +116,7 @@ class WellStatus:
 class Hold:
     """Why a run is held."""
 
-    #: A fault's code, `operator`, or `restart` of the daemon.
+    #: A fault's code, `operator`, `restart` of the daemon, or `fault` if an early journal does not say which.
     code: str
     #: The cause in plain words. It may be over by now.
     cause: str
@@ -120,6 +124,10 @@ class Hold:
     times: int
     #: The next action of the operator; None if the run continues without one.
     next_action: str | None = None
+    #: The command of that action; None while a cause stands that no command ends.
+    next_command: NextCommand | None = None
+    #: The fault that the action is about.
+    fault_seq: int | None = None
 
 
 @dataclass(frozen=True)
@@ -143,6 +151,15 @@ class RunStatus:
 
 
 @dataclass(frozen=True)
+class VolumeEstimate:
+    """The volume as it was estimated after some views."""
+
+    views: int
+    volume_um3: float
+    volume_sd_um3: float | None = None
+
+
+@dataclass(frozen=True)
 class SpecimenStatus:
     """The current specimen."""
 
@@ -155,6 +172,10 @@ class SpecimenStatus:
     volume_sd_um3: float | None = None
     volume_views: int | None = None
     converged: bool | None = None
+    #: Why `volume_um3` is None.
+    volume_wait: VolumeWait | None = None
+    #: Every `volume_um3` of this turn, the oldest first.
+    estimates: tuple[VolumeEstimate, ...] = ()
 
 
 @dataclass(frozen=True)

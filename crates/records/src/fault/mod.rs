@@ -1,6 +1,9 @@
 //! A fault as people, schedulers and the journal read it.
 
+mod advice;
 pub mod table;
+
+pub use advice::{FaultEnd, RunUnderFault};
 
 use crate::SchedulerAction;
 use serde::{Deserialize, Serialize};
@@ -19,7 +22,7 @@ pub struct Fault {
     /// What its code means, in plain words; `message` has what was found this time.
     #[serde(default)]
     pub meaning: String,
-    /// What the operator does about it, in plain words.
+    /// What the operator does about it, in plain words, as it was when the fault was raised; [`Fault::advice`] has what is so now.
     #[serde(default)]
     pub what_to_do: String,
     /// RFC 3339, UTC.
@@ -38,7 +41,7 @@ impl Fault {
             scheduler_action: code.scheduler_action,
             operator_required: code.operator_required,
             meaning: code.meaning.into(),
-            what_to_do: code.what_to_do.into(),
+            what_to_do: code.what_to_do(),
             since,
         }
     }
@@ -55,7 +58,7 @@ impl Fault {
 
     /// Whether it ends when its cause does. The others stay until somebody has acknowledged them.
     pub fn ends_by_itself(&self) -> bool {
-        self.is_of_storage() || [Device::Camera, Device::Rotation].iter().any(|device| device.is_all_of(self))
+        self.end() == FaultEnd::Cause
     }
 }
 
@@ -89,9 +92,13 @@ impl Device {
 
     /// Whether a fault says no more than that this device is lost, so that it is over once the device is back.
     pub fn is_all_of(self, fault: &Fault) -> bool {
+        self.is_named_by(&fault.code)
+    }
+
+    fn is_named_by(self, code: &str) -> bool {
         match self {
-            Self::Camera => [table::CAMERA_LOST.code, table::CAMERA_TAKEN.code].contains(&fault.code.as_str()),
-            Self::Rotation => fault.code == table::ROTATION_LOST.code,
+            Self::Camera => [table::CAMERA_LOST.code, table::CAMERA_TAKEN.code].contains(&code),
+            Self::Rotation => code == table::ROTATION_LOST.code,
         }
     }
 }

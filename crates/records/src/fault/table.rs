@@ -24,8 +24,14 @@ pub struct FaultCode {
     /// Whether the daemon goes on without being started again.
     pub recoverable: bool,
     pub meaning: &'static str,
-    /// For the operator, in plain words.
-    pub what_to_do: &'static str,
+    /// What the operator does about the cause, in plain words. What ends the fault and lets the run go on is not part of it:
+    /// [`Fault::advice`](super::Fault::advice) adds that by the rule.
+    pub remedy: &'static str,
+}
+
+/// The table's entry of a code.
+pub fn of(code: &str) -> Option<&'static FaultCode> {
+    ALL.iter().find(|known| known.code == code)
 }
 
 /// What a fault concerns.
@@ -58,7 +64,7 @@ impl Category {
 /// Makes a constant of every entry and the list of all, so that no code can be raised that the list lacks.
 macro_rules! codes {
     ($($name:ident = $code:literal, $category:ident, $action:ident, operator: $operator:literal, recoverable: $recoverable:literal,
-       $meaning:literal, $what_to_do:literal;)*) => {
+       $meaning:literal, $remedy:literal;)*) => {
         $(pub const $name: FaultCode = FaultCode {
             code: $code,
             category: Category::$category,
@@ -66,7 +72,7 @@ macro_rules! codes {
             operator_required: $operator,
             recoverable: $recoverable,
             meaning: $meaning,
-            what_to_do: $what_to_do,
+            remedy: $remedy,
         };)*
         /// Every code, in the order of the documents.
         pub const ALL: &[FaultCode] = &[$($name),*];
@@ -76,79 +82,78 @@ macro_rules! codes {
 codes! {
     CAMERA_LOST = "camera_lost", Camera, PauseInstrument, operator: true, recoverable: true,
         "The camera does not answer, or the control of it was lost, for longer than a run waits.",
-        "Check the camera's power and network cable. It is opened again by itself when it answers.";
+        "Check the camera's power and network cable.";
     CAMERA_TAKEN = "camera_taken", Camera, PauseInstrument, operator: true, recoverable: true,
         "Another program controls the camera.",
-        "Close the other program, on this or another computer. The camera is opened again by itself.";
+        "Close the other program, on this or another computer.";
     CAMERA_NO_FRAME = "camera_no_frame", Camera, Retry, operator: false, recoverable: true,
         "No whole frame came within the step's deadline, though the camera answers.",
-        "Let the run go on: the specimen is begun anew. If it comes again, check the network cable and the other traffic on its network.";
+        "If it comes again, check the network cable and the other traffic on its network.";
     CAMERA_REFUSED = "camera_refused", Camera, EscalateOperator, operator: true, recoverable: false,
         "The camera does not take a value of the configuration.",
         "Correct the value that the message names in the configuration, and start the daemon again.";
     SECOND_CAMERA_FAILED = "second_camera_failed", Camera, PauseInstrument, operator: true, recoverable: true,
         "The second camera failed in a run.",
-        "Check the second camera's power and cable. Then acknowledge the fault and let the run go on: it is opened again.";
+        "Check the second camera's power and cable.";
     PICTURE_LIGHT = "picture_light", Optics, EscalateOperator, operator: true, recoverable: true,
         "The light is too dark or too bright to see a specimen. The run is held, and the specimen stays in the capillary.",
-        "Look at the lamp, at what stands in its light, and at the exposure. Then acknowledge the fault and let the run go on: it measures the same specimen.";
+        "Look at the lamp, at what stands in its light, and at the exposure.";
     CAPILLARY_NOT_SEEN = "capillary_not_seen", Optics, EscalateOperator, operator: true, recoverable: true,
         "The picture does not show the capillary's walls. The run is held, and the specimen stays in the capillary.",
-        "Look whether the capillary is in place, clean and in focus, and whether the camera has been moved. Then acknowledge the fault and let the run go on: it measures the same specimen.";
+        "Look whether the capillary is in place, clean and in focus, and whether the camera has been moved.";
     SCALE_OFF = "scale_off", Optics, EscalateOperator, operator: true, recoverable: true,
         "The capillary in the picture is not as wide as the configuration says. The run is held, and the specimen stays in the capillary.",
-        "Look whether the lens or the capillary was changed. Then acknowledge the fault and let the run go on. If the scale, bore_um, box_um or the picture of the empty capillary is wrong, correct it and start the daemon again.";
+        "Look whether the lens or the capillary was changed. If the scale, bore_um, box_um or the picture of the empty capillary is wrong, correct it and start the daemon again.";
     SETUP_UNUSABLE = "setup_unusable", Optics, EscalateOperator, operator: true, recoverable: false,
         "No specimen can be measured with this method on this rig. The run is held, and nothing is ejected.",
-        "If the message names the configuration, correct it and start the daemon again. If it names the method of the run, stop the run and choose another method.";
+        "If the message names the configuration, correct it and start the daemon again. If it names the method of the run, end the run and choose another method.";
     ROTATION_LOST = "rotation_lost", Motion, PauseInstrument, operator: true, recoverable: true,
         "The axis' controller does not answer any more.",
-        "Check the controller's power and cable. It is opened again by itself when it answers.";
+        "Check the controller's power and cable.";
     ROTATION_SUSPECT = "rotation_suspect", Motion, Retry, operator: false, recoverable: true,
         "It is not certain any more where the axis stands; it was stopped. A stock VAST that may be out of step asks for a person.",
-        "Let the run go on: each specimen begins with a reference, which finds the axis again. With a stock VAST, end its list first.";
+        "If a stock VAST steps through a list, end its list.";
     ROTATION_ALARM = "rotation_alarm", Motion, EscalateOperator, operator: true, recoverable: true,
         "The controller is in alarm: a limit switch, a stall, motors that came apart, an encoder's or driver's error.",
-        "Look what touched the switch or holds the capillary, and clear it. Then acknowledge the fault and let the run go on: it begins with a reference.";
+        "Look what touched the switch or holds the capillary, and clear it.";
     ROTATION_INTERVENTION = "rotation_intervention", Motion, EscalateOperator, operator: true, recoverable: true,
         "Somebody stopped or moved the axis at its controller, or a safety circuit did: feed hold, knob, emergency stop, open door. The run is held and the axis is left alone.",
-        "Finish what you are doing at the instrument, close its door and release its stop. Then acknowledge the fault and let the run go on: it begins with a reference.";
+        "Finish what you are doing at the instrument, close its door and release its stop.";
     ROTATION_SETTINGS = "rotation_settings", Motion, EscalateOperator, operator: true, recoverable: true,
         "The controller's settings are not those of the configuration; the message names each.",
-        "Write the settings into the controller. Then acknowledge the fault and let the run go on. If the configuration is what is wrong, correct it and start the daemon again.";
+        "Write the settings into the controller. If the configuration is what is wrong, correct it and start the daemon again.";
     ROTATION_FAILED = "rotation_failed", Motion, PauseInstrument, operator: true, recoverable: true,
         "The axis could not do what it was asked to, for another reason than those above.",
-        "Read the message: it says what was asked and why it was refused. Then acknowledge the fault, and let the run go on or stop it.";
+        "Read the message: it says what was asked and why it was refused.";
     REVOLUTION_FAILED = "revolution_failed", Motion, PauseInstrument, operator: true, recoverable: true,
         "A revolution could not be planned or carried through.",
-        "Read the message. If it names the method, stop the run and choose another for the next; else acknowledge the fault and let the run go on.";
+        "Read the message. If it names the method, end the run and choose another method for the next.";
     SAMPLER_FAILED = "sampler_failed", Sampler, PauseInstrument, operator: true, recoverable: true,
         "The sampler did not bring or take away a specimen, or brought one that no run asked for.",
-        "Look whether a specimen is stuck in the tubing or the capillary, take it out and say so to the instrument. Then acknowledge the fault and let the run go on.";
+        "Look whether a specimen is stuck in the tubing or the capillary, take it out and say so to the instrument.";
     POSITION_OVERRUN = "position_overrun", Motion, PauseInstrument, operator: true, recoverable: true,
         "The reference, or bringing the specimen into view, exceeded its deadline in every attempt that the method's policy permits.",
-        "Look what holds the capillary or the axis up. Then acknowledge the fault and let the run go on. If it is only slow, allow the phase more time in the method's policy.";
+        "Look what holds the capillary or the axis up. If it is only slow, allow the phase more time in the method's policy.";
     SAMPLER_OVERRUN = "sampler_overrun", Sampler, PauseInstrument, operator: true, recoverable: true,
         "Loading, ejecting or washing took longer than the method's policy allows.",
-        "Look whether a specimen is stuck, or who should have brought it. Then acknowledge the fault and let the run go on. If it is only slow, allow the phase more time in the method's policy.";
+        "Look whether a specimen is stuck, or who should have brought it. If it is only slow, allow the phase more time in the method's policy.";
     STORE_FAILED = "store_failed", Storage, PauseInstrument, operator: true, recoverable: true,
         "Something could not be written to disk. The plate is not called removable.",
-        "Check that the data folder is there, belongs to the daemon and can be written. The run goes on by itself once it can.";
+        "Check that the data folder is there, belongs to the daemon and can be written.";
     DISK_FULL = "disk_full", Storage, PauseInstrument, operator: true, recoverable: true,
         "The disk that holds the data is full. The plate is not called removable.",
-        "Make room on the data disk. The run goes on by itself once there is some.";
+        "Make room on the data disk.";
     EMERGENCY_STOP = "emergency_stop", Safety, EscalateOperator, operator: true, recoverable: true,
         "Somebody pressed the emergency stop. The motors stand, a run that was under way is aborted, and nothing starts.",
-        "Make sure that the instrument is safe. Then acknowledge the fault.";
+        "Make sure that the instrument is safe.";
     INTERNAL_ERROR = "internal_error", Software, PauseInstrument, operator: true, recoverable: true,
         "A part of the program ended that should not have.",
-        "Keep the daemon's log and report it. Then acknowledge the fault and let the run go on.";
+        "Keep the daemon's log and report it.";
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Fault;
     use std::collections::BTreeSet;
 
     #[test]
@@ -157,7 +162,7 @@ mod tests {
         for c in ALL {
             assert!(seen.insert(c.code), "{} twice", c.code);
             assert!(c.code.bytes().all(|b| b.is_ascii_lowercase() || b == b'_'), "{}", c.code);
-            for text in [c.meaning, c.what_to_do] {
+            for text in [c.meaning, c.remedy] {
                 assert!(text.ends_with('.') && !text.contains('|'), "{}: {text}", c.code);
             }
             // Whoever is told to come back by himself is not told to wait for a person, and the other way round.
@@ -165,19 +170,13 @@ mod tests {
         }
     }
 
-    /// Every fault holds a run: its remedy says how that goes on, by the rule by which it does.
+    /// The rule says how a fault ends and whether the run goes on. A remedy that says it too could contradict it.
     #[test]
-    fn a_remedy_does_not_contradict_the_hold() {
+    fn a_remedy_leaves_to_the_rule_how_the_run_goes_on() {
         for c in ALL {
-            let ends_by_itself = Fault::new(1, c, String::new(), String::new()).ends_by_itself();
-            let says = |words: &[&str]| words.iter().any(|word| c.what_to_do.contains(word));
-            let expected: &[&str] = match (c.scheduler_action == Retry, ends_by_itself, c.recoverable) {
-                (true, ..) => &["Let the run go on"],
-                (_, true, _) => &["by itself"],
-                (_, _, false) => &["start the daemon again"],
-                _ => &["acknowledge the fault"],
-            };
-            assert!(says(expected) && !says(&["Nothing"]), "{}: {} does not say {expected:?}", c.code, c.what_to_do);
+            for words in ["acknowledge", "go on", "goes on", "by itself", "Nothing"] {
+                assert!(!c.remedy.contains(words), "{}: {}", c.code, c.remedy);
+            }
         }
     }
 
@@ -193,7 +192,7 @@ mod tests {
             yes(c.operator_required),
             yes(c.recoverable),
             c.meaning,
-            c.what_to_do
+            c.what_to_do()
         )
     }
 

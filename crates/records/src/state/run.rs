@@ -7,7 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 /// What holds a run.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct HoldCause {
-    /// A fault's code, `operator`, or `restart`.
+    /// A fault's code, `operator`, `restart`, or `fault` where it is not known which.
     pub code: String,
     /// The same in words.
     pub words: String,
@@ -17,6 +17,11 @@ impl HoldCause {
     /// An operator holds it.
     pub fn operator() -> Self {
         Self { code: "operator".into(), words: "An operator asked for it.".into() }
+    }
+
+    /// A fault holds it, and it is not known which.
+    pub fn fault() -> Self {
+        Self { code: "fault".into(), words: "A fault held it that is over by now.".into() }
     }
 
     fn restart() -> Self {
@@ -112,10 +117,14 @@ impl RunState {
             (EventData::RunStopRequested, _) => self.end_request = self.end_request.max(Some(EndRequest::Stop)),
             (EventData::RunAbortRequested, _) => self.end_request = self.end_request.max(Some(EndRequest::Abort)),
             (EventData::RunHeld(held), _) => {
-                if let (Some(code), Some(words)) = (held.code.clone(), held.cause.clone()) {
-                    *self.holds.entry(code.clone()).or_default() += 1;
-                    self.held_by = Some(HoldCause { code, words });
-                }
+                let cause = match (held.code.clone(), held.cause.clone()) {
+                    (Some(code), Some(words)) => HoldCause { code, words },
+                    // An early journal says only who.
+                    _ if held.by == HeldBy::Operator => HoldCause::operator(),
+                    _ => HoldCause::fault(),
+                };
+                *self.holds.entry(cause.code.clone()).or_default() += 1;
+                self.held_by = Some(cause);
                 // An operator's hold comes between two specimens.
                 if held.by == HeldBy::Operator {
                     self.begun.clear();
@@ -329,6 +338,10 @@ mod tests {
         assert_eq!(state.held_by().map(|cause| cause.code.as_str()), Some("operator"));
         let state = after(&[hold, held, resumed]);
         assert_eq!((state.is_held_by_operator(), state.held_by()), (false, None));
+        for (by, code) in [(HeldBy::Operator, "operator"), (HeldBy::Fault, "fault")] {
+            let early = after(&[event(None, EventData::RunHeld(RunHeld { by, code: None, cause: None }))]);
+            assert_eq!(early.held_by().map(|cause| cause.code.as_str()), Some(code), "an early journal");
+        }
         let ends = [event(None, EventData::RunAbortRequested), event(None, EventData::RunStopRequested)];
         assert_eq!(after(&ends).end_request(), Some(EndRequest::Abort));
     }

@@ -2,7 +2,7 @@
 
 use super::{BUSY, FILE, failed};
 use crate::StoreError;
-use carved_records::{Event, EventBody, EventData, Phase, WellCounts, WellStatus, kind};
+use carved_records::{Event, EventBody, EventData, Phase, ViewTaken, WellCounts, WellStatus, kind};
 use rusqlite::{Connection, OpenFlags, OptionalExtension, Row, params};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -135,24 +135,23 @@ pub fn was_accepted(root: &Path, run: &str) -> Result<bool, StoreError> {
     ask(root, |c| c.query_row(known, [run, kind::RUN_ACCEPTED], |row| row.get(0)))
 }
 
-/// The volume of the live hull after each view of the newest attempt at a well, oldest first.
-pub fn hull_volumes(root: &Path, run: &str, well: &str) -> Result<Vec<f64>, StoreError> {
+/// The views of the newest attempt at a well, oldest first.
+pub fn views(root: &Path, run: &str, well: &str) -> Result<Vec<ViewTaken>, StoreError> {
     ask(root, |c| {
         let mut select = c.prepare(
             "SELECT kind, data FROM events INDEXED BY events_by_run WHERE run = ?1 AND well = ?2 AND kind IN (?3, ?4) ORDER BY id",
         )?;
         let mut found = select.query([run, well, kind::SPECIMEN_PHASE, kind::VIEW_TAKEN])?;
-        let mut volumes = Vec::new();
+        let mut views = Vec::new();
         while let Some(row) = found.next()? {
             match data_of(&row.get::<_, String>(0)?, &row.get::<_, String>(1)?) {
                 // Each attempt begins with a reference.
-                EventData::SpecimenPhase(entered) if entered.phase == Phase::Position => volumes.clear(),
-                // The closure view and a view that is taken again have no volume.
-                EventData::ViewTaken(view) => volumes.extend(view.hull_volume_um3),
+                EventData::SpecimenPhase(entered) if entered.phase == Phase::Position => views.clear(),
+                EventData::ViewTaken(view) => views.push(view),
                 _ => {}
             }
         }
-        Ok(volumes)
+        Ok(views)
     })
 }
 

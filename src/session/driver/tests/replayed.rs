@@ -87,6 +87,7 @@ async fn takes(b: &mut Bench, step: &Step) {
                 achieved_steps: 0,
                 hull_volume_um3: None,
                 estimate,
+                wait: None,
                 light: None,
                 live,
             });
@@ -142,8 +143,8 @@ fn check(loaded_from_outside: bool, steps: &[Step]) {
             }
             let when = format!("after step {at} of {steps:?}");
             assert_eq!(*b.d.state(), replayed(&b, dir.path()), "{when}");
-            let open: Vec<crate::api::Fault> = b.d.state().faults.open().iter().cloned().map(Into::into).collect();
-            assert_eq!(b.status().faults, open, "{when}");
+            let open: Vec<u64> = b.d.state().faults.open().iter().map(|fault| fault.seq).collect();
+            assert_eq!(b.status().faults.iter().map(|fault| fault.seq).collect::<Vec<_>>(), open, "{when}");
             let inside = b.status().specimen.filter(|s| s.in_capillary).map(|s| s.well);
             assert!(inside.is_none() || inside.as_deref() == b.d.capillary().inside(), "{when}");
         }

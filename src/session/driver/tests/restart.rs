@@ -2,6 +2,7 @@
 
 use super::super::*;
 use super::bench::{bench, driver, on_this_thread, plan, scratch, started};
+use crate::api::NextCommand;
 use crate::session::handle::{Refusal, Towards};
 use crate::session::search::DevicesFound;
 use crate::session::worker::{Progress, RunEnd, RunError};
@@ -158,6 +159,25 @@ fn a_hold_whose_cause_is_over_names_it_and_the_next_action() {
         }
         b.steer(Towards::Unhold).unwrap();
         assert!(b.works() && b.status().run.unwrap().hold.is_none());
+    });
+}
+
+/// The table lets a scheduler try it again. As long as the run waits, a person has to do something, and every word says the same.
+#[test]
+fn a_fault_whose_run_waits_needs_a_person_until_the_run_goes_on() {
+    on_this_thread(async {
+        let dir = scratch();
+        let mut b = started(dir.path(), false, &["A01"]);
+        let no_frame = DeviceError::NoFrame { waited_ms: 3000, attempts: 3, last: "nothing".into() };
+        b.ends(RunEnd::Failed(RunError::Device(no_frame))).await;
+        let status = b.status();
+        let (fault, run) = (&status.faults[0], status.run.unwrap());
+        let hold = run.hold.unwrap();
+        assert_eq!((fault.code.as_str(), run.goes_on_by_itself, fault.operator_required), ("camera_no_frame", false, true));
+        assert!(fault.what_to_do.starts_with("Let the run go on"), "{}", fault.what_to_do);
+        assert_eq!((hold.next_action.as_ref(), hold.next_command), (Some(&fault.what_to_do), Some(NextCommand::Unhold)));
+        b.steer(Towards::Unhold).unwrap();
+        assert!(b.status().faults.is_empty() && b.works());
     });
 }
 

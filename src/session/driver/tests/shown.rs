@@ -17,6 +17,7 @@ impl Bench {
             achieved_steps: 100 + i64::from(index),
             hull_volume_um3: Some(3e8),
             estimate: LiveEstimate { volume_um3: Some(2e8), volume_sd_um3: Some(1e6), volume_views: Some(7), converged: Some(false) },
+            wait: None,
             light: Some(Light { background: 190.0, saturated: 0.0, focus: 0.01 }),
             live: Live::default(),
         })
@@ -33,6 +34,25 @@ impl Bench {
         let shown = self.status().specimen.unwrap();
         (shown.well, shown.view, shown.hull_volumes_um3.len(), shown.volume_um3)
     }
+}
+
+/// Tried again from its reference, without another load: counter, curve and estimates begin again.
+#[test]
+fn a_turn_that_is_tried_again_is_counted_from_its_first_view_on() {
+    on_this_thread(async {
+        let dir = scratch();
+        let mut b = started(dir.path(), false, &["A01"]);
+        b.turns("A01", 12);
+        assert_eq!(b.status().specimen.unwrap().estimates.len(), 1, "the same estimate after each view");
+        b.tell(Progress::TriedAgain { well: "A01".into(), attempt: 1, why: "it moved".into() });
+        for phase in [Phase::Position, Phase::Detect, Phase::Revolve] {
+            b.phase("A01", phase, true);
+            assert_eq!(b.shown(), ("A01".into(), 0, 0, None));
+            assert!(b.status().specimen.unwrap().estimates.is_empty());
+        }
+        assert!(b.view("A01", 0));
+        assert_eq!(b.shown(), ("A01".into(), 1, 1, Some(2e8)));
+    });
 }
 
 /// Its thread was slow, and given up: what it still tells comes while the next specimen is inside.

@@ -1,0 +1,131 @@
+//! What a person does about a fault: the remedy of the table, and what follows from the rule by which a held run goes on.
+//!
+//! ```text
+//!  what ends the fault ─┬─ its cause ─────────── remedy, then the run goes on by itself, or waits
+//!                       ├─ the run goes on ───── let it go on, then remedy
+//!                       ├─ acknowledgement ───── remedy, acknowledge, let it go on
+//!                       └─ restart ───────────── remedy
+//! ```
+
+use super::table::{self, Category, FaultCode};
+use super::{Device, Fault};
+
+/// What ends a fault.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FaultEnd {
+    /// The end of its cause: a lost device answers, the disk accepts writes.
+    Cause,
+    /// The run that it holds goes on.
+    Resumption,
+    /// Somebody acknowledges it.
+    Acknowledgement,
+    /// Somebody acknowledges it, but the cause stays until the daemon is started again.
+    Restart,
+}
+
+/// The run under way, while a fault is open.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RunUnderFault {
+    /// There is none, or it is being ended.
+    None,
+    /// It goes on without a person once what holds it is over.
+    GoesOnByItself,
+    /// It waits until somebody lets it go on.
+    Waits,
+}
+
+impl FaultCode {
+    /// What the operator does, for a run whose method lets it go on by itself where it can.
+    pub fn what_to_do(&self) -> String {
+        let end = end(self.code, self.category.word(), self.operator_required, self.recoverable);
+        words(self, end, if end == FaultEnd::Cause { RunUnderFault::GoesOnByItself } else { RunUnderFault::Waits })
+    }
+}
+
+impl Fault {
+    /// What ends it.
+    pub fn end(&self) -> FaultEnd {
+        end(&self.code, &self.category, self.operator_required, self.recoverable)
+    }
+
+    /// What the operator does about it now. A code of another build has the words that were stored with it.
+    pub fn advice(&self, run: RunUnderFault) -> String {
+        table::of(&self.code).map_or_else(|| self.what_to_do.clone(), |code| words(code, self.end(), run))
+    }
+
+    /// Whether a person has to do something: the fault says so, or the run that it holds waits.
+    pub fn needs_a_person(&self, run: RunUnderFault) -> bool {
+        self.operator_required || run == RunUnderFault::Waits
+    }
+}
+
+fn end(code: &str, category: &str, operator_required: bool, recoverable: bool) -> FaultEnd {
+    let is_lost_device = [Device::Camera, Device::Rotation].iter().any(|device| device.is_named_by(code));
+    match (category == Category::Storage.word() || is_lost_device, operator_required, recoverable) {
+        (true, ..) => FaultEnd::Cause,
+        (_, false, _) => FaultEnd::Resumption,
+        (_, _, true) => FaultEnd::Acknowledgement,
+        (_, _, false) => FaultEnd::Restart,
+    }
+}
+
+fn words(code: &FaultCode, end: FaultEnd, run: RunUnderFault) -> String {
+    let remedy = code.remedy;
+    let over = match code.category {
+        Category::Camera => "the camera answers",
+        Category::Storage => "the disk accepts writes again",
+        _ => "the axis answers",
+    };
+    match (end, run) {
+        (FaultEnd::Cause, RunUnderFault::GoesOnByItself) => format!("{remedy} The run goes on by itself when {over}."),
+        (FaultEnd::Cause, RunUnderFault::Waits) => format!("{remedy} When {over}, let the run go on."),
+        (FaultEnd::Cause, RunUnderFault::None) => format!("{remedy} The fault ends by itself when {over}."),
+        (FaultEnd::Resumption, RunUnderFault::None) => format!("The fault ends when a run starts. {remedy}"),
+        (FaultEnd::Resumption, _) => format!("Let the run go on: the specimen is begun anew. {remedy}"),
+        (FaultEnd::Acknowledgement, RunUnderFault::None) => format!("{remedy} Then acknowledge the fault."),
+        // Aborted runs do not go on.
+        (FaultEnd::Acknowledgement, _) if code.code == table::EMERGENCY_STOP.code => format!("{remedy} Then acknowledge the fault."),
+        (FaultEnd::Acknowledgement, _) => format!("{remedy} Then acknowledge the fault and let the run go on."),
+        (FaultEnd::Restart, _) => remedy.to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Whatever the run does, no advice says the opposite.
+    #[test]
+    fn an_advice_says_of_the_run_what_the_run_does() {
+        for code in table::ALL {
+            let fault = Fault::new(1, code, String::new(), String::new());
+            for run in [RunUnderFault::None, RunUnderFault::GoesOnByItself, RunUnderFault::Waits] {
+                let advice = fault.advice(run);
+                let asks_for_a_person = advice.contains("et the run go on");
+                assert!(run != RunUnderFault::None || !asks_for_a_person, "{}: {advice}", code.code);
+                assert_eq!(
+                    advice.contains("run goes on by itself"),
+                    fault.end() == FaultEnd::Cause && run == RunUnderFault::GoesOnByItself,
+                    "{}: {advice}",
+                    code.code
+                );
+                assert_eq!(advice.contains("acknowledge"), fault.end() == FaultEnd::Acknowledgement, "{}: {advice}", code.code);
+                assert!(run != RunUnderFault::Waits || fault.needs_a_person(run), "{}", code.code);
+            }
+        }
+    }
+
+    #[test]
+    fn a_stored_fault_gets_the_words_of_today_unless_its_code_is_not_known() {
+        let stored = |code: &FaultCode| Fault { what_to_do: "Wait.".into(), ..Fault::new(1, code, String::new(), String::new()) };
+        let lost = stored(&table::CAMERA_LOST);
+        assert_eq!(
+            lost.advice(RunUnderFault::Waits),
+            "Check the camera's power and network cable. When the camera answers, let the run go on."
+        );
+        assert_eq!(Fault { code: "of_old".into(), ..lost }.advice(RunUnderFault::Waits), "Wait.");
+        let no_frame = stored(&table::CAMERA_NO_FRAME);
+        assert!(no_frame.advice(RunUnderFault::Waits).starts_with("Let the run go on"));
+        assert!(no_frame.needs_a_person(RunUnderFault::Waits) && !no_frame.needs_a_person(RunUnderFault::None));
+    }
+}
