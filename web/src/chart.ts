@@ -1,34 +1,33 @@
-// Live volume after each view, as a line over the number of views.
-//
-// The axis is logarithmic: after the first view nearly the whole box is left, and the last views differ by parts in a thousand.
+// The estimate of the volume over the number of views, with its band of one standard deviation, on a linear axis. The volume of the hull is
+// an option: after a few views it is several times too large, and the estimate becomes a flat line beside it.
 
 import { element, setText, svg } from "./dom.ts";
-import { counted, nanolitres, percentChange, significant, UM3_PER_NL } from "./format.ts";
-import { logTicks, viewTicks } from "./ticks.ts";
+import { counted, nanolitres, significant, UM3_PER_NL } from "./format.ts";
+import type { Volumes } from "./history.ts";
+import { linearTicks, viewTicks } from "./ticks.ts";
 
 const MARGIN = { left: 62, right: 18, top: 14, bottom: 42 };
 
-/** A thousandth of the volume of the smallest bead in use. */
-const SMALLEST_NL = 1e-4;
-
-export interface Curve {
+export interface Curve extends Volumes {
   well: string;
-  volumes_um3: readonly number[];
   viewsPlanned: number;
   hasEnded: boolean;
-  /** The measured volume, if the specimen is done. */
-  measured_um3: number | null;
+  /** The reported volume, if the specimen is done. */
+  measured: { volume_um3: number; sd_um3: number | null } | null;
 }
 
 export class VolumeChart {
   readonly #box: HTMLElement;
   readonly #caption: HTMLElement;
+  readonly #withHull: HTMLInputElement;
   #curve: Curve | null = null;
   #shown = "";
 
-  constructor(box: HTMLElement, caption: HTMLElement) {
+  constructor(box: HTMLElement, caption: HTMLElement, withHull: HTMLInputElement) {
     this.#box = box;
     this.#caption = caption;
+    this.#withHull = withHull;
+    withHull.addEventListener("change", () => this.#draw());
     new ResizeObserver(() => this.#draw()).observe(box);
   }
 
@@ -39,47 +38,71 @@ export class VolumeChart {
 
   #draw(): void {
     const curve = this.#curve;
+    const hasHull = this.#withHull.checked;
     const { clientWidth: width, clientHeight: height } = this.#box;
-    const now = JSON.stringify([curve, width, height]);
+    // Not laid out yet: its size comes later.
+    if (width <= MARGIN.left + MARGIN.right || height <= MARGIN.top + MARGIN.bottom) return;
+    const now = JSON.stringify([curve, hasHull, width, height]);
     if (now === this.#shown) return;
     this.#shown = now;
-    if (!curve || curve.volumes_um3.length === 0) {
-      const words = curve?.hasEnded
-        ? `No volumes of ${curve.well} are kept.`
-        : "No volume yet: it comes with the first view.";
-      this.#box.replaceChildren(element("p", "placeholder", words));
+    const isEmpty =
+      !curve || (curve.estimates.length === 0 && !curve.measured && !(hasHull && curve.hulls_um3.length > 0));
+    if (isEmpty) {
+      this.#box.replaceChildren(element("p", "placeholder", nothing(curve)));
       setText(this.#caption, "");
       return;
     }
-    this.#box.replaceChildren(picture(curve, width, height));
-    setText(this.#caption, caption(curve));
+    this.#box.replaceChildren(picture(curve, hasHull, width, height));
+    setText(this.#caption, caption(curve, hasHull));
   }
 }
 
-function caption(curve: Curve): string {
-  const volumes = curve.volumes_um3;
-  const last = volumes.at(-1)!;
-  const before = volumes.at(-2);
-  const change = before ? `; the last view changed it by ${percentChange(before, last)}` : "";
-  const measured = curve.measured_um3 === null ? "" : `; measured ${nanolitres(curve.measured_um3)}`;
-  return `${curve.well}: ${nanolitres(last)} after ${counted(volumes.length, "view")}${change}${measured}.`;
+function nothing(curve: Curve | null): string {
+  if (curve?.hasEnded) return `No estimates of ${curve.well} are kept.`;
+  return "No estimate yet: it takes views from all sides.";
 }
 
-function picture(curve: Curve, width: number, height: number): SVGElement {
-  // An empty hull has no position on a logarithmic axis, so it is drawn at the bottom.
-  const values = curve.volumes_um3.map((v) => Math.max(v / UM3_PER_NL, SMALLEST_NL));
-  const measured = curve.measured_um3 === null ? null : curve.measured_um3 / UM3_PER_NL;
-  const views = Math.max(curve.viewsPlanned, values.length, 2);
-  const all = measured === null ? values : [...values, measured];
-  const levels = logTicks(Math.min(...all), Math.max(...all));
-  const [low, high] = [Math.log(levels[0]!), Math.log(levels.at(-1)!)];
+function caption({ well, estimates, hulls_um3: hulls, measured }: Curve, hasHull: boolean): string {
+  const said = [];
+  const last = estimates.at(-1);
+  if (measured) said.push(`reported ${nanolitres(measured.volume_um3, measured.sd_um3)} (± 1 SD)`);
+  else if (last) {
+    said.push(`${nanolitres(last.volume_um3, last.volume_sd_um3 ?? null)} (± 1 SD) of ${counted(last.views, "view")}`);
+  }
+  const hull = hulls.at(-1);
+  if (hasHull && hull !== undefined) {
+    said.push(`hull ${nanolitres(hull)} after ${counted(hulls.length, "view")}, which is no estimate`);
+  }
+  return `${well}: ${said.join("; ")}.`;
+}
+
+interface Point {
+  view: number;
+  nl: number;
+  sd: number;
+}
+
+function picture(curve: Curve, hasHull: boolean, width: number, height: number): SVGElement {
+  const point = (view: number, um3: number, sd_um3: number | null | undefined): Point => ({
+    view,
+    nl: um3 / UM3_PER_NL,
+    sd: (sd_um3 ?? 0) / UM3_PER_NL,
+  });
+  const estimates = curve.estimates.map((e) => point(e.views, e.volume_um3, e.volume_sd_um3));
+  const hulls = hasHull ? curve.hulls_um3.map((um3, i) => point(i + 1, um3, 0)) : [];
+  const measured = curve.measured && point(0, curve.measured.volume_um3, curve.measured.sd_um3);
+  const views = Math.max(curve.viewsPlanned, curve.hulls_um3.length, ...estimates.map((p) => p.view), 2);
+  const all = [...estimates, ...hulls, ...(measured ? [measured] : [])];
+  const levels = linearTicks(Math.min(...all.map((p) => p.nl - p.sd)), Math.max(...all.map((p) => p.nl + p.sd)));
+  const [low, high] = [levels[0]!, levels.at(-1)!];
   const right = width - MARGIN.right;
   const bottom = height - MARGIN.bottom;
   const x = (view: number) => MARGIN.left + ((view - 1) / (views - 1)) * (right - MARGIN.left);
-  const y = (nl: number) => bottom - ((Math.log(nl) - low) / (high - low)) * (bottom - MARGIN.top);
-  const label = `Volume of the live model of ${curve.well} after each of ${counted(values.length, "view")}`;
+  const y = (nl: number) => bottom - ((nl - low) / (high - low)) * (bottom - MARGIN.top);
+  const label = `Estimated volume of ${curve.well}, ${counted(estimates.length, "estimate")} of up to ${counted(views, "view")}`;
   const chart = svg("svg", { width, height, viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": label });
-  chart.dataset["points"] = String(values.length);
+  chart.dataset["points"] = String(estimates.length);
+  chart.dataset["hulls"] = String(hulls.length);
 
   for (const level of levels) {
     chart.append(svg("line", { class: "grid", x1: MARGIN.left, x2: right, y1: y(level), y2: y(level) }));
@@ -95,11 +118,7 @@ function picture(curve: Curve, width: number, height: number): SVGElement {
   const middle = (MARGIN.top + bottom) / 2;
   const turned = `rotate(-90 14 ${middle})`;
   chart.append(
-    svg(
-      "text",
-      { class: "title", x: 14, y: middle, transform: turned, "text-anchor": "middle" },
-      "Volume, nL (log scale)",
-    ),
+    svg("text", { class: "title", x: 14, y: middle, transform: turned, "text-anchor": "middle" }, "Volume, nL"),
   );
   chart.append(
     svg(
@@ -110,18 +129,33 @@ function picture(curve: Curve, width: number, height: number): SVGElement {
   );
 
   if (measured !== null) {
-    chart.append(svg("line", { class: "measured", x1: MARGIN.left, x2: right, y1: y(measured), y2: y(measured) }));
+    const [top, base] = [y(measured.nl + measured.sd), y(measured.nl - measured.sd)];
+    const wide = right - MARGIN.left;
+    chart.append(svg("rect", { class: "measured-band", x: MARGIN.left, y: top, width: wide, height: base - top }));
     chart.append(
-      svg("text", { class: "measured-label", x: right, y: y(measured) - 8, "text-anchor": "end" }, "measured"),
+      svg("line", { class: "measured", x1: MARGIN.left, x2: right, y1: y(measured.nl), y2: y(measured.nl) }),
+    );
+    chart.append(
+      svg("text", { class: "measured-label", x: right, y: y(measured.nl) - 8, "text-anchor": "end" }, "reported"),
     );
   }
-  const points = values.map((v, i) => `${x(i + 1).toFixed(1)},${y(v).toFixed(1)}`);
-  chart.append(svg("polyline", { class: "curve", points: points.join(" ") }));
-  values.forEach((v, i) => {
-    const newest = i === values.length - 1;
-    const dot = svg("circle", { class: newest ? "dot dot-newest" : "dot", cx: x(i + 1), cy: y(v), r: newest ? 5 : 3 });
-    dot.append(svg("title", {}, `after view ${i + 1}: ${nanolitres(v * UM3_PER_NL)}`));
-    chart.append(dot);
+  const at = (p: Point, nl = p.nl) => `${x(p.view).toFixed(1)},${y(nl).toFixed(1)}`;
+  const upper = estimates.map((p) => at(p, p.nl + p.sd));
+  const lower = estimates.map((p) => at(p, p.nl - p.sd)).reverse();
+  chart.append(svg("polygon", { class: "band", points: [...upper, ...lower].join(" ") }));
+  if (hulls.length > 0) chart.append(svg("polyline", { class: "hull", points: hulls.map((p) => at(p)).join(" ") }));
+  chart.append(svg("polyline", { class: "curve", points: estimates.map((p) => at(p)).join(" ") }));
+  estimates.forEach((p, i) => {
+    const newest = i === estimates.length - 1;
+    const made = svg("circle", {
+      class: newest ? "dot dot-newest" : "dot",
+      cx: x(p.view),
+      cy: y(p.nl),
+      r: newest ? 5 : 3,
+    });
+    const words = `of ${counted(p.view, "view")}: ${nanolitres(p.nl * UM3_PER_NL, p.sd * UM3_PER_NL)}`;
+    made.append(svg("title", {}, words));
+    chart.append(made);
   });
   return chart;
 }

@@ -3,7 +3,17 @@
 import { post, Refused, sayLoaded, sayNotMoved } from "./api.ts";
 import { Asker, type Question } from "./ask.ts";
 import { setText, show } from "./dom.ts";
-import { canAbort, canGoOn, canHold, canStop, goesOnByItself, handedOver, isAtRest, runsNow } from "./plain.ts";
+import {
+  canAbort,
+  canGoOn,
+  canHold,
+  canStop,
+  goesOnByItself,
+  handedOver,
+  isAtRest,
+  nextStep,
+  runsNow,
+} from "./plain.ts";
 import type { Status } from "./status.ts";
 
 interface Command {
@@ -29,6 +39,18 @@ const steer = (name: string) => (_: Status, run: string) => post(`/v1/runs/${enc
 
 const COMMANDS: readonly Command[] = [
   {
+    name: "acknowledge",
+    label: () => "Acknowledge",
+    underWay: "",
+    isUnderWay: never,
+    isShown: (s) => nextStep(s)?.button === "acknowledge",
+    isEnabled: always,
+    question: null,
+    send: (s) => post(`/v1/faults/${nextStep(s)?.fault}/acknowledge`),
+    ends: false,
+    otherwise: "The fault is still open.",
+  },
+  {
     name: "hold",
     // A run that a fault holds would continue by itself.
     label: (s) => (goesOnByItself(s) ? "Keep it held" : "Hold"),
@@ -46,7 +68,7 @@ const COMMANDS: readonly Command[] = [
     label: () => "Go on",
     underWay: "Going on…",
     isUnderWay: (s) => s.state === "Unholding",
-    isShown: (s) => runsNow(s) && (s.state === "Held" || s.state === "Unholding"),
+    isShown: (s) => canGoOn(s) || (runsNow(s) && s.state === "Unholding"),
     isEnabled: canGoOn,
     question: null,
     send: steer("unhold"),
@@ -140,12 +162,8 @@ const COMMANDS: readonly Command[] = [
   },
 ];
 
-/** Reports in place of a loader. */
-const BY_HAND = ["is-out", "is-in", "not-moved"];
-
 export class CommandRow {
   readonly #buttons: [Command, HTMLButtonElement][];
-  readonly #byHand: HTMLElement;
   readonly #asker: Asker;
   readonly #answer: HTMLElement;
   #asked: { command: Command; label: string } | null = null;
@@ -156,10 +174,14 @@ export class CommandRow {
 
   constructor(find: <T extends Element = HTMLElement>(id: string) => T) {
     this.#buttons = COMMANDS.map((command) => [command, find<HTMLButtonElement>(command.name)]);
-    this.#byHand = find("by-hand");
     this.#asker = new Asker(find);
     this.#answer = find("answer");
-    for (const [command, button] of this.#buttons) button.addEventListener("click", () => void this.#clicked(command));
+    for (const [command, button] of this.#buttons) {
+      button.addEventListener("click", (event) => {
+        // The next step may come to the place of the one before: the second click of a double click is not meant for it.
+        if (event.detail < 2) void this.#clicked(command);
+      });
+    }
   }
 
   update(status: Status): void {
@@ -171,15 +193,13 @@ export class CommandRow {
     if (asked && (another || !asked.command.isShown(status) || asked.command.label(status) !== asked.label)) {
       this.#asker.dismiss();
     }
+    const next = nextStep(status)?.button;
     for (const [command, button] of this.#buttons) {
       show(button, command.isShown(status));
+      button.classList.toggle("button-next", command.name === next);
       button.disabled = !command.isEnabled(status);
       setText(button, command.isUnderWay(status) ? command.underWay : command.label(status));
     }
-    show(
-      this.#byHand,
-      COMMANDS.some((c) => BY_HAND.includes(c.name) && c.isShown(status)),
-    );
   }
 
   async #clicked(command: Command): Promise<void> {
@@ -195,7 +215,7 @@ export class CommandRow {
     }
     const button = this.#buttons.find(([c]) => c === command)?.[1];
     if (button) button.disabled = true;
-    const at = (s: Status) => `${s.state} ${s.plate.needs} ${handedOver(s)}`;
+    const at = (s: Status) => `${s.state} ${s.plate.needs} ${handedOver(s)} ${nextStep(s)?.fault}`;
     const moved = (now: Status) => at(now) !== at(status);
     try {
       await command.send(status, run);

@@ -1,8 +1,9 @@
-// The list of faults: what happened, since when, and what to do.
+// The list of faults: what to do, what happened, and since when. The headline of the page has the remedy and the button of one of them.
 
 import { post, Refused } from "./api.ts";
 import { element, setText, show } from "./dom.ts";
 import { clockTime, words } from "./format.ts";
+import type { NextStep } from "./plain.ts";
 import type { Fault } from "./status.ts";
 
 export class FaultsView {
@@ -15,36 +16,39 @@ export class FaultsView {
     this.#list = list;
   }
 
-  update(faults: readonly Fault[]): void {
-    const now = JSON.stringify(faults);
+  /** `next`: the headline of the page, which may have the remedy of one of them, and its button. */
+  update(faults: readonly Fault[], next: NextStep | null): void {
+    const now = JSON.stringify([faults, next]);
     if (now === this.#shown) return;
     this.#shown = now;
     show(this.#section, faults.length > 0);
-    this.#list.replaceChildren(...faults.map(item));
+    this.#list.replaceChildren(...faults.map((fault) => item(fault, fault.seq === next?.fault ? next : null)));
   }
 }
 
-function item(fault: Fault): HTMLElement {
-  const answer = element("span", "fault-answer");
-  answer.role = "status";
-  const button = element("button", "button button-small", "Acknowledge");
-  button.type = "button";
-  button.addEventListener("click", () => void acknowledge(fault, button, answer));
-  const head = element("p", "fault-head", element("strong", "", fault.meaning || fault.message));
+/** `headline`: the next step, if it is about this fault. */
+function item(fault: Fault, headline: NextStep | null): HTMLElement {
+  const meaning = fault.meaning || fault.message;
+  const head = element("p", "fault-head", element("strong", "", headline ? meaning : fault.what_to_do));
   if (fault.operator_required) head.append(element("span", "tag tag-alarm", "Needs you"));
-  // The operator reads the meaning of the code. The details are for the person who repairs the instrument.
+  // The details are for the person who repairs the instrument.
   const found = fault.meaning && fault.meaning !== fault.message ? ` Found: ${fault.message}` : "";
   const small = `Fault ${fault.seq}, ${words(fault.code)}, since ${clockTime(fault.since)}.${found}`;
-  const made = element(
-    "li",
-    "fault",
-    head,
-    element("p", "fault-advice", element("b", "", "What to do: "), fault.what_to_do),
-    element("p", "fault-code", small),
-    element("p", "fault-actions", button, answer),
-  );
+  const made = element("li", "fault", head);
+  if (!headline) made.append(element("p", "", meaning));
+  made.append(element("p", "fault-code", small));
+  if (headline?.button !== "acknowledge" && !fault.ends_by_itself) made.append(actions(fault));
   made.dataset["code"] = fault.code;
   return made;
+}
+
+function actions(fault: Fault): HTMLElement {
+  const answer = element("span", "fault-answer");
+  answer.role = "status";
+  const button = element("button", "button button-small", `Acknowledge fault ${fault.seq}`);
+  button.type = "button";
+  button.addEventListener("click", () => void acknowledge(fault, button, answer));
+  return element("p", "fault-actions", button, answer);
 }
 
 /** Acknowledges a fault. The next status no longer lists it. */
@@ -52,8 +56,6 @@ async function acknowledge(fault: Fault, button: HTMLButtonElement, answer: HTML
   button.disabled = true;
   try {
     await post(`/v1/faults/${fault.seq}/acknowledge`);
-    // Most faults disappear with the next status.
-    setText(answer, "Acknowledged. It stays listed until its cause is gone.");
   } catch (error) {
     button.disabled = false;
     setText(answer, `Not acknowledged: ${error instanceof Refused ? error.message : String(error)}`);

@@ -52,12 +52,6 @@ export function micrometres(um: number, digits = 0): string {
   return `${grouped(um, digits)}${THIN}µm`;
 }
 
-export function percentChange(from: number, to: number): string {
-  const change = ((to - from) / from) * 100;
-  const text = grouped(change, 2);
-  return `${change > 0 ? "+" : ""}${text}${THIN}%`;
-}
-
 /** A rough age that changes seldom: 45 min, 5 h, 3 days. */
 export function age(seconds: number): string {
   const s = Math.max(0, seconds);

@@ -17,7 +17,7 @@ import { VolumeHistory } from "./history.ts";
 import { ModelView, type Look } from "./model.ts";
 import { NewRun } from "./newrun.ts";
 import { PlateView } from "./plate.ts";
-import { holdLine, progress, progressLine, sentence, STATES, toneOf, underWay } from "./plain.ts";
+import { diagnosis, headline, nextStep, progress, progressLine, STATES, toneOf, underWay } from "./plain.ts";
 import { RigView } from "./rig.ts";
 import type { RunStatus, Status } from "./status.ts";
 import { StoredSpecimens } from "./stored.ts";
@@ -38,7 +38,7 @@ const faults = new FaultsView(byId("faults"), byId("fault-list"));
 const plate = new PlateView(byId("plate"), byId("legend"), choose);
 const attention = new AttentionList(byId("attention"), byId("attention-list"), choose);
 const card = new WellCard(byId("well-heading"), byId("well-body"));
-const chart = new VolumeChart(byId("chart"), byId("chart-caption"));
+const chart = new VolumeChart(byId("chart"), byId("chart-caption"), byId<HTMLInputElement>("with-hull"));
 const rig = new RigView(byId("rig"));
 const commands = new CommandRow(byId);
 const newRun = new NewRun(byId);
@@ -111,17 +111,17 @@ function showAll(status: Status): void {
 function numbers(status: Status): void {
   const tone = toneOf(status);
   byId("now").dataset["tone"] = tone;
-  setText(byId("sentence"), sentence(status));
+  setText(byId("sentence"), headline(status));
   setText(byId("state"), STATES[status.state]);
   setText(byId("progress-line"), progressLine(status));
-  const held = holdLine(status);
-  setText(byId("hold-line"), held);
-  show(byId("hold-line"), held !== "");
+  const below = diagnosis(status);
+  setText(byId("diagnosis"), below);
+  show(byId("diagnosis"), below !== "");
   const bar = byId<HTMLProgressElement>("progress");
   bar.hidden = status.run === null;
   bar.value = progress(status);
   setText(byId("plate-name"), plateName(status));
-  faults.update(status.faults);
+  faults.update(status.faults, nextStep(status));
   commands.update(status);
   newRun.update(status);
   rig.update(status);
@@ -135,14 +135,14 @@ function numbers(status: Status): void {
   plate.update(wells, specimen, chosen);
   attention.update(wells);
   byId("save-table").hidden = wells.every((w) => w.outcome === null);
-  card.update(well, specimen, wells);
+  card.update(well, specimen, wells, well ? (history.of(well.well).hulls_um3.at(-1) ?? null) : null);
   chart.update(
     well && {
       well: well.well,
-      volumes_um3: history.of(well.well),
+      ...history.of(well.well),
       viewsPlanned: status.specimen?.views_planned ?? 0,
       hasEnded: well.outcome !== null,
-      measured_um3: well.volume_um3,
+      measured: well.volume_um3 === null ? null : { volume_um3: well.volume_um3, sd_um3: well.volume_sd_um3 },
     },
   );
   if (status.run && well && isStored(well)) void recall(status.run, well.well);
@@ -151,8 +151,10 @@ function numbers(status: Status): void {
 /** Loads the volumes of a well that ended before the page was opened, or while it was disconnected. */
 async function recall(run: RunStatus, well: string): Promise<void> {
   const one = { run: run.id, started: run.started, well };
-  const kept = (await stored.of(one).catch(() => null))?.hull_volumes_um3 ?? [];
-  if (history.recall(run, well, kept) && newest) numbers(newest);
+  const kept = await stored.of(one).catch(() => null);
+  if (kept === null) return;
+  const volumes = { hulls_um3: kept.hull_volumes_um3, estimates: kept.estimates };
+  if (history.recall(run, well, volumes) && newest) numbers(newest);
 }
 
 function plateName(status: Status): string {

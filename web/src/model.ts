@@ -33,7 +33,8 @@ const LOOKS = {
   camera: new Vector3(0, 0, -1),
   oblique: new Vector3(0.55, -0.45, -1).normalize(),
   along: new Vector3(1, 0, 0),
-  above: new Vector3(0, -1, 0),
+  // Not quite along the upward direction, which leaves open where right is. So the capillary points to the right, as in the camera's look.
+  above: new Vector3(0, -1, -1e-3).normalize(),
 } as const;
 
 export type Look = keyof typeof LOOKS;

@@ -17,6 +17,7 @@ export class NewRun {
   readonly #method: HTMLSelectElement;
   readonly #methodWords: HTMLElement;
   readonly #barcode: HTMLInputElement;
+  readonly #barcodeWords: HTMLElement;
   readonly #operator: HTMLInputElement;
   readonly #id: HTMLInputElement;
   readonly #holds: HTMLElement;
@@ -40,6 +41,7 @@ export class NewRun {
     this.#method = find("method");
     this.#methodWords = find("method-words");
     this.#barcode = find("barcode");
+    this.#barcodeWords = find("barcode-words");
     this.#operator = find("operator");
     this.#id = find("run-id");
     this.#holds = find("plate-holds");
@@ -91,6 +93,7 @@ export class NewRun {
       }),
     );
     this.#explain();
+    this.#enable();
   }
 
   #explain(): void {
@@ -113,7 +116,9 @@ export class NewRun {
   #whatIsMissing(): string[] {
     const missing = [];
     if (this.#map === null) missing.push(this.#file.value === "" ? "a plate map" : "a plate map without mistakes");
-    if (!this.#barcode.checkValidity()) missing.push("the plate's barcode");
+    const misread = this.#barcode.validity.patternMismatch;
+    show(this.#barcodeWords, misread);
+    if (!this.#barcode.checkValidity()) missing.push(misread ? "another barcode" : "the plate's barcode");
     if (!this.#method.checkValidity()) missing.push("a method");
     if (!this.#operator.checkValidity()) missing.push("your name");
     if (!this.#id.checkValidity()) missing.push("a run name of letters, digits, dots, _ and - alone");

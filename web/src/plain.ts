@@ -1,6 +1,7 @@
 // Explains the status in plain words. Pure.
 
 import { aboutDuration, capitalised, grouped } from "./format.ts";
+import { conditionOf } from "./wells.ts";
 import type { Phase, RunOutcome, RunStatus, SpecimenStatus, State, Status } from "./status.ts";
 
 /** The level of attention that a state needs. */
@@ -18,6 +19,8 @@ export function toneOf(status: Status): Tone {
   if (status.faults.some((f) => f.operator_required)) return "alarm";
   if (status.state === "Aborted" || status.state === "Aborting") return "alarm";
   if (status.faults.length > 0 || ATTENTION.has(status.state)) return "attention";
+  // The daemon looks for it for a while before it holds the run.
+  if (runsNow(status) && !status.hardware.camera.connected) return "attention";
   if (BUSY.has(status.state)) return "busy";
   return status.run?.outcome ? ENDED[status.run.outcome] : "calm";
 }
@@ -81,7 +84,7 @@ export function tally(run: RunStatus): string {
     [w.skipped, "skipped"],
     [w.failed, "failed"],
     [w.interrupted, "not finished"],
-    [w.pending, run.outcome === null ? "waiting" : "not started"],
+    [w.pending, run.outcome === null ? "waiting" : "not measured"],
   ];
   return parts
     .filter(([count]) => count > 0)
@@ -99,15 +102,17 @@ export function underWay(status: Status): SpecimenStatus | null {
   return runsNow(status) && status.state !== "Held" ? status.specimen : null;
 }
 
-/** Finished share of the run, 0 to 1. The current specimen counts by its views. */
+/** Finished share of the run, 0 to 1. The current specimen counts by its views, and one whose numbers are being made counts as done. */
 export function progress(status: Status): number {
   const run = status.run;
   if (!run || run.wells.total === 0) return 0;
   if (run.outcome === "succeeded") return 1;
   const specimen = underWay(status);
-  const open = run.results.some((w) => w.well === specimen?.well && w.outcome === null);
-  const within = specimen && open && specimen.views_planned > 0 ? specimen.view / specimen.views_planned : 0;
-  return Math.min(1, (done(run) + Math.min(1, within)) / run.wells.total);
+  const open = run.results.filter((w) => w.outcome === null);
+  const measuring = open.filter((w) => conditionOf(w, specimen, run.results) === "measuring").length;
+  const isOpen = open.some((w) => w.well === specimen?.well);
+  const within = specimen && isOpen && specimen.views_planned > 0 ? specimen.view / specimen.views_planned : 0;
+  return Math.min(1, (done(run) + measuring + Math.min(1, within)) / run.wells.total);
 }
 
 /** One line below the sentence: the progress of the run, or its end. */
@@ -117,18 +122,55 @@ export function progressLine(status: Status): string {
     return status.ready ? "Ready for a run." : `Not ready for a run: ${status.not_ready_reason ?? "no reason given"}.`;
   if (run.outcome) return `Run ${run.id} ${OUTCOMES[run.outcome]}: ${tally(run)}.`;
   const parts = [`Run ${run.id}: ${grouped(done(run))} of ${grouped(run.wells.total)} wells done`];
-  if (goesOnByItself(status) && status.faults.length > 0) parts.push("it goes on by itself once the fault is over");
   if (run.eta_s) parts.push(`${aboutDuration(run.eta_s.p50)} left${status.state === "Held" ? " once it goes on" : ""}`);
   return `${parts.join(" · ")}.`;
 }
 
-/** Why the run is held, how often for this cause, and what to do next. Empty if it is not held. */
-export function holdLine(status: Status): string {
+/** The one thing that a person does next, and the button that carries it out or confirms it. */
+export interface NextStep {
+  words: string;
+  /** The name of the button; null while a cause stands that no button ends. */
+  button: "acknowledge" | "unhold" | "is-out" | "is-in" | null;
+  /** The fault that the step is about. */
+  fault: number | null;
+}
+
+export function nextStep(status: Status): NextStep | null {
+  const hold = runsNow(status) ? (status.run?.hold ?? null) : null;
+  if (hold?.next_action != null) {
+    return { words: hold.next_action, button: hold.next_command, fault: hold.fault_seq };
+  }
+  const fault = status.faults.findLast((f) => f.operator_required);
+  if (fault) {
+    return { words: fault.what_to_do, button: fault.ends_by_itself ? null : "acknowledge", fault: fault.seq };
+  }
+  const { take_out: out, bring } = status.plate;
+  if (status.run === null || (out === null && bring === null)) return null;
+  if (out !== null) {
+    const words = `By hand: take the specimen of ${out} out of the capillary, then confirm.`;
+    return { words, button: "is-out", fault: null };
+  }
+  return {
+    words: `By hand: put the specimen of ${bring} into the capillary, then confirm.`,
+    button: "is-in",
+    fault: null,
+  };
+}
+
+/** What is the matter, below the next step: why the run is held and how often, or what the instrument is doing. */
+export function diagnosis(status: Status): string {
+  const next = nextStep(status);
+  if (next === null) return "";
   const hold = runsNow(status) ? status.run?.hold : null;
-  if (!hold) return "";
+  const isByHand = next.button === "is-out" || next.button === "is-in";
+  if (!hold) return isByHand ? `${sentence(status)} A plate-loader does this by itself.` : sentence(status);
   const often = hold.times > 1 ? ` It has held the run ${grouped(hold.times)} times since a well was finished.` : "";
-  const next = hold.next_action ?? "Nothing: the run goes on by itself.";
-  return `Held because: ${hold.cause}${often} What to do: ${next}`;
+  return `Held because: ${hold.cause}${often}`;
+}
+
+/** The headline: the next step where somebody has to take one, else what the instrument is doing. */
+export function headline(status: Status): string {
+  return nextStep(status)?.words ?? sentence(status);
 }
 
 /** Whether a run is under way. A held run counts. */
@@ -162,8 +204,11 @@ export function canHold(status: Status): boolean {
   return canStop(status) && !status.pending.hold && (HOLDABLE.has(status.state) || goesOnByItself(status));
 }
 
+/** Whether nothing but somebody's word keeps a held run from going on. While a cause stands, the daemon would refuse. */
 export function canGoOn(status: Status): boolean {
-  return canAbort(status) && status.state === "Held";
+  const hold = status.run?.hold;
+  const waits = hold ? hold.next_command === "unhold" : nextStep(status) === null;
+  return canAbort(status) && status.state === "Held" && waits;
 }
 
 /** The barcode of the plate whose open handover blocks runs, according to the status; else null. */

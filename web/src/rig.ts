@@ -87,7 +87,11 @@ export function calibrationWords(calibration: CalibrationStatus | null): string 
 }
 
 /** The result of the newest daily beads, and whether it is still valid. */
-export function gateWords({ stands, words }: GateStatus): string {
+export function gateWords({ stands, summary, verdict, words }: GateStatus): string {
+  if (summary) {
+    const isTooOld = !stands && verdict !== "failed" && verdict !== "too_few_beads";
+    return isTooOld ? `! Too old: measure beads again. At that time: ${summary}` : `${stands ? "✓" : "✕"} ${summary}`;
+  }
   return `${stands ? "✓" : "✕"} ${words.map((sentence) => capitalised(sentence.replace(/\.$/, ""))).join(". ")}.`;
 }
 

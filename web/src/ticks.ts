@@ -8,12 +8,14 @@ export function roundBelow(value: number): number {
   return (lead >= 5 ? 5 : lead >= 2 ? 2 : 1) * power;
 }
 
-/** Levels 1, 2 and 5 times powers of ten for a logarithmic axis: from the one below the lowest to the one above the highest. */
-export function logTicks(lowest: number, highest: number): number[] {
-  const ticks = [roundBelow(lowest)];
-  // The next of 1, 2, 5 is at most 2.5 times higher, and the one after it at least 4 times.
-  while (ticks.length < 2 || ticks.at(-1)! < highest) ticks.push(roundBelow(ticks.at(-1)! * 2.5));
-  return ticks.map((tick) => Number(tick.toPrecision(12)));
+/** Round levels at equal distances for a linear axis, four to eight: from the one below the lowest to the one above the highest. */
+export function linearTicks(lowest: number, highest: number): number[] {
+  // Equal values still need an axis.
+  const span = Math.max(highest - lowest, Math.abs(highest) * 1e-3, 1e-9);
+  const step = roundBelow(span / 2.5);
+  const first = Math.floor(lowest / step + 1e-9);
+  const last = Math.max(Math.ceil(highest / step - 1e-9), first + 1);
+  return Array.from({ length: last - first + 1 }, (_, i) => Number(((first + i) * step).toPrecision(12)));
 }
 
 /** Views to label on the axis: the first, the last, and round numbers between them with enough space. */

@@ -13,7 +13,7 @@ import {
 } from "./format.ts";
 import { flagWords, reasonWords } from "./reasons.ts";
 import { PHASES } from "./plain.ts";
-import type { SpecimenStatus, WellStatus } from "./status.ts";
+import type { SpecimenStatus, VolumeWait, WellStatus } from "./status.ts";
 import { CONDITIONS, conditionOf, contents, places, type Condition } from "./wells.ts";
 
 export class WellCard {
@@ -26,7 +26,13 @@ export class WellCard {
     this.#body = body;
   }
 
-  update(well: WellStatus | null, specimen: SpecimenStatus | null, wells: readonly WellStatus[]): void {
+  /** `hull_um3`: the volume of the live hull after the last view. */
+  update(
+    well: WellStatus | null,
+    specimen: SpecimenStatus | null,
+    wells: readonly WellStatus[],
+    hull_um3: number | null,
+  ): void {
     const own = specimen?.well === well?.well ? specimen : null;
     const condition = well && conditionOf(well, specimen, wells);
     const now = JSON.stringify([
@@ -39,6 +45,8 @@ export class WellCard {
       own?.volume_sd_um3,
       own?.volume_views,
       own?.converged,
+      own?.volume_wait,
+      hull_um3,
     ]);
     if (now === this.#shown) return;
     this.#shown = now;
@@ -48,13 +56,18 @@ export class WellCard {
       return;
     }
     this.#heading.textContent = `Well ${well.well}`;
-    const list = element("dl", "facts", ...facts(well, own, condition));
+    const list = element("dl", "facts", ...facts(well, own, condition, hull_um3));
     list.dataset["well"] = well.well;
     this.#body.replaceChildren(list);
   }
 }
 
-function facts(well: WellStatus, specimen: SpecimenStatus | null, condition: Condition): HTMLElement[] {
+function facts(
+  well: WellStatus,
+  specimen: SpecimenStatus | null,
+  condition: Condition,
+  hull_um3: number | null,
+): HTMLElement[] {
   const rows = [
     ...fact("Specimen", capitalised(contents(well))),
     ...fact("Outcome", outcome(well, specimen, condition)),
@@ -81,28 +94,50 @@ function facts(well: WellStatus, specimen: SpecimenStatus | null, condition: Con
   }
   const among = places(well);
   if (among.length > 0) rows.push(...fact("Among its age", ...among.map(place)));
-  const model = modelNumbers(well);
-  if (model.length > 0) rows.push(...fact("Of the model", ...model));
+  if (volume !== null) {
+    const others = otherNumbers(well, hull_um3);
+    if (others.length > 0) {
+      const summary = element("summary", "", "Other volumes, and why they differ");
+      rows.push(...fact("Details", element("details", "other-volumes", summary, ...others)));
+    }
+  }
   return rows;
 }
 
-/** The numbers of the displayed surface. They come after the reported numbers and do not replace them. */
-function modelNumbers({ field_volume_um3: volume, field_area_um2: area }: WellStatus): HTMLElement[] {
+/** Numbers that are not reported, each with a sentence that says what it is. */
+function otherNumbers(well: WellStatus, hull_um3: number | null): HTMLElement[] {
+  const { field_volume_um3: volume, field_area_um2: area } = well;
   const shown: HTMLElement[] = [];
-  if (volume !== null) shown.push(small("field-volume", nanolitres(volume), cubicMicrometres(volume)));
-  if (area !== null) shown.push(small("field-area", squareMillimetres(area), squareMicrometres(area)));
+  if (volume !== null) {
+    const what = "The surface that is drawn holds this much. Gaps that no view looks into are filled.";
+    shown.push(small("field-volume", nanolitres(volume), cubicMicrometres(volume), what));
+  }
+  if (area !== null) {
+    shown.push(small("field-area", squareMillimetres(area), squareMicrometres(area), "The area of that surface."));
+  }
+  if (hull_um3 !== null) {
+    const what = "The live hull after the last view: the largest body that fits the outlines, made of voxels.";
+    shown.push(small("hull-volume", nanolitres(hull_um3), cubicMicrometres(hull_um3), what));
+  }
   return shown;
 }
 
-function small(name: string, text: string, exact: string): HTMLElement {
-  const made = element("span", "exact", `${text} (${exact})`);
+function small(name: string, text: string, exact: string, what: string): HTMLElement {
+  const made = element("span", "exact", `${text} (${exact}). ${what}`);
   made.dataset["number"] = name;
   return made;
 }
 
-// The estimate, not the hull in the chart, which is too large after few views.
-function volumeSoFar({ volume_um3, volume_sd_um3, volume_views, converged }: SpecimenStatus): HTMLElement {
-  if (volume_um3 === null) return element("span", "quiet", "not known yet: it takes views from more sides");
+const NOT_YET: Record<VolumeWait, string> = {
+  views: "not known yet: it takes views from more sides",
+  computing: "not known yet: computing",
+  slices: "known once the turn is measured: the slices so far do not determine it",
+};
+
+// The estimate, not the hull, which is too large after few views.
+function volumeSoFar(specimen: SpecimenStatus): HTMLElement {
+  const { volume_um3, volume_sd_um3, volume_views, volume_wait, converged } = specimen;
+  if (volume_um3 === null) return element("span", "quiet", NOT_YET[volume_wait ?? "computing"]);
   const views = volume_views === null ? "" : `, of ${counted(volume_views, "view")}`;
   const settled = converged === true ? ", settled" : "";
   return number("volume-live", nanolitres(volume_um3, volume_sd_um3), cubicMicrometres(volume_um3) + views + settled);

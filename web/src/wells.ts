@@ -39,15 +39,15 @@ export type Condition =
 
 /** A sign and words for each condition, so that colour is not the only indication. */
 export const CONDITIONS: Record<Condition, { sign: string; label: string }> = {
-  pending: { sign: "·", label: "not started" },
+  pending: { sign: "·", label: "not measured yet" },
   active: { sign: "▶", label: "under way" },
   measuring: { sign: "…", label: "being measured" },
   succeeded: { sign: "✓", label: "measured" },
   flagged: { sign: "!", label: "measured, flagged" },
   skipped: { sign: "–", label: "skipped" },
   failed: { sign: "✕", label: "failed" },
-  interrupted: { sign: "‖", label: "interrupted" },
-  aborted: { sign: "■", label: "aborted" },
+  interrupted: { sign: "‖", label: "not finished" },
+  aborted: { sign: "■", label: "not finished" },
 };
 
 /** `wells` are those of the run, in the order of measurement. */

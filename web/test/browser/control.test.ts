@@ -103,3 +103,125 @@ test("a question keeps the focus off the rest of the page, and Escape closes it"
   await page.locator("#ask-yes").click();
   await daemon.follow((s) => s.run?.outcome === "aborted");
 });
+
+/** The identifiers of the buttons of the main part, the largest first. */
+const bySize = (page: Page) =>
+  page.locator("main button:visible").evaluateAll((buttons) => {
+    const area = (b: Element) => b.getBoundingClientRect().width * b.getBoundingClientRect().height;
+    return buttons.sort((a, b) => area(b) - area(a)).map((b) => b.id);
+  });
+
+test("a lost camera: shown at once, its remedy is the headline, and nobody is offered to go on before it is back", async (t) => {
+  const { daemon, page, complaints } = await opened(t, 1, ["--no-demo", "--camera-out", "8,45"]);
+  await daemon.send("PUT", "/v1/runs/camera-1", plan([larva("A01"), larva("A02")]));
+  const lost = await daemon.follow((s) => !s.hardware.camera.connected);
+  assert.equal(lost.state, "Execute");
+  await page.locator('#now[data-tone="attention"]').waitFor();
+  const held = await daemon.follow((s) => s.state === "Held");
+  const hold = held.run!.hold!;
+  assert.deepEqual([hold.code, hold.times, hold.next_command], ["camera_lost", 1, null]);
+  await page
+    .locator("#sentence", { hasText: /^Check the camera's power and network cable\. The run goes on by/ })
+    .waitFor();
+  await page.locator("#diagnosis", { hasText: /^Held because: The camera does not answer/ }).waitFor();
+  await page.locator("#fault-list", { hasText: "Needs you" }).waitFor();
+  assert.equal(await page.locator("#unhold").isVisible(), false);
+  assert.equal(await page.getByRole("button", { name: "Acknowledge" }).count(), 0);
+  await shoot(page, "control-camera-lost");
+  // Held by an operator too, it waits once the camera is back, and its words no longer say that it does not.
+  await page.getByRole("button", { name: "Keep it held" }).click();
+  await page.locator("#sentence", { hasText: /When the camera answers, let the run go on\.$/ }).waitFor();
+  await daemon.follow((s) => s.faults.length === 0);
+  await page.locator("#sentence", { hasText: /^Let the run go on when you are ready\.$/ }).waitFor();
+  await page.locator("#diagnosis", { hasText: /^Held because: The camera does not answer/ }).waitFor();
+  assert.equal((await bySize(page))[0], "unhold", "the one thing to do is the largest button");
+  await shoot(page, "control-camera-back");
+  await page.locator("#unhold").click();
+  await daemon.follow((s) => s.state === "Execute" && s.hardware.camera.connected);
+  await page.locator("#diagnosis").waitFor({ state: "hidden" });
+  assert.deepEqual(complaints, []);
+});
+
+test("who exchanges specimens by hand reads each step, and its button is the largest", async (t) => {
+  const { daemon, page, complaints } = await opened(t, 20, ["--no-demo", "--sampler", "loader"]);
+  await daemon.send("PUT", "/v1/runs/hand-1", plan([larva("A01"), larva("A02")]));
+  await page
+    .locator("#sentence", { hasText: /^By hand: put the specimen of A01 into the capillary, then confirm\.$/ })
+    .waitFor();
+  assert.equal((await bySize(page))[0], "is-in");
+  await shoot(page, "control-by-hand");
+  await page.locator("#is-in").click();
+  await page.locator("#ask-yes").click();
+  await daemon.follow((s) => s.specimen?.well === "A01" && s.specimen.in_capillary && s.state === "Execute");
+  await page.locator("#sentence", { hasText: /^Well A01/ }).waitFor();
+  await daemon.follow((s) => s.plate.take_out === "A01" && s.plate.bring === "A02");
+  await page
+    .locator("#sentence", { hasText: /^By hand: take the specimen of A01 out of the capillary, then confirm\.$/ })
+    .waitFor();
+  assert.equal((await bySize(page))[0], "is-out");
+  await page.locator("#is-out").click();
+  await page.locator("#ask-yes").click();
+  await page
+    .locator("#sentence", { hasText: /^By hand: put the specimen of A02 into the capillary, then confirm\.$/ })
+    .waitFor();
+  assert.equal((await daemon.status()).plate.take_out, null);
+  assert.deepEqual(complaints, []);
+});
+
+test("a run from its map to its numbers: unknown columns, barcode, hold, one reported volume", async (t) => {
+  const { daemon, page, complaints } = await opened(t, 20, ["--no-demo"]);
+  await page
+    .locator("#new-run-missing", { hasText: /^Still needed: a plate map, the plate's barcode, your name\.$/ })
+    .waitFor();
+  const map = (text: string) => ({ name: "map.csv", mimeType: "text/csv", buffer: Buffer.from(text) });
+  await page.getByLabel("Plate map").setInputFiles(map("well,dpf,colour\nZ9,3,red\nA02,old,\n"));
+  await page.locator("#new-run-words", { hasText: /^map\.csv cannot be used: 2 mistakes\.$/ }).waitFor();
+  const strain = "well,specimen,dpf,strain,colour\nA01,larva,3,ABxTL,red\nA02,larva,3,ABxTL,\n";
+  await page.getByLabel("Plate map").setInputFiles(map(strain));
+  await page.locator("#new-run-list", { hasText: /colour: carved does not read this column and keeps it/ }).waitFor();
+  await page.getByLabel("Operator").fill("Kim");
+  await page.getByLabel("Plate barcode").fill("P/7 b");
+  await page.locator("#barcode-words", { hasText: /^A barcode has letters, digits/ }).waitFor();
+  assert.equal(await page.locator("#start").isDisabled(), true);
+  await page.getByLabel("Plate barcode").fill("P-7");
+  await page.getByLabel("Run name").fill("map-1");
+  await page.getByRole("button", { name: "Start", exact: true }).click();
+  await daemon.follow((s) => s.run?.id === "map-1");
+  const stored = (await (await fetch(`${daemon.url}/v1/runs/map-1`)).json()) as { plan: { metadata: object } };
+  assert.deepEqual(stored.plan.metadata, { columns: { colour: { A01: "red" } } });
+
+  await daemon.follow((s) => (s.specimen?.view ?? 0) > 3);
+  await page.getByRole("button", { name: "Hold", exact: true }).click();
+  const held = await daemon.follow((s) => s.state === "Held");
+  assert.deepEqual([held.run!.hold!.code, held.run!.hold!.next_command], ["operator", "unhold"]);
+  await page.locator("#sentence", { hasText: /^Let the run go on when you are ready\.$/ }).waitFor();
+  await page.locator("#diagnosis", { hasText: /^Held because: An operator asked for it\.$/ }).waitFor();
+  // Ring, numbers and pictures are of one well.
+  const ring = await page.locator('#plate [aria-pressed="true"]').getAttribute("data-well");
+  await page.locator("#well-heading", { hasText: `Well ${ring}` }).waitFor();
+  await page.locator("#frame-heading", { hasText: `Frame of ${ring}` }).waitFor();
+  await shoot(page, "control-held");
+  await page.locator("#unhold").click();
+  const done = await daemon.follow((s) => {
+    // Two thirds of a turn in sequence are views from enough sides: what is missing then is time.
+    const { view, views_planned, volume_wait } = s.specimen ?? { view: 0, views_planned: 0, volume_wait: null };
+    assert.ok(view < (2 / 3) * views_planned || volume_wait !== "views", `${view} of ${views_planned}`);
+    return s.run?.outcome != null;
+  });
+  const [first] = done.run!.results;
+  assert.equal(first!.outcome, "succeeded", JSON.stringify(first));
+  // The map gave the strain, which is that of the references.
+  const mismatches = [first!.reference!.volume, first!.reference!.area].flatMap((place) => place.mismatches).join();
+  assert.doesNotMatch(mismatches, /strain/);
+
+  await page.locator('button[data-well="A01"]').click();
+  const card = page.locator('#well-body dl[data-well="A01"]');
+  await card.locator('[data-number="volume"]').waitFor();
+  assert.equal(await card.locator('[data-number="field-volume"]').isVisible(), false, "one volume is reported");
+  await card.getByText("Other volumes, and why they differ").click();
+  await card.locator('[data-number="field-volume"]', { hasText: /The surface that is drawn/ }).waitFor();
+  await card.locator('[data-number="hull-volume"]', { hasText: /The live hull/ }).waitFor();
+  await page.locator("#chart-caption", { hasText: /^A01: reported [\d.]+ ± [\d.]+.nL \(± 1 SD\)\.$/ }).waitFor();
+  await shoot(page, "control-volumes");
+  assert.deepEqual(complaints, []);
+});

@@ -30,7 +30,7 @@ after(async () => {
 const whole = (value: number) => value.toLocaleString("en-US", { maximumFractionDigits: 0 });
 
 async function shown(card: Locator, name: string): Promise<string> {
-  return (await card.locator(`[data-number="${name}"]`).innerText()).replaceAll("\u202f", " ");
+  return ((await card.locator(`[data-number="${name}"]`).textContent()) ?? "").replaceAll("\u202f", " ");
 }
 
 async function compare(well: WellStatus): Promise<void> {
@@ -61,18 +61,28 @@ test("the demo plate, as the operator sees it", { timeout: RUN_MS + 60_000 }, as
   await page.locator("#link", { hasText: /^Live$/ }).waitFor();
   assert.equal((await page.locator("#stamp").innerText()).trim(), "SIMULATED");
 
+  // The bar of the demo, in which nothing is done twice, never falls back.
+  await page.locator("#progress").evaluate((bar: HTMLProgressElement) => {
+    const seen: number[] = [];
+    new MutationObserver(() => {
+      seen.push(bar.value);
+      bar.dataset["fellBack"] = String(seen.some((value, i) => i > 0 && value < seen[i - 1]!));
+    }).observe(bar, { attributeFilter: ["value"] });
+  });
+  await page.getByLabel("Hull").check();
+
   // While it runs: the sentence is the daemon's, volumes come view by view, frame and model are there.
   const points = page.locator("#chart svg");
   await page.waitForFunction(
-    () => Number(document.querySelector<SVGElement>("#chart svg")?.dataset["points"]) >= 3,
+    () => Number(document.querySelector<SVGElement>("#chart svg")?.dataset["hulls"]) >= 3,
     null,
     {
       timeout: RUN_MS,
     },
   );
-  const early = Number(await points.getAttribute("data-points"));
+  const early = Number(await points.getAttribute("data-hulls"));
   await page.waitForFunction(
-    (least) => Number(document.querySelector<SVGElement>("#chart svg")?.dataset["points"]) > least,
+    (least) => Number(document.querySelector<SVGElement>("#chart svg")?.dataset["hulls"]) > least,
     early + 2,
     { timeout: RUN_MS },
   );
@@ -104,7 +114,8 @@ test("the demo plate, as the operator sees it", { timeout: RUN_MS + 60_000 }, as
   // Every curve that the page followed holds one point per view, also of wells that are done.
   await page.locator(`button[data-well="${run.results[1]!.well}"]`).click();
   await page.locator("#chart-caption", { hasText: run.results[1]!.well }).waitFor();
-  assert.ok(Number(await points.getAttribute("data-points")) >= 20);
+  assert.ok(Number(await points.getAttribute("data-hulls")) >= 20);
+  assert.equal(await page.locator("#progress").getAttribute("data-fell-back"), "false");
   await page.locator('#model-box[data-geometries="1"]').waitFor();
   assert.equal(await page.locator("#faults").isVisible(), false);
   await shoot(page, "daemon-finished");
@@ -116,7 +127,8 @@ test("the demo plate, as the operator sees it", { timeout: RUN_MS + 60_000 }, as
   await page.locator(`button[data-well="${run.results[1]!.well}"]`).click();
   await page.locator("#frame-whose", { hasText: /^view 1 of 21$/ }).waitFor();
   await page.locator("#model-caption", { hasText: /as it was measured: [\d,]+ × / }).waitFor();
-  await page.locator('#chart svg[data-points="21"]').waitFor();
+  await page.getByLabel("Hull").check();
+  await page.locator('#chart svg[data-hulls="21"]').waitFor();
   const kept = await drawn(page.locator("#frame-box"));
   assert.ok(kept.share > 0.005 && kept.shades > 20, `a picture, not ${JSON.stringify(kept)}`);
   await shoot(page, "daemon-stored");

@@ -4,8 +4,8 @@ import assert from "node:assert/strict";
 import { readFile } from "node:fs/promises";
 import { after, afterEach, before, beforeEach, test } from "node:test";
 import type { Browser, Page } from "playwright-core";
-import type { Status } from "../../src/status.ts";
-import { drawn, openBrowser, openPage, shoot } from "../support/browser.ts";
+import type { Status, VolumeEstimate } from "../../src/status.ts";
+import { drawn, openBrowser, openPage, rightShare, shoot } from "../support/browser.ts";
 import { FixtureServer, kept, NO_FILES } from "../support/fixture-server.ts";
 import { ellipsoidGlb, png } from "../support/picture.ts";
 import { carved, fault, placed, run, specimen, status, well } from "../support/statuses.ts";
@@ -43,8 +43,17 @@ function running(views: number): Status {
     doing: `taking view ${views + 1} of 22 of the larva in A02`,
     plate: { barcode: "DEMO-1", present: true, removable: false, needs: null, take_out: null, bring: null },
     run: run([measured, well("A02", { dpf: 5 }), bead, empty]),
-    specimen: specimen("A02", carved(262_000_000, views)),
+    specimen: specimen("A02", carved(262_000_000, views), { estimates: estimated(views) }),
   });
+}
+
+/** An estimate after each view from the seventh on. */
+function estimated(views: number): VolumeEstimate[] {
+  return Array.from({ length: Math.max(0, views - 6) }, (_, i) => ({
+    views: i + 7,
+    volume_um3: 251e6 + 2e6 / (i + 1),
+    volume_sd_um3: 1.3e6 + 2e6 / (i + 1),
+  }));
 }
 
 let browser: Browser;
@@ -106,7 +115,14 @@ test("the volume so far: not told at first, then with its spread, its views and 
   const turning = running(9);
   server.publish(turning);
   await page.goto(server.url);
-  await until("well-body", /Volume so far\s*not known yet/);
+  await until("well-body", /Volume so far\s*not known yet: it takes views from more sides/);
+  for (const [wait, words] of [
+    ["computing", /not known yet: computing/],
+    ["slices", /known once the turn is measured/],
+  ] as const) {
+    server.publish({ ...turning, specimen: specimen("A02", carved(262_000_000, 20), { volume_wait: wait }) });
+    await until("well-body", words);
+  }
   const told = { volume_um3: 251_000_000, volume_sd_um3: 1_300_000, volume_views: 8, converged: false };
   server.publish({ ...turning, revision: 2, specimen: specimen("A02", carved(262_000_000, 9), told) });
   await until("well-body", /251\.0 ± 1\.3.nL\s*251,000,000.µm³, of 8 views$/);
@@ -141,8 +157,15 @@ test("a run under way: sentence, plate, numbers, frame, model and chart", async 
   await until("model-caption", /A02 after 9 views: 3,800 × 520 × 480/);
   const picture = await drawn(page.locator("#model-box canvas"));
   assert.ok(picture.share > 0.03 && picture.shades > 20, `a shaded body, not ${JSON.stringify(picture)}`);
-  assert.equal(await page.locator("#chart circle").count(), 9);
+  assert.equal(await page.locator("#chart circle").count(), 3);
+  assert.equal(await page.locator("#chart .hull").count(), 0);
+  await until("chart-caption", /^A02: 251\.7 ± 2\.0.nL \(± 1 SD\) of 9 views\.$/);
   await shoot(page, "running");
+  await page.getByLabel("Hull").check();
+  await page.locator('#chart svg[data-hulls="9"]').waitFor();
+  await until("chart-caption", /hull .* after 9 views, which is no estimate/);
+  await shoot(page, "running-hull");
+  await page.getByLabel("Hull").uncheck();
 
   await page.locator('[data-well="A03"].well').click();
   await until("well-heading", /A03/);
@@ -186,6 +209,7 @@ test("a chosen well shows what is stored of it, and the page says whose pictures
     recording: { rig: { pixel_format: "BayerRG8" } },
     measurement,
     hull_volumes_um3: late,
+    estimates: estimated(21),
     links,
   });
   for (const path of views) server.files[path] = frame;
@@ -208,8 +232,8 @@ test("a chosen well shows what is stored of it, and the page says whose pictures
   await until("model-caption", /^A01 as it was measured: 3,400 × 500 × 460/);
   assert.equal(await text("model-heading"), "Model of A01");
   // Opened late, the page has the whole curve all the same.
-  await page.locator('#chart svg[data-points="21"]').waitFor();
-  await until("chart-caption", /^A01: .* after 21 views/);
+  await page.locator('#chart svg[data-points="15"]').waitFor();
+  await until("chart-caption", /^A01: reported 243\.1.nL/);
   assert.equal(await page.locator("#profile-image").isVisible(), true);
   // A mosaic's four pixels are one in colour.
   assert.equal(await page.locator("#frame-image").evaluate((image: HTMLImageElement) => image.naturalWidth), 256);
@@ -341,7 +365,7 @@ test("who exchanges specimens by hand says so on the page", async () => {
   await until("answer", /accepted/);
   assert.deepEqual(server.taken, [{ command: "PUT /v1/runs/demo-1/wells/A02", body: '{"loaded":true}' }]);
   server.publish(running(0));
-  await page.locator("#by-hand").waitFor({ state: "hidden" });
+  await page.locator("#is-in").waitFor({ state: "hidden" });
 });
 
 test("a handover whose loader died is called off by the operator, without a run too", async () => {
@@ -364,7 +388,7 @@ test("a handover whose loader died is called off by the operator, without a run 
   await until("answer", /accepted/);
   assert.deepEqual(server.taken, [{ command: "PUT /v1/plate/handoff/aborted", body: "" }]);
   server.publish(status());
-  await page.locator("#by-hand").waitFor({ state: "hidden" });
+  await page.locator("#not-moved").waitFor({ state: "hidden" });
   assert.equal(await page.locator("#answer").isVisible(), false);
 });
 
@@ -465,7 +489,7 @@ test("the model grows without leaking: old geometry leaves the GPU, the canvas s
   const rings = 16 + 2 * 22;
   await page.locator(`#model-box[data-triangles="${rings * 2 * rings * 2}"][data-geometries="1"]`).waitFor();
   assert.ok(await canvas!.evaluate((old) => old.isConnected), "the same canvas throughout");
-  assert.equal(await page.locator("#chart circle").count(), 22);
+  assert.equal(await page.locator("#chart circle").count(), 16);
 });
 
 test("the model turns by key and returns by Home", async () => {
@@ -484,6 +508,18 @@ test("the model turns by key and returns by Home", async () => {
   await page.keyboard.press("Home");
   await page.evaluate(() => new Promise((resolve) => requestAnimationFrame(() => requestAnimationFrame(resolve))));
   assert.ok((await canvas.screenshot()).equals(first), "Home gives the first look again");
+  // Head and tail are on the same side from the camera and from above: the thick end of this body is at the right.
+  server.shown = { ...server.shown, views: 6 };
+  server.live["/v1/live/mesh.glb"] = { body: ellipsoidGlb([1900, 260, 240], 30, 0.8), type: "model/gltf-binary" };
+  server.publish(running(6));
+  await until("model-caption", /A02 after 6 views/);
+  for (const look of ["Camera", "Above", "Oblique"]) {
+    await page.getByRole("button", { name: look, exact: true }).click();
+    await page.evaluate(() => new Promise((resolve) => requestAnimationFrame(() => requestAnimationFrame(resolve))));
+    const share = await rightShare(canvas);
+    assert.ok(share > 0.55, `${look}: the thick end is at the right, not ${share}`);
+  }
+  await shoot(page, "above");
   // Length of the bar and its label agree with the model: 3,800 um seen as the camera sees them.
   await page.getByRole("button", { name: "Camera" }).click();
   await page.evaluate(() => new Promise((resolve) => requestAnimationFrame(() => requestAnimationFrame(resolve))));
@@ -495,13 +531,11 @@ test("the model turns by key and returns by Home", async () => {
   assert.ok(Math.abs(seen - 0.86 * width) < (3800 / label) * 1.01, `${seen} px of ${width} px`);
 });
 
-test("faults say what happened and what to do", async () => {
+test("the remedy of a fault is the headline, and what happened stands below", async () => {
+  const held = { ...running(9), state: "Held" as const, doing: "held: the camera does not answer" };
   server.publish({
-    ...running(9),
-    state: "Held",
-    doing: "held: the camera does not answer; views taken so far are kept",
+    ...held,
     faults: [
-      fault({ scheduler_action: "escalate_operator", operator_required: true }),
       fault({
         seq: 8,
         code: "disk_low",
@@ -509,16 +543,26 @@ test("faults say what happened and what to do", async () => {
         meaning: "The disk that holds the data is full.",
         message: "4.1 GB of disk are free; a plate needs 6.0 GB",
         what_to_do: "Free some of the disk.",
+        ends_by_itself: true,
       }),
+      fault({ scheduler_action: "escalate_operator", operator_required: true }),
     ],
   });
   await page.goto(server.url);
-  await until("faults", /The camera does not answer any more\./);
-  const words = await text("faults");
-  assert.match(words, /Needs you/);
-  assert.match(words, /What to do: Look at the camera's cable/);
-  assert.match(words, /What to do: Free some of the disk/);
-  assert.match(words, /Found: 4\.1 GB of disk are free/);
+  await until("sentence", /^Look at the camera's cable\.$/);
+  await until("diagnosis", /^Held: the camera does not answer$/);
+  const [disk, camera] = await page.locator("#fault-list li").allInnerTexts();
+  // The headline has the camera's remedy and its button; the disk's has its own, and ends by itself.
+  assert.match(camera!, /^The camera does not answer any more\.\s*Needs you/);
+  assert.match(disk!, /^Free some of the disk\.\s*The disk that holds the data is full\.[\s\S]*Found: 4\.1 GB/);
+  const acknowledge = page.getByRole("button", { name: "Acknowledge" });
+  assert.equal(await acknowledge.count(), 1);
+  const areas = await page
+    .locator("main button:visible")
+    .evaluateAll((buttons) =>
+      buttons.map((b) => [b.id, b.getBoundingClientRect().width * b.getBoundingClientRect().height] as const),
+    );
+  assert.equal(areas.sort((a, b) => b[1] - a[1])[0]![0], "acknowledge", "the one thing to do is the largest button");
   assert.equal(await page.locator("#now").getAttribute("data-tone"), "alarm");
   await shoot(page, "faults");
   server.publish(running(10));
@@ -555,7 +599,7 @@ test("abort asks once, says what it did, and takes no for an answer", async () =
     status({ state: "Aborted", doing: "run demo-1 was aborted", run: run(wells, { outcome: "aborted" }) }),
   );
   await until("state", /Aborted/i);
-  assert.equal(await text("progress-line"), "Run demo-1 was aborted: 1 measured, 1 not finished, 2 not started.");
+  assert.equal(await text("progress-line"), "Run demo-1 was aborted: 1 measured, 1 not finished, 2 not measured.");
   assert.equal(await page.locator("#progress").evaluate((bar: HTMLProgressElement) => bar.value), 0.25);
   assert.equal(await page.locator("#abort").isVisible(), false);
   assert.equal(await page.locator("#answer").isVisible(), false, "what was accepted has happened");
@@ -575,31 +619,55 @@ test("hold, go on, and stop after the well, each offered where it applies", asyn
   const held = { ...running(0), state: "Held" as const, specimen: null };
   server.publish({ ...held, run: run([well("A01")], { held_by_operator: true }) });
   await page.locator("#answer").waitFor({ state: "hidden" });
+  // The second click of a double click on what stood here before.
+  await page.locator("#unhold").dispatchEvent("click", { detail: 2 });
   await button("Go on").click();
   await until("answer", /Go on: accepted/);
   assert.equal(await page.locator("#hold").isVisible(), false);
   await button("End the run").click();
   await until("ask-title", /^End run demo-1\?$/);
   await page.getByRole("button", { name: "Keep the run" }).click();
-  // A fault holds it: it would go on by itself.
-  server.publish({ ...held, faults: [fault()], run: run([well("A01")], { goes_on_by_itself: true }) });
-  await until("progress-line", /it goes on by itself once the fault is over/);
-  assert.equal(await page.locator("#hold-line").isVisible(), false);
-  const hold = { code: "camera_lost", cause: "The camera is gone.", times: 3, next_action: "Look at its cable." };
-  const known = run([well("A01")], { goes_on_by_itself: true, hold });
-  server.publish({ ...held, faults: [fault()], run: known });
-  await until("hold-line", /^Held because: The camera is gone\. It has held .* 3 times .* Look at its cable\.$/);
+  // A lost camera holds it: nobody can let it go on while the cause stands.
+  const lost = fault({ code: "camera_lost", operator_required: true, ends_by_itself: true });
+  const hold = {
+    code: "camera_lost",
+    cause: "The camera is gone.",
+    times: 3,
+    next_action: "Check its cable. The run goes on by itself when the camera answers.",
+    next_command: null,
+    fault_seq: 7,
+  };
+  const standing = { ...held, faults: [lost], run: run([well("A01")], { goes_on_by_itself: true, hold }) };
+  server.publish(standing);
+  await until("sentence", /^Check its cable\. The run goes on by itself/);
+  await until(
+    "diagnosis",
+    /^Held because: The camera is gone\. It has held the run 3 times since a well was finished\.$/,
+  );
+  assert.equal(await page.locator("#unhold").isVisible(), false);
+  assert.equal(await page.getByRole("button", { name: "Acknowledge" }).count(), 0, "it ends with its cause");
   await button("Keep it held").click();
   await until("answer", /Keep it held: accepted/);
+  // What only another configuration ends has no large button, and can still be acknowledged.
+  const unusable = { ...hold, next_action: "Correct the configuration.", next_command: null };
+  server.publish({
+    ...held,
+    faults: [fault({ operator_required: true })],
+    run: run([well("A01")], { hold: unusable }),
+  });
+  await button("Acknowledge fault 7").waitFor();
+  assert.equal(await page.locator(".button-next").count(), 0);
+  // Another fault waits for somebody who has seen to it.
+  const other = fault({ operator_required: true });
+  const waits = { ...hold, next_action: "Look. Then acknowledge the fault.", next_command: "acknowledge" as const };
+  server.publish({ ...held, faults: [other], run: run([well("A01")], { hold: waits }) });
+  assert.equal(await page.locator("#unhold").isVisible(), false);
   server.refusal = { code: "fault_stands", detail: "then POST /v1/faults/7/acknowledge" };
-  await button("Go on").click();
-  await until(
-    "answer",
-    /^Go on did not get through: a fault is not acknowledged: .* in the list of faults\. The run is still/,
-  );
+  await button("Acknowledge").click();
+  await until("answer", /^Acknowledge did not get through: a fault is not acknowledged: .* The fault is still open\.$/);
   server.refusal = null;
   await button("Acknowledge").click();
-  await until("faults", /Acknowledged\. It stays listed until its cause is gone\./);
+  await until("answer", /^Acknowledge: accepted\.$/);
   server.publish(running(1));
   await button("Stop after this well").click();
   await until("ask-title", /^Stop run demo-1 after this well\?$/);
@@ -675,6 +743,11 @@ test("a new run: every mistake of its map, the preflight, the start", async () =
   assert.equal(await page.locator("#start").isDisabled(), true, "barcode and operator are missing");
   await page.getByLabel("Plate barcode").fill("P-7");
   await until("new-run-missing", /^Still needed: your name\.$/);
+  await page.getByLabel("Plate barcode").fill("P 7/b");
+  await until("barcode-words", /^A barcode has letters, digits, dots, _ and - only/);
+  await until("new-run-missing", /^Still needed: another barcode, your name\.$/);
+  await page.getByLabel("Plate barcode").fill("P-7");
+  await page.locator("#barcode-words").waitFor({ state: "hidden" });
   await page.getByLabel("Operator").fill("Kim");
   await page.locator("#new-run-missing").waitFor({ state: "hidden" });
   await page.getByRole("button", { name: "Preflight" }).click();

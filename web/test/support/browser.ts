@@ -48,27 +48,40 @@ export async function shoot(page: Page, name: string): Promise<void> {
   await page.screenshot({ path: join(folder, `${name}.png`), fullPage: true });
 }
 
-/** Share of an element's pixels that differ clearly from its corner's, and how many shades they have. */
-export async function drawn(element: Locator): Promise<{ share: number; shades: number }> {
+/** The pixels of an element that differ clearly from its corner's: their colours and columns, and how many pixels there are. */
+async function different(
+  element: Locator,
+): Promise<{ columns: number[]; colours: number[]; width: number; all: number }> {
   const data = (await element.screenshot()).toString("base64");
   return element.page().evaluate(async (base64) => {
     const image = new Image();
     image.src = `data:image/png;base64,${base64}`;
     await image.decode();
     const canvas = document.createElement("canvas");
-    canvas.width = image.naturalWidth;
+    const width = (canvas.width = image.naturalWidth);
     canvas.height = image.naturalHeight;
     const context = canvas.getContext("2d")!;
     context.drawImage(image, 0, 0);
     const { data: pixels } = context.getImageData(0, 0, canvas.width, canvas.height);
-    const shades = new Set<number>();
-    let different = 0;
+    const [columns, colours]: number[][] = [[], []];
     for (let i = 0; i < pixels.length; i += 4) {
       const far = [0, 1, 2].some((c) => Math.abs(pixels[i + c]! - pixels[c]!) > 24);
       if (!far) continue;
-      different += 1;
-      shades.add((pixels[i]! << 16) | (pixels[i + 1]! << 8) | pixels[i + 2]!);
+      columns!.push((i / 4) % width);
+      colours!.push((pixels[i]! << 16) | (pixels[i + 1]! << 8) | pixels[i + 2]!);
     }
-    return { share: different / (pixels.length / 4), shades: shades.size };
+    return { columns: columns!, colours: colours!, width, all: pixels.length / 4 };
   }, data);
+}
+
+/** Share of an element's pixels that differ clearly from its corner's, and how many shades they have. */
+export async function drawn(element: Locator): Promise<{ share: number; shades: number }> {
+  const { colours, all } = await different(element);
+  return { share: colours.length / all, shades: new Set(colours).size };
+}
+
+/** Share of what is drawn that is in the right half. */
+export async function rightShare(element: Locator): Promise<number> {
+  const { columns, width } = await different(element);
+  return columns.filter((column) => column > width / 2).length / columns.length;
 }

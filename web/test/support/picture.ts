@@ -35,18 +35,19 @@ export function png(
   ]);
 }
 
-/** Binary glTF of an ellipsoid about the origin with the given half axes. */
-export function ellipsoidGlb(halfAxes: [number, number, number], rings = 32): Buffer {
+/** Binary glTF of an ellipsoid about the origin with the given half axes; with `taper` its end at positive x is thicker than the other. */
+export function ellipsoidGlb(halfAxes: [number, number, number], rings = 32, taper = 0): Buffer {
   const segments = rings * 2;
   const positions: number[] = [];
   for (let ring = 0; ring <= rings; ring += 1) {
     const polar = (ring / rings) * Math.PI;
     for (let segment = 0; segment <= segments; segment += 1) {
       const azimuth = (segment / segments) * 2 * Math.PI;
+      const radius = Math.sin(polar) * (1 - taper * (0.5 - 0.5 * Math.cos(polar)));
       positions.push(
         halfAxes[0] * Math.cos(polar),
-        halfAxes[1] * Math.sin(polar) * Math.cos(azimuth),
-        halfAxes[2] * Math.sin(polar) * Math.sin(azimuth),
+        halfAxes[1] * radius * Math.cos(azimuth),
+        halfAxes[2] * radius * Math.sin(azimuth),
       );
     }
   }

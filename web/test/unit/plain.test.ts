@@ -9,15 +9,17 @@ import {
   canHold,
   canStart,
   canStop,
+  diagnosis,
   handedOver,
-  holdLine,
+  headline,
+  nextStep,
   progress,
   progressLine,
   tally,
   toneOf,
 } from "../../src/plain.ts";
-import { logTicks, roundBelow, viewTicks } from "../../src/ticks.ts";
-import type { Hold } from "../../src/status.ts";
+import { linearTicks, roundBelow, viewTicks } from "../../src/ticks.ts";
+import type { Fault, Hold } from "../../src/status.ts";
 import { fault, run, specimen, status, well } from "../support/statuses.ts";
 
 const half = status({
@@ -37,6 +39,11 @@ test("progress counts wells, and the specimen under way by its views", () => {
     outcome: "aborted",
   });
   assert.equal(progress({ ...half, run: aborted }), 0.5, "what was left out is not done");
+  // The next specimen is loaded while the numbers of the one before are made: the bar does not fall back.
+  const three = run([well("A01"), well("A02"), well("A03")]);
+  const turned = progress({ ...half, run: three, specimen: specimen("A01", new Array<number>(22).fill(1)) });
+  const loading = progress({ ...half, run: three, specimen: specimen("A02", [], { phase: "load" }) });
+  assert.deepEqual([turned, loading], [1 / 3, 1 / 3]);
   assert.equal(progress({ ...half, state: "Held" }), 0.5, "a held run has given its specimen up");
 });
 
@@ -48,30 +55,52 @@ test("the line under the sentence says how far, or how it ended", () => {
   assert.equal(progressLine(status()), "Ready for a run.");
 });
 
-test("a held run says why, how often and what to do", () => {
-  const hold = {
-    code: "rotation_lost",
-    cause: "The axis' controller does not answer any more.",
-    times: 4,
-    next_action: "Check the controller's power and cable, then let the run go on.",
-  };
-  const held = (change: Partial<Hold> | null) => ({
-    ...half,
-    state: "Held" as const,
-    run: run([well("A01")], { hold: change && { ...hold, ...change } }),
-  });
+const hold: Hold = {
+  code: "rotation_lost",
+  cause: "The axis' controller does not answer any more.",
+  times: 4,
+  next_action: "Find out why it comes back. Then let the run go on.",
+  next_command: "unhold",
+  fault_seq: null,
+};
+const heldBy = (change: Partial<Hold>, faults: Fault[] = []) => ({
+  ...half,
+  state: "Held" as const,
+  run: run([well("A01")], { hold: { ...hold, ...change } }),
+  faults,
+});
+
+test("the headline is the next step, and why stands below it", () => {
+  assert.deepEqual(nextStep(heldBy({})), { words: hold.next_action, button: "unhold", fault: null });
+  assert.equal(headline(heldBy({})), hold.next_action);
   assert.equal(
-    holdLine(held({})),
-    "Held because: The axis' controller does not answer any more. It has held the run 4 times since a well was " +
-      "finished. What to do: Check the controller's power and cable, then let the run go on.",
+    diagnosis(heldBy({})),
+    "Held because: The axis' controller does not answer any more. It has held the run 4 times since a well was finished.",
   );
-  assert.equal(
-    holdLine(held({ times: 1, next_action: null })),
-    "Held because: The axis' controller does not answer any more. What to do: Nothing: the run goes on by itself.",
-  );
-  assert.equal(holdLine(held(null)), "");
-  assert.equal(holdLine(half), "");
-  assert.equal(holdLine(status()), "");
+  const lost = fault({ seq: 3, operator_required: true, ends_by_itself: true });
+  const stands = heldBy({ times: 1, next_action: "Check its cable.", next_command: null, fault_seq: 3 }, [lost]);
+  assert.deepEqual(nextStep(stands), { words: "Check its cable.", button: null, fault: 3 });
+  assert.equal(canGoOn(stands), false, "while the cause stands");
+  assert.equal(canGoOn(heldBy({})), true);
+  assert.equal(diagnosis(stands), "Held because: The axis' controller does not answer any more.");
+  assert.equal(nextStep(heldBy({ next_action: null, next_command: null })), null, "it goes on by itself");
+  // Without a run a fault asks for somebody; what ends by itself has no button.
+  const idle = (one: Partial<Fault>) => nextStep(status({ faults: [fault({ operator_required: true, ...one })] }));
+  assert.deepEqual(idle({}), { words: "Look at the camera's cable.", button: "acknowledge", fault: 7 });
+  assert.equal(idle({ ends_by_itself: true })?.button, null);
+  assert.equal(nextStep(half), null);
+  assert.equal(headline(half), "Waiting for a run");
+  assert.equal(diagnosis(half), "");
+});
+
+test("who exchanges specimens by hand reads what to do, one step after the other", () => {
+  const plate = { ...half.plate, take_out: "A01", bring: "A02" };
+  assert.match(headline({ ...half, plate }), /^By hand: take the specimen of A01 out/);
+  assert.equal(nextStep({ ...half, plate })?.button, "is-out");
+  assert.match(diagnosis({ ...half, plate }), /A plate-loader does this by itself\.$/);
+  const next = nextStep({ ...half, plate: { ...plate, take_out: null } });
+  assert.match(next?.words ?? "", /^By hand: put the specimen of A02 into/);
+  assert.equal(next?.button, "is-in");
 });
 
 test("the tone is that of the worst that is so", () => {
@@ -80,6 +109,8 @@ test("the tone is that of the worst that is so", () => {
   assert.equal(toneOf({ ...half, faults: [fault()] }), "attention");
   assert.equal(toneOf({ ...half, faults: [fault(), fault({ operator_required: true })] }), "alarm");
   assert.equal(toneOf({ ...half, state: "Held" }), "attention");
+  const camera = { ...half.hardware.camera, connected: false };
+  assert.equal(toneOf({ ...half, hardware: { ...half.hardware, camera } }), "attention", "it is looked for");
   assert.equal(toneOf({ ...half, state: "Aborted" }), "alarm");
   assert.equal(toneOf(status({ state: "Complete", run: run([], { outcome: "succeeded" }) })), "good");
   assert.equal(toneOf(status({ state: "Complete", run: run([], { outcome: "partial" }) })), "attention");
@@ -120,33 +151,42 @@ test("a plate map in one line", () => {
   );
 });
 
-test("volumes are kept per well until another run starts", () => {
+test("volumes are kept per well until another run starts, and begin again with a turn", () => {
   const history = new VolumeHistory();
-  history.take({ ...half, specimen: specimen("A01", [5, 4]) });
-  history.take({ ...half, specimen: specimen("A02", []) });
-  history.take({ ...half, specimen: specimen("A02", [7]) });
-  history.take({ ...half, specimen: null });
-  assert.deepEqual(history.of("A01"), [5, 4]);
-  assert.deepEqual(history.of("A02"), [7]);
+  const hulls = (name: string) => history.of(name).hulls_um3;
+  const open = { ...half, run: run([well("A01"), well("A02")]) };
+  const estimates = [{ views: 7, volume_um3: 4, volume_sd_um3: 1 }];
+  history.take({ ...open, specimen: specimen("A01", [5, 4], { estimates }) });
+  history.take({ ...open, specimen: specimen("A02", []) });
+  history.take({ ...open, specimen: specimen("A02", [7]) });
+  history.take({ ...open, specimen: null });
+  assert.deepEqual([hulls("A01"), hulls("A02")], [[5, 4], [7]]);
+  assert.deepEqual(history.of("A01").estimates, estimates);
+  history.take({ ...open, specimen: specimen("A01", [], { phase: "position" }) });
+  assert.deepEqual(history.of("A01"), { hulls_um3: [], estimates: [] }, "it is tried again from its first view");
   history.take({ ...half, run: run([well("A01")], { id: "next" }), specimen: null });
-  assert.deepEqual(history.of("A01"), []);
+  assert.deepEqual(hulls("A02"), []);
   const again = run([well("A01")], { id: "next", started: "2026-03-06T09:30:00Z" });
-  history.recall(run([], { id: "next" }), "A01", [9, 8]);
-  assert.deepEqual(history.of("A01"), [9, 8]);
+  const kept = { hulls_um3: [9, 8], estimates };
+  history.recall(run([], { id: "next" }), "A01", kept);
+  assert.deepEqual(history.of("A01"), kept);
   history.take({ ...half, run: again, specimen: null });
-  assert.deepEqual(history.of("A01"), [], "another run of the same name");
-  assert.equal(history.recall(run([], { id: "next" }), "A01", [9, 8]), false);
+  assert.deepEqual(hulls("A01"), [], "another run of the same name");
+  assert.equal(history.recall(run([], { id: "next" }), "A01", kept), false);
 });
 
 test("ticks are round and enclose the values", () => {
-  assert.deepEqual(logTicks(264.2, 4990), [200, 500, 1000, 2000, 5000]);
-  assert.deepEqual(logTicks(65.4, 65.4), [50, 100]);
-  assert.deepEqual(logTicks(100, 100), [100, 200]);
-  for (let lowest = 0.013; lowest < 1e6; lowest *= 1.37) {
-    const ticks = logTicks(lowest, lowest * 30);
-    assert.ok(ticks[0]! <= lowest * (1 + 1e-8) && ticks[1]! > lowest, `${ticks} for ${lowest}`);
-    assert.ok(ticks.at(-1)! >= lowest * 30 && ticks.at(-2)! < lowest * 30, `${ticks} for ${lowest}`);
-    for (const tick of ticks) assert.match(tick.toExponential(), /^[125]e/);
+  assert.deepEqual(linearTicks(224.1, 229.8), [224, 226, 228, 230]);
+  assert.deepEqual(linearTicks(0, 990), [0, 200, 400, 600, 800, 1000]);
+  for (const [lowest, highest] of [
+    [65.4, 65.4],
+    [-0.3, 2.1],
+    [0.0131, 0.0137],
+    [1e5, 3e5],
+  ] as const) {
+    const ticks = linearTicks(lowest, highest);
+    assert.ok(ticks.length >= 2 && ticks.length <= 9, `${ticks}`);
+    assert.ok(ticks[0]! <= lowest && ticks.at(-1)! >= highest && ticks[0]! < ticks.at(-1)!, `${ticks}`);
   }
   assert.equal(roundBelow(999), 500);
   assert.equal(roundBelow(0.3), 0.2);

@@ -33,10 +33,14 @@ test("daily beads say in words what is so, and whether it counts", () => {
     max_age_s: 86_400,
     verdict: "failed",
     stands: false,
+    summary: "",
     words: ["failed: 7 beads. Measure no specimens", "no bead was measured twice"],
   };
   assert.equal(gateWords(failed), "✕ Failed: 7 beads. Measure no specimens. No bead was measured twice.");
   assert.match(gateWords({ ...failed, stands: true }), /^✓ /);
+  const passed = { ...failed, verdict: "passed", stands: true, summary: "Passed: 5 beads. Next: measure specimens." };
+  assert.equal(gateWords(passed), "✓ Passed: 5 beads. Next: measure specimens.");
+  assert.match(gateWords({ ...passed, stands: false }), /^! Too old: measure beads again\. .*Passed: 5 beads/);
   assert.equal(calibrationWords({ ...beads, kind: "gate", gate: failed }), calibrationWords(null));
 });
 

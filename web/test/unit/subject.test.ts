@@ -46,6 +46,13 @@ test("the well to show: the operator's, or the one under way, or the last that w
   assert.equal(chosenWell(half, "H12"), "A02", "a well of another plate");
   assert.equal(chosenWell({ ...half, specimen: null }, null), "A01");
   assert.equal(chosenWell(status(), null), null);
+  // Held, ring and pictures are of one well: the one that was begun, else the last that has ended.
+  const held = { ...half, state: "Held" as const };
+  assert.equal(chosenWell(held, null), "A02");
+  assert.deepEqual(subjectOf(held, null), { kind: "live", run: "demo-1", well: "A02" });
+  const next = { ...held, specimen: specimen("A02", [], { in_capillary: false, phase: "load" as const }) };
+  assert.equal(chosenWell(next, null), "A01");
+  assert.deepEqual(subjectOf(next, null), subjectOf(half, "A01"));
 });
 
 test("a mosaic's four pixels are one in colour, wherever red stands", () => {
