@@ -179,7 +179,7 @@ pub struct SpecimenRecord {
     /// closure is over a limit, but by less than two standard deviations), `no_closure` (the
     /// view at 360 deg has no profile, so that a specimen that moved would show only in the residuals), `dead_looking` (opaque
     /// throughout in most views), `blur_mismatch` (the frames are not as sharp as configured), `few_views`, `nonconvex` (the
-    /// voxels are trusted), `fins_unseen` (a long specimen without any fin: see [`Spread::volume_fins_unseen_um3`](crate::measure::Spread)), `uncalibrated` (measured with the rig's camera), `calibration_gate` (another axis leaves a larger
+    /// voxels are trusted), `fins_unseen` (a long specimen with fins shorter than half its length: see [`Spread::volume_fins_unseen_um3`](crate::measure::Spread)), `uncalibrated` (measured with the rig's camera), `calibration_gate` (another axis leaves a larger
     /// hull: the views do not quite agree), `wrong_steps` (the capillary did not turn as far as the ledger says), and those of
     /// [`Quality`]: `unusable_views`, `residual`, `overlap`, `uncertain`, `calibration_off`, `volume_off_references`,
     /// `area_off_references`.
@@ -544,6 +544,7 @@ impl Pipeline {
                 rho_percent: 100.0 * (c.rho - 1.0),
                 is_rho_significant: c.is_rho_significant(),
             }),
+            scatter_px: measured.estimators.support.as_ref().map(|s| s.residual_um * rig.ky),
             volume_sd_percent: measured.spread.map(|s| 100.0 * s.volume_of_turn_um3() / measured.volume_um3),
         };
         Quality::of(&facts, &self.settings.quality)

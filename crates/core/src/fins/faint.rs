@@ -31,6 +31,8 @@ const APART: f64 = 30.0 / 180.0 * PI;
 /// Length of a run over which the evidence is averaged, px, and the least mean that it must reach somewhere.
 const RUN_PX: f64 = 60.0;
 const RUN_LEAST: f64 = 3.0;
+/// Least mean response of a half-view to every run of a fin that is followed beyond its end. The best way through noise reaches 1.1.
+const RUN_RESPONSE_ON: f64 = 1.2;
 /// Shortest piece, px.
 const SHORTEST_PX: f64 = 45.0;
 /// What a piece must gain over chance, and a piece that goes on where a fin is known.
@@ -237,6 +239,10 @@ impl<'a> Search<'a> {
         } else {
             extended(from, &(0..at).rev().map(ahead).collect::<Vec<_>>(), grid.radii)
         };
+        // A long way collects what it needs from noise. It ends where a run of it shows no more than noise does.
+        let shown = |(k, &(a, r)): (usize, &State)| self.evidence[if right { at + 1 + k } else { at - 1 - k }].response(a * grid.radii + r);
+        let responses: Vec<f64> = states.iter().enumerate().map(shown).collect();
+        states.truncate(run_means(&responses).iter().take_while(|&&mean| mean >= RUN_RESPONSE_ON).count());
         if states.is_empty() {
             return;
         }
@@ -286,7 +292,7 @@ fn is_accepted(piece: &Piece, evidence: &[Evidence], goes_on: bool, views: usize
         piece.stations().zip(&piece.states).map(|(at, &(a, r))| of(&evidence[at], a * radii + r)).collect()
     };
     let gain: f32 = piece.stations().zip(&piece.states).map(|(at, &(a, r))| evidence[at].score[a * radii + r]).sum();
-    let response = median(along(&|e, i| f64::from(e.pooled[i]) / f64::from(e.views[i].max(1)).sqrt()));
+    let response = median(along(&Evidence::response));
     let is_few = median(along(&|e, i| f64::from(e.views[i]))) < FEW * 2.0 * views as f64;
     let length_px = (piece.states.len() * STEP) as f64;
     let end = BODY_END_PX / STEP;
@@ -294,19 +300,23 @@ fn is_accepted(piece: &Piece, evidence: &[Evidence], goes_on: bool, views: usize
     if is_few && beside_ends && response > RESPONSE_CLEAR && gain > GAIN_CLEAR && length_px >= SHORTEST_CLEAR_PX {
         return true;
     }
-    let pooled = along(&|e, i| f64::from(e.pooled[i]));
-    let reach = (RUN_PX / STEP as f64 / 2.0) as usize;
-    let mean = |i: usize| {
-        let near = &pooled[i.saturating_sub(reach)..(i + reach + 1).min(pooled.len())];
-        near.iter().sum::<f64>() / near.len() as f64
-    };
-    let highest = (0..pooled.len()).map(mean).fold(f64::NEG_INFINITY, f64::max);
+    let highest = run_means(&along(&|e, i| f64::from(e.pooled[i]))).into_iter().fold(f64::NEG_INFINITY, f64::max);
     let least = match (is_few, goes_on) {
         (false, _) => RESPONSE_LEAST,
         (true, true) => RESPONSE_LEAST_FEW,
         (true, false) => RESPONSE_CLEAR,
     };
     response >= least && gain >= if goes_on { GAIN_ON } else { GAIN } && highest >= RUN_LEAST && length_px >= SHORTEST_PX
+}
+
+/// The means of the runs around each state of a piece.
+fn run_means(values: &[f64]) -> Vec<f64> {
+    let reach = (RUN_PX / STEP as f64 / 2.0) as usize;
+    let mean = |i: usize| {
+        let near = &values[i.saturating_sub(reach)..(i + reach + 1).min(values.len())];
+        near.iter().sum::<f64>() / near.len() as f64
+    };
+    (0..values.len()).map(mean).collect()
 }
 
 /// The free edge of a fin along a piece, smoothed, with a point in every slice.

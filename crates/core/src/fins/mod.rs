@@ -128,6 +128,11 @@ impl SharedFins {
 }
 
 impl FinSlice {
+    /// Number of fins.
+    pub fn fins(&self) -> usize {
+        self.points_um.len()
+    }
+
     /// How far the fins stand out of the body in direction `theta`, um: what they add to its support function.
     pub fn at(&self, theta: f64) -> f64 {
         let (sin, cos) = theta.sin_cos();

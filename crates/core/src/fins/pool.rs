@@ -60,6 +60,13 @@ pub(super) struct Evidence {
     pub score: Vec<f32>,
 }
 
+impl Evidence {
+    /// Mean response of the half-views in a cell, in their standard deviations.
+    pub fn response(&self, cell: usize) -> f64 {
+        f64::from(self.pooled[cell]) / f64::from(self.views[cell].max(1)).sqrt()
+    }
+}
+
 /// The points that are searched.
 #[derive(Debug, Clone)]
 pub(super) struct Grid {

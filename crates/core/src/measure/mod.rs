@@ -90,7 +90,7 @@ pub struct Measurement {
 pub(crate) const NOT_CONVEX: &str = "they are not convex";
 
 impl Measurement {
-    /// Whether the specimen may have fins, and the views together show none.
+    /// Whether the specimen may have fins that the views together do not show.
     pub fn misses_fins(&self) -> bool {
         self.spread.is_some_and(|spread| spread.volume_fins_unseen_um3 > 0.0)
     }
@@ -160,8 +160,8 @@ pub struct Spread {
     /// Area: the same.
     #[serde(default)]
     pub area_fins_um2: f64,
-    /// Volume: what fins that no view shows may add to it. It is one-sided and no part of the standard deviation. 0 where fins were found,
-    /// and for a specimen that has none.
+    /// Volume: what fins that no view shows may add to it. It is one-sided and no part of the standard deviation. 0 where the
+    /// fins that were found are half as long as the specimen or more, and for a specimen that is too short for a larva.
     #[serde(default)]
     pub volume_fins_unseen_um3: f64,
     /// Volume: the rig's scale, three times its relative standard deviation.

@@ -28,6 +28,8 @@ pub struct QualitySettings {
     pub residual_px: f64,
     /// Largest residual of any view, px.
     pub residual_view_px: f64,
+    /// Largest distance (root mean square) between the edges that are measured and the outlines of the slices fitted to them, px.
+    pub scatter_px: f64,
     /// Smallest share of any view's profile that the hull that no view misses (VRV) covers, %.
     pub overlap_percent: f64,
     /// Largest standard deviation of the volume, %: from views, calibration and corners, without the rig's scale and edges.
@@ -60,6 +62,7 @@ impl Default for QualitySettings {
             gap_deg: 45.0,
             residual_px: 1.5,
             residual_view_px: 3.0,
+            scatter_px: 1.0,
             overlap_percent: 85.0,
             volume_sd_percent: 2.0,
             uy_px: 30.0,
@@ -83,6 +86,7 @@ impl Ranged for QualitySettings {
         gap_deg: 1.0, 180.0, "deg";
         residual_px: 0.01, 100.0, "px";
         residual_view_px: 0.01, 100.0, "px";
+        scatter_px: 0.01, 100.0, "px";
         overlap_percent: 0.0, 100.0, "%";
         volume_sd_percent: 0.01, 100.0, "%";
         uy_px: 0.1, 1000.0, "px";

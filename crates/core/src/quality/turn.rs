@@ -3,6 +3,7 @@
 //! ```text
 //!  closure ─── overlap, px along, px across, deg of turn ─┐
 //!  strip ───── residual of the median view, of the worst; least overlap with VRV ─┤
+//!  slices ──── distance of the edges from the fitted outlines ────────────────────┤
 //!  angles ──── views that count, of those planned; widest gap ────────────────────┼─ Quality
 //!  volume ──── its standard deviation ────────────────────────────────────────────┤
 //!  camera ──── uy, gamma, alpha off the rig's; rho off 1 ─────────────────────────┘
@@ -64,6 +65,8 @@ pub(crate) struct TurnFacts<'a> {
     pub strip: &'a [ViewStrip],
     pub closure: Option<ClosureOff>,
     pub calibration: Option<CalibrationOff>,
+    /// Distance between the edges and the outlines of the slices fitted to them, px.
+    pub scatter_px: Option<f64>,
     /// Standard deviation of the volume from views and calibration, %.
     pub volume_sd_percent: Option<f64>,
 }
@@ -103,6 +106,7 @@ impl Quality {
             Check::at_most("gap_deg", "deg", "few_views", Some(widest_gap(turn.omegas).to_degrees()), l.gap_deg),
             Check::at_most("residual_px", "px", "residual", residual, l.residual_px),
             Check::at_most("residual_view_px", "px", "residual", worst.0, l.residual_view_px).of_view(worst.1),
+            Check::at_most("scatter_px", "px", "residual", turn.scatter_px, l.scatter_px),
             Check::at_least("overlap_percent", "%", "overlap", least.0, l.overlap_percent).of_view(least.1),
             Check::at_most("volume_sd_percent", "%", "uncertain", turn.volume_sd_percent, l.volume_sd_percent),
             Check::at_most("uy_px", "px", "calibration_off", off(|c| c.uy_px), l.uy_px),
@@ -134,7 +138,8 @@ mod tests {
         CalibrationOff { uy_px: -12.0, gamma_deg: 0.4, alpha_deg: -0.2, rho_percent: 1.4, is_rho_significant: false };
 
     fn of(omegas: &[f64], strip: &[ViewStrip], closure: Option<ClosureOff>, calibration: Option<CalibrationOff>) -> Quality {
-        let facts = TurnFacts { planned_views: 21, omegas, strip, closure, calibration, volume_sd_percent: Some(0.6) };
+        let facts =
+            TurnFacts { planned_views: 21, omegas, strip, closure, calibration, scatter_px: Some(0.2), volume_sd_percent: Some(0.6) };
         Quality::of(&facts, &QualitySettings::default())
     }
 
@@ -185,12 +190,16 @@ mod tests {
         assert_eq!(seen(&even(21)[..16], &strip(21)).flags(), ["unusable_views"]);
         assert_eq!(seen(&even(84)[..30], &strip(30)).flags(), ["few_views"]);
         let (omegas, strip) = (even(21), strip(21));
-        let uncertain = |volume_sd_percent| {
+        let measured = |scatter_px, volume_sd_percent| {
             let (closure, calibration) = (Some(GOOD), Some(NEAR));
-            let facts = TurnFacts { planned_views: 21, omegas: &omegas, strip: &strip, closure, calibration, volume_sd_percent };
+            let facts =
+                TurnFacts { planned_views: 21, omegas: &omegas, strip: &strip, closure, calibration, scatter_px, volume_sd_percent };
             Quality::of(&facts, &QualitySettings::default()).flags().join(" ")
         };
+        let uncertain = |volume_sd_percent| measured(Some(0.2), volume_sd_percent);
         assert_eq!([Some(2.1), Some(f64::NAN), Some(1.9), None].map(uncertain), ["uncertain", "uncertain", "", ""]);
+        let scattered = |scatter_px| measured(scatter_px, Some(0.6));
+        assert_eq!([Some(1.1), Some(f64::NAN), Some(0.9), None].map(scattered), ["residual", "residual", "", ""]);
     }
 
     /// A reading is over its limit only by more than twice its own standard deviation. One that cannot be told from the limit says so.
@@ -239,6 +248,7 @@ mod tests {
             let (omegas, mut views) = (even(21), strip(21));
             views[3].residual_px = Some(residual);
             let facts = TurnFacts {
+                scatter_px: Some(0.2),
                 planned_views: 21,
                 omegas: &omegas,
                 strip: &views,

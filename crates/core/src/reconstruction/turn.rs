@@ -70,6 +70,8 @@ const FINS_SD_PX: f64 = 0.5;
 const FINNED: f64 = 5.0;
 /// Largest share of the volume that the fins of an emulated larva add to its ideal hull. Without pectoral fins it is 2 %.
 const UNSEEN: f64 = 0.05;
+/// The fins of a larva, one above and one below, are together at least this share of its length.
+const FINS_SHARE_LEAST: f64 = 0.5;
 
 /// A hull that allows misses contains its specimen. One that is smaller than this share has slices that are hollow, which no
 /// single view shows.
@@ -404,7 +406,7 @@ impl Reconstruction {
             volume_corners_um3: sections.left_out_um3(),
             volume_fins_um3,
             area_fins_um2,
-            volume_fins_unseen_um3: if may_have_fins && !sections.have_fins() { UNSEEN * volume_um3 } else { 0.0 },
+            volume_fins_unseen_um3: if may_have_fins && sections.fins_share() < FINS_SHARE_LEAST { UNSEEN * volume_um3 } else { 0.0 },
             volume_scale_um3: 3.0 * scale * volume_um3,
             area_scale_um2: 2.0 * scale * area_um2,
             volume_edge_um3: edge_um * area_um2,

@@ -3,6 +3,7 @@
 use super::cap::Cap;
 use super::sections::{Section, Sections, all_around};
 use crate::calibration::area_loss;
+use crate::fins::FinSlice;
 use crate::parallel::prelude::*;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -89,9 +90,10 @@ impl Sections {
             * step
     }
 
-    /// Whether any slice has a fin.
-    pub(crate) fn have_fins(&self) -> bool {
-        self.slices.iter().any(|s| s.fins.is_some())
+    /// Length of all fins along the capillary, of that of the specimen.
+    pub(crate) fn fins_share(&self) -> f64 {
+        let fins: usize = self.slices.iter().filter_map(|s| s.fins.as_ref()).map(FinSlice::fins).sum();
+        fins as f64 / self.slices.len().max(1) as f64
     }
 
     /// What fins that stand out further by so many um add to volume (um^3) and area (um^2).
