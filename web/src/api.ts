@@ -66,8 +66,8 @@ export async function fetchStatus(after: number | null, waitS: number, signal: A
 }
 
 /** Sends a command. The answer only confirms that it was accepted. */
-export async function post(path: string): Promise<void> {
-  const response = await ask(path, { method: "POST" });
+export async function post(path: string, signal?: AbortSignal): Promise<void> {
+  const response = await ask(path, signal ? { method: "POST", signal } : { method: "POST" });
   if (!response.ok) throw await refusal(response);
   await response.body?.cancel();
 }

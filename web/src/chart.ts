@@ -2,7 +2,7 @@
 // an option: after a few views it is several times too large, and the estimate becomes a flat line beside it.
 
 import { element, setText, svg } from "./dom.ts";
-import { counted, nanolitres, significant, UM3_PER_NL } from "./format.ts";
+import { counted, grouped, nanolitres, UM3_PER_NL } from "./format.ts";
 import type { Volumes } from "./history.ts";
 import { linearTicks, viewTicks } from "./ticks.ts";
 
@@ -95,6 +95,7 @@ function picture(curve: Curve, hasHull: boolean, width: number, height: number):
   const all = [...estimates, ...hulls, ...(measured ? [measured] : [])];
   const levels = linearTicks(Math.min(...all.map((p) => p.nl - p.sd)), Math.max(...all.map((p) => p.nl + p.sd)));
   const [low, high] = [levels[0]!, levels.at(-1)!];
+  const digits = Math.max(0, -Math.floor(Math.log10(levels[1]! - low) + 1e-9));
   const right = width - MARGIN.right;
   const bottom = height - MARGIN.bottom;
   const x = (view: number) => MARGIN.left + ((view - 1) / (views - 1)) * (right - MARGIN.left);
@@ -107,7 +108,7 @@ function picture(curve: Curve, hasHull: boolean, width: number, height: number):
   for (const level of levels) {
     chart.append(svg("line", { class: "grid", x1: MARGIN.left, x2: right, y1: y(level), y2: y(level) }));
     chart.append(
-      svg("text", { class: "tick", x: MARGIN.left - 8, y: y(level) + 4, "text-anchor": "end" }, significant(level, 3)),
+      svg("text", { class: "tick", x: MARGIN.left - 8, y: y(level) + 4, "text-anchor": "end" }, grouped(level, digits)),
     );
   }
   for (const view of viewTicks(views)) {

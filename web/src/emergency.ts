@@ -7,10 +7,12 @@ import type { Status } from "./status.ts";
 
 /** Works wherever the focus is. No browser uses it. */
 const KEY = "F8";
+/** The instrument answers as soon as its motors are stopped. */
+const ANSWER_MS = 5000;
 
 export class EmergencyStop {
   readonly #answer: HTMLElement;
-  #shown: "nothing" | "sent" | "failed" = "nothing";
+  #shown: "nothing" | "sending" | "sent" | "failed" = "nothing";
   /** Whether the newest status has the fault of a stop. */
   #isLatched = false;
   /** Whether that fault was seen since the stop came through. */
@@ -39,19 +41,20 @@ export class EmergencyStop {
   }
 
   async #press(): Promise<void> {
+    this.#say("sending", "Emergency stop: sending ...");
     try {
-      await post("/v1/emergency-stop");
+      await post("/v1/emergency-stop", AbortSignal.timeout(ANSWER_MS));
       this.#say("sent", "Emergency stop: the motors were stopped.");
     } catch (error) {
-      const why = error instanceof Refused ? error.message : String(error);
+      const why = error instanceof Refused ? error.message : `no answer came within ${ANSWER_MS / 1000} s`;
       this.#say(
         "failed",
-        `The emergency stop did not get through: ${why}. Use the instrument's own emergency stop, or cut its power.`,
+        `The emergency stop was not confirmed: ${why}. Use the instrument's own emergency stop, or cut its power.`,
       );
     }
   }
 
-  #say(shown: "sent" | "failed", words: string): void {
+  #say(shown: "sending" | "sent" | "failed", words: string): void {
     this.#shown = shown;
     this.#wasLatched = this.#isLatched;
     setText(this.#answer, words);

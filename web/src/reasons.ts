@@ -14,7 +14,8 @@ const FLAGS: Record<string, string> = {
   closure_undecided:
     "its last view cannot tell whether it moved during the turn: look at the frames, or measure it again",
   dead_looking: "it looks dead",
-  fins_unseen: "the views do not show all of its fins, so its volume may be up to 5 % too small: look at light and focus",
+  fins_unseen:
+    "the views do not show all of its fins, so its volume may be up to 5 % too small: look at light and focus",
   few_views: "too few views count, or none from one side",
   moved: "it moved during the turn: measure it again",
   no_closure: "no view closed the turn, so nobody knows whether it moved",

@@ -98,8 +98,7 @@ fn separator(line: &str) -> char {
 /// Reads seven columns without a header: VAST's list as written by its program.
 fn external(rows: &[Row], pictures: &[String]) -> anyhow::Result<Angles> {
     let angle = |(n, row): &Row| {
-        // A line may end with a separator.
-        let found = row.len() - usize::from(row.last().is_some_and(String::is_empty));
+        let found = row.len();
         ensure!(
             found == EXTERNAL,
             "line {n}: found {found} columns, expected the 7 of VAST's external.txt, or a header that names: {COLUMNS}"
@@ -208,6 +207,10 @@ fn fields(line: &str, separator: char) -> Vec<String> {
             c => fields.last_mut().into_iter().for_each(|f| f.push(c)),
         }
     }
+    // A line of a list may end with a separator.
+    if separator != ',' && fields.len() > 1 && fields.last().is_some_and(|field| field.trim().is_empty()) {
+        fields.pop();
+    }
     fields.into_iter().map(|f| f.trim().to_owned()).collect()
 }
 
@@ -227,7 +230,7 @@ mod tests {
         for text in [
             external,
             &format!("\u{feff}{header}{external}"),
-            "no\t0\t0,00\t1\t1\tno\toff\r\nno\t0\t3,60\t1\t1\tno\toff\t\r\nno\t0\t7,20\t1\t1\tno\ton\r\n",
+            "no\t0\t0,00\t1\t1\tno\toff\t\r\nno\t0\t3,60\t1\t1\tno\toff\t\r\nno\t0\t7,20\t1\t1\tno\ton\r\n",
             "no 0 0,00 1 1 no off\nno  0  3,60 1 1 no off \nYES 0 7,20 1 1 yes ON\n",
             &format!("{}no 0 0,00 1 1 no off\nno 0 3,60 1 1 no off\nno 0 7,20 1 1 no off\n", header.replace('\t', " ")),
             "no;0;0,00;1;1;no;off\nno;0;3,60;1;1;no;off\nno;0;7,20;1;1;no;off\n",

@@ -131,6 +131,7 @@ impl Onsets {
 
     /// The samples that the window of a shift contains; the shift is a multiple of [`PER_WINDOW`].
     pub fn seen<'a>(&self, window: usize, samples: &'a [f32]) -> WindowSamples<'a> {
+        debug_assert!(window.is_multiple_of(PER_WINDOW));
         let w = &self.windows[window / PER_WINDOW];
         let (from, upto) = (w.from.min(samples.len()), w.upto.min(samples.len()));
         let values = &samples[from..upto];

@@ -2,10 +2,11 @@
 //!
 //! ```text
 //!  what ends the fault ─┬─ its cause ─────────── remedy, then the run goes on by itself, or waits
-//!                       ├─ the run goes on ───── let it go on, then remedy
+//!                       ├─ the run goes on ───── remedy, let it go on
 //!                       ├─ acknowledgement ───── remedy, acknowledge, let it go on
 //!                       └─ restart ───────────── remedy
 //! ```
+//! The part of a remedy that begins with `If` comes after that.
 
 use super::table::{self, Category, FaultCode};
 use super::{Device, Fault};
@@ -76,18 +77,24 @@ fn words(code: &FaultCode, end: FaultEnd, run: RunUnderFault) -> String {
         Category::Storage => "the disk accepts writes again",
         _ => "the axis answers",
     };
-    match (end, run) {
-        (FaultEnd::Cause, RunUnderFault::GoesOnByItself) => format!("{remedy} The run goes on by itself when {over}."),
-        (FaultEnd::Cause, RunUnderFault::Waits) => format!("{remedy} When {over}, let the run go on."),
-        (FaultEnd::Cause, RunUnderFault::None) => format!("{remedy} The fault ends by itself when {over}."),
-        (FaultEnd::Resumption, RunUnderFault::None) => format!("The fault ends when a run starts. {remedy}"),
-        (FaultEnd::Resumption, _) => format!("Let the run go on: the specimen is begun anew. {remedy}"),
-        (FaultEnd::Acknowledgement, RunUnderFault::None) => format!("{remedy} Then acknowledge the fault."),
+    // What depends on a condition comes last: it may end the run or the daemon instead.
+    let condition = if remedy.starts_with("If ") { Some(0) } else { remedy.find(" If ").map(|at| at + 1) };
+    let (first, otherwise) = remedy.split_at(condition.unwrap_or(remedy.len()));
+    let is_first = first.is_empty();
+    let rule = match (end, run) {
+        (FaultEnd::Cause, RunUnderFault::GoesOnByItself) => format!("The run goes on by itself when {over}."),
+        (FaultEnd::Cause, RunUnderFault::Waits) => format!("When {over}, let the run go on."),
+        (FaultEnd::Cause, RunUnderFault::None) => format!("The fault ends by itself when {over}."),
+        (FaultEnd::Resumption, RunUnderFault::None) => "The fault ends when a run starts.".to_owned(),
+        (FaultEnd::Resumption, _) if is_first => "Let the run go on: the specimen is begun anew.".to_owned(),
+        (FaultEnd::Resumption, _) => "Then let the run go on: the specimen is begun anew.".to_owned(),
         // Aborted runs do not go on.
-        (FaultEnd::Acknowledgement, _) if code.code == table::EMERGENCY_STOP.code => format!("{remedy} Then acknowledge the fault."),
-        (FaultEnd::Acknowledgement, _) => format!("{remedy} Then acknowledge the fault and let the run go on."),
-        (FaultEnd::Restart, _) => remedy.to_owned(),
-    }
+        (FaultEnd::Acknowledgement, RunUnderFault::None) => "Then acknowledge the fault.".to_owned(),
+        (FaultEnd::Acknowledgement, _) if code.code == table::EMERGENCY_STOP.code => "Then acknowledge the fault.".to_owned(),
+        (FaultEnd::Acknowledgement, _) => "Then acknowledge the fault and let the run go on.".to_owned(),
+        (FaultEnd::Restart, _) => return remedy.to_owned(),
+    };
+    [first.trim_end(), &rule, otherwise].into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(" ")
 }
 
 #[cfg(test)]
@@ -111,6 +118,11 @@ mod tests {
                 );
                 assert_eq!(advice.contains("acknowledge"), fault.end() == FaultEnd::Acknowledgement, "{}: {advice}", code.code);
                 assert!(run != RunUnderFault::Waits || fault.needs_a_person(run), "{}", code.code);
+                if let Some(at) = advice.find("cknowledge") {
+                    for instead in ["end the run", "start the daemon again"] {
+                        assert!(advice.find(instead).is_none_or(|other| at < other), "{}: {advice}", code.code);
+                    }
+                }
             }
         }
     }

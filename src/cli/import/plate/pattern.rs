@@ -107,7 +107,7 @@ impl Pattern {
         if !named.contains(&Field::View) {
             bail!("found no {{view}}, which gives a picture its angle; the fields are {}", known());
         }
-        let has_ending = crate::cli::import::frames::is_picture(std::path::Path::new(rest));
+        let has_ending = crate::cli::import::frames::is_picture(std::path::Path::new(text));
         Ok(Self { parts, folders: text.matches('/').count(), has_ending })
     }
 
@@ -188,6 +188,7 @@ mod tests {
             (vast, "2021.10.11_5.5dpf_a_b_W_h12_10_1_rot.tiff", Some("h12 10 1 5.5 2021.10.11")),
             (vast, "2021.10.11_5dpf_tail_W_A02_1_4.tiff", None),
             (vast, "2021.10.11_5dpf_W_A02_1_4_rot.tiff", None),
+            ("{well}_{fish}_{view}.tiff", "A02_1_4.tiff", Some("A02 1 4")),
             ("{well}/VAST_{fish}_{view}", "plate/B03/VAST_1_4.png", Some("B03 1 4")),
             ("{well}/VAST_{fish}_{view}", "VAST_1_4.png", None),
             ("{plate}/{_}{view}", "P-1/v12.png", Some("12 P-1")),

@@ -80,12 +80,8 @@ fn wells(args: &Args, barcode: &str, plate: &Plate, warn: &mut dyn FnMut(String)
 }
 
 fn map(file: &Path, barcode: &str) -> anyhow::Result<(Vec<PlannedWell>, Metadata)> {
-    let read = |plate| plate_map::read(file, plate);
     // A MIHCSME file may have several plates, of which the barcode names one.
-    let map = match read(None)? {
-        Ok(map) => Ok(map),
-        Err(mistakes) => read(Some(barcode))?.map_err(|_| mistakes),
-    };
+    let map = plate_map::read(file, Some(barcode))?;
     let map = map.map_err(|mistakes| {
         plate_map::print(file, &mistakes);
         anyhow::anyhow!("--plate-map {}: {} mistakes; correct them, then import", file.display(), mistakes.len())

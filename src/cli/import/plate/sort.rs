@@ -150,6 +150,17 @@ impl Plate {
             "most wells have the views {}, which leave gaps; say with --views how many views a whole turn has",
             first_of(&usual)
         );
+        if let (Some(step), Some(last)) = (steps.first(), usual.last()) {
+            let longer: Vec<&String> =
+                self.wells.iter().filter(|(_, w)| w.views.contains_key(&(last + step))).map(|(name, _)| name).collect();
+            ensure!(
+                longer.is_empty(),
+                "most wells have {} views, to view {last}, and {} has view {}, too; say with --views how many views a whole turn has",
+                usual.len(),
+                first_of(&longer),
+                last + step
+            );
+        }
         Ok(usual)
     }
 }
@@ -224,6 +235,9 @@ mod tests {
         // As many wells have one set as the other: the larger one.
         assert_eq!(plate(&["A01_0.png", "A01_1.png", "A01_2.png", "A02_0.png", "A02_1.png"]).views(None).unwrap(), [0, 1, 2]);
         assert_eq!(plate(&["A01_1.png", "A01_4.png", "A01_7.png", "A01_10.png"]).views(None).unwrap(), [1, 4, 7, 10]);
+        let said = plate(&["A01_1.png", "A01_2.png", "A02_1.png", "A02_2.png", "A03_1.png", "A03_2.png", "A03_3.png"]);
+        let said = said.views(None).unwrap_err().to_string();
+        assert!(said.contains("2 views, to view 2, and A03 has view 3"), "{said}");
         let said = plate(&["A01_1.png", "A01_2.png", "A01_7.png"]).views(None).unwrap_err().to_string();
         assert!(said.contains("1, 2, 7, which leave gaps"), "{said}");
     }

@@ -29,7 +29,12 @@ pub(super) fn read(named: &[PathBuf], pattern: Option<&Pattern>) -> anyhow::Resu
     let mut found: Vec<(PathBuf, PathBuf)> = Vec::new();
     for root in named {
         if root.is_dir() {
+            let first = found.len();
             below(root, Path::new(""), DEEPEST, &mut found)?;
+            // Of several folders, each one's name says which wells or which plate it has.
+            if let (true, Some(name)) = (named.len() > 1, root.file_name()) {
+                found[first..].iter_mut().for_each(|(_, within)| *within = Path::new(name).join(&within));
+            }
         } else {
             ensure!(root.is_file(), "{}: found no such file, expected folders of pictures, or their files", root.display());
             found.push((root.clone(), root.clone()));
