@@ -95,7 +95,7 @@ impl Implausible {
         if data_dir.as_os_str().is_empty() {
             self.wrong("store.data_dir = \"\"; expected a folder for the runs, as /var/lib/carved");
         }
-        if let Some(kernel) = KERNEL.iter().find(|kernel| data_dir.starts_with(kernel)) {
+        if let Some(kernel) = KERNEL.iter().find(|kernel| data_dir.starts_with(kernel) && !data_dir.starts_with("/dev/shm")) {
             let found = data_dir.display();
             self.wrong(&format!(
                 "store.data_dir = \"{found}\"; {kernel} is the kernel's and keeps no files; name a folder of a disk, as /var/lib/carved"
@@ -123,9 +123,9 @@ impl Implausible {
             let um_per_px = 1.0 / k;
             if !(least..=most).contains(&um_per_px) {
                 scales_fit = false;
-                self.wrong(&format!(
-                    "{table}.{key} = {k}, so that a pixel is {um_per_px:.3} um; expected {least} to {most} um. If {k} is in um per px, write {um_per_px:.6}"
-                ));
+                let hint =
+                    if (least..=most).contains(&k) { format!(". If {k} is in um per px, write {um_per_px:.6}") } else { String::new() };
+                self.wrong(&format!("{table}.{key} = {k}, so that a pixel is {um_per_px:.3} um; expected {least} to {most} um{hint}"));
             }
         }
         let [kx, ky] = view.k;

@@ -42,7 +42,7 @@ fn the_signal_per_volume_is_the_truths_and_is_computed_again_from_the_recording(
     let (config, data) = configured("vast-grbl.toml", dir.path(), &rig, &changes);
     std::fs::write(&config, std::fs::read_to_string(&config).unwrap() + &tables(second, &settings)).unwrap();
     let daemon = Daemon::serve(&config, &data);
-    assert_eq!(daemon.status()["hardware"]["camera_second"]["connected"], true);
+    daemon.wait("the second camera", |s| s["hardware"]["camera_second"]["connected"] == true);
 
     let specimens = [("A01", "bead", Specimen::bead(500.0).unwrap()), ("A02", "larva", Specimen::larva(4, 1).unwrap())];
     let bodies_nl = specimens.each_ref().map(|(_, _, specimen)| specimen.truth().volume_um3 * 1e-6);

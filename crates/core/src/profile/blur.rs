@@ -38,7 +38,7 @@ pub(super) fn estimated(near_px: f64, rounded_better: f64, mut residual: impl Fn
     (Models::blur_px_between(between(best.0, |step| at(step, kind))) / READ_HIGH, kind)
 }
 
-/// The models by blur, each made once. A frame needs few of them, and the next frame the same ones.
+/// The models by blur, the newest ones.
 #[derive(Default)]
 pub(super) struct Models {
     pub search_px: [f64; 2],
@@ -49,6 +49,8 @@ impl Models {
     /// Steps per doubling of the blur. An edge moves by 0.012 px per half step.
     const PER_DOUBLING: f64 = 48.0;
     const RANGE_PX: (f64, f64) = (0.3, 4.0);
+    /// Models that are kept, about 0.6 MB each. A frame needs fifteen, and the frames of a turn much the same ones.
+    const KEPT: usize = 48;
 
     fn steps() -> std::ops::RangeInclusive<i32> {
         Self::step(Self::RANGE_PX.0)..=Self::step(Self::RANGE_PX.1)
@@ -69,6 +71,9 @@ impl Models {
     pub fn get(&mut self, blur_px: f64, kind: Kind) -> &Onsets {
         let key = (Self::step(blur_px), kind, self.search_px);
         let at = self.made.iter().position(|(step, kind, search_px, _)| (*step, *kind, *search_px) == key).unwrap_or_else(|| {
+            if self.made.len() == Self::KEPT {
+                self.made.remove(0);
+            }
             self.made.push((key.0, kind, self.search_px, Onsets::new(Self::blur_px(key.0), kind, self.search_px)));
             self.made.len() - 1
         });

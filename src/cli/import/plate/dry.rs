@@ -13,6 +13,7 @@ use super::sort::{Labelled, Plate, WellPictures, first_of};
 use crate::cli::import::frames;
 use crate::cli::told;
 use carved_records::{PlannedWell, SpecimenKind};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 pub(super) fn tell(out: &Path, example: Option<&Labelled>, plate: &Plate, plan: &Plan) -> anyhow::Result<()> {
@@ -58,6 +59,11 @@ fn well(planned: &PlannedWell, pictures: Option<&WellPictures>, plan: &Plan) -> 
         paths.iter().filter_map(|path| frames::size(path).err().map(|e| format!("{}: {}", frames::file_name(path), told(&e)))).collect();
     if !unread.is_empty() {
         said.push(format!("will fail: {}", first_of(&unread)));
+    }
+    let sizes: BTreeSet<(u32, u32)> = paths.iter().filter_map(|path| frames::size(path).ok()).collect();
+    if sizes.len() > 1 {
+        let sizes: Vec<String> = sizes.iter().map(|(width, height)| format!("{width} x {height} px")).collect();
+        said.push(format!("will fail: pictures of {}", first_of(&sizes)));
     }
     let is_whole = said.len() == 1;
     (said.join("; "), is_whole)

@@ -114,9 +114,7 @@ impl Well<'_> {
             warnings.push(doubt);
         })?;
         let imported = Imported::new(self.args, &rig, (looks, kind), turn, plan.angles_from.clone(), warnings)?;
-        let mut recording = recording(rig, self.run, self.planned.clone(), kind, &imported)?;
-        // Views that are missing count as planned.
-        recording.method.asd = plan.method.asd;
+        let recording = recording(rig, self.run, self.planned.clone(), kind, &imported)?;
         Ok((imported, recording))
     }
 }
