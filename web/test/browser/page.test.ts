@@ -694,7 +694,7 @@ test("the emergency stop asks nothing, and its fault is acknowledged", async () 
 
   server.refusal = { detail: "the daemon is busy" };
   await page.getByRole("button", { name: "Emergency stop" }).click();
-  await until("emergency-answer", /did not get through: the daemon is busy\. Use the instrument's own emergency stop/);
+  await until("emergency-answer", /was not confirmed: the daemon is busy\. Use the instrument's own emergency stop/);
 });
 
 test("a new run: every mistake of its map, the preflight, the start", async () => {
