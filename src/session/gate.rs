@@ -81,7 +81,7 @@ fn changed(chart: &str) -> (String, &'static str) {
     match chart {
         "uy_px" | "gamma_deg" => ("the capillary or the camera has moved since earlier sets".into(), "check their mounts"),
         "aspect_ratio" | "diameter_um" => {
-            ("the beads measure otherwise than in earlier sets".into(), "check the lens, its distance and the water around the capillary")
+            ("the beads measure differently from earlier sets".into(), "check the lens, its distance and the water around the capillary")
         }
         _ => ("edges are worse than in earlier sets".into(), "check focus, light and the glass"),
     }

@@ -24,8 +24,8 @@ pub enum NumbersError {
     Pipeline(#[from] PipelineError),
 }
 
-/// Surface and numbers of these views of a recording by this method, to the last bit those of a live run; `looked` gets each view and what was found in its
-/// frame, from several threads.
+/// Surface and numbers of these views of a recording by this method, to the last bit those of a live run. `looked` is called with each
+/// view and what was found in its frame, from several threads.
 ///
 /// # Errors
 /// Frames that are not there or not what was recorded, and what the pipeline makes no number of.

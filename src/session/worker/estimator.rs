@@ -16,19 +16,19 @@ pub struct LiveEstimator {
     estimates: Vec<Estimate>,
     newest: Option<Estimate>,
     /// The newest attempt at an estimate gave none.
-    is_untold: bool,
+    is_undetermined: bool,
 }
 
 impl LiveEstimator {
     pub fn new(rule: EarlyStopSettings) -> Self {
-        Self { rule, estimates: Vec::new(), newest: None, is_untold: false }
+        Self { rule, estimates: Vec::new(), newest: None, is_undetermined: false }
     }
 
     /// Takes what the views so far were found to tell; one that is not trusted is not shown. The end of a turn does not depend on
     /// which estimates there was time for: those that its rule asks for are all made.
     pub fn take(&mut self, found: Option<Estimate>, is_trusted: bool) {
         self.newest = found.filter(|_| is_trusted);
-        self.is_untold = self.newest.is_none();
+        self.is_undetermined = self.newest.is_none();
         if let Some(estimate) = found {
             // Of a view taken again there are as many views as before.
             self.estimates.retain(|e| e.views < estimate.views);
@@ -55,7 +55,7 @@ impl LiveEstimator {
         match self.newest {
             Some(_) => None,
             None if !is_seen_around => Some(VolumeWait::Views),
-            None if self.is_untold => Some(VolumeWait::Slices),
+            None if self.is_undetermined => Some(VolumeWait::Slices),
             None => Some(VolumeWait::Computing),
         }
     }

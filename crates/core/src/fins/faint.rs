@@ -242,7 +242,7 @@ impl<'a> Search<'a> {
         // A long way collects what it needs from noise. It ends where a run of it shows no more than noise does.
         let shown = |(k, &(a, r)): (usize, &State)| self.evidence[if right { at + 1 + k } else { at - 1 - k }].response(a * grid.radii + r);
         let responses: Vec<f64> = states.iter().enumerate().map(shown).collect();
-        states.truncate(run_means(&responses).iter().take_while(|&&mean| mean >= RUN_RESPONSE_ON).count());
+        states.truncate(before_noise(&responses));
         if states.is_empty() {
             return;
         }
@@ -307,6 +307,11 @@ fn is_accepted(piece: &Piece, evidence: &[Evidence], goes_on: bool, views: usize
         (true, false) => RESPONSE_CLEAR,
     };
     response >= least && gain >= if goes_on { GAIN_ON } else { GAIN } && highest >= RUN_LEAST && length_px >= SHORTEST_PX
+}
+
+/// Number of responses before the first whose run shows no more than noise does.
+fn before_noise(responses: &[f64]) -> usize {
+    run_means(responses).iter().take_while(|&&mean| mean >= RUN_RESPONSE_ON).count()
 }
 
 /// The means of the runs around each state of a piece.
@@ -450,6 +455,16 @@ mod tests {
             FinSlice { x_um: (u as f64 - camera.ux) * PX_UM, known: Known::Body, body, points_um: Vec::new() }
         };
         find(&views, &(0..WIDTH).map(slice).collect::<Vec<_>>(), Vec::new(), PX_UM)
+    }
+
+    #[test]
+    fn a_fin_ends_before_a_long_run_of_noise() {
+        let run = (RUN_PX / STEP as f64) as usize;
+        let responses = |shown: usize| -> Vec<f64> { (0..10 * run).map(|k| if k < shown { 2.5 } else { 1.0 }).collect() };
+        assert_eq!(before_noise(&responses(0)), 0);
+        let end = before_noise(&responses(3 * run));
+        assert!((3 * run..4 * run).contains(&end), "{end}");
+        assert_eq!(before_noise(&responses(10 * run)), 10 * run);
     }
 
     /// A line of 0.45 of a pixel's noise gives each view about 1.9 standard deviations, which no single view would believe.

@@ -9,7 +9,7 @@
 
 use super::onset::{Kind, Onsets};
 
-/// A blur that differs by at most this share moves no edge by 0.05 px.
+/// A blur that differs by this share moves an edge by 0.07 px at most.
 pub(super) const SAME_BLUR: f64 = 0.04;
 /// The fit overestimates the blur of beads of known blur (0.6 to 1.6 px through a colour mosaic) by this factor: the blur of pixels
 /// and mosaic is not Gaussian.
