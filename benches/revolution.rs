@@ -68,7 +68,7 @@ fn main() -> anyhow::Result<()> {
 }
 
 fn turn(make: &str, config: &Config, views: u32) -> anyhow::Result<()> {
-    let CameraDriver::Aravis(mut camera) = config.camera.clone();
+    let CameraDriver::Aravis(mut camera) = config.camera.clone() else { anyhow::bail!("{make} has no camera") };
     let card = TestCard::new(camera.width, camera.height);
     let picture = card.look(&Exposure { angle_rad: 0.0, number: 0 }, PixelFormat::BayerRG8);
     let [steps, turns] = <[u32; 2]>::from(config.steps_per_revolution);
@@ -133,7 +133,9 @@ fn open(driver: &RotationDriver, emulated: &Rig) -> anyhow::Result<Box<dyn Rotat
             settings.port = port;
             Box::new(Zaber::open(settings)?)
         }
-        RotationDriver::VastBridge(_) | RotationDriver::Relay(_) => anyhow::bail!("a stock VAST has a pace of its own"),
+        RotationDriver::VastBridge(_) | RotationDriver::Relay(_) | RotationDriver::Folder(_) => {
+            anyhow::bail!("a stock VAST has a pace of its own")
+        }
     })
 }
 
@@ -152,7 +154,7 @@ fn trapezoid_ms(driver: &RotationDriver, steps: i64) -> f64 {
         RotationDriver::Zaber(settings) => {
             MotionProfile::trapezoid(way, f64::from(settings.maxspeed) / 1.6384, f64::from(settings.accel) * 1e4 / 1.6384)
         }
-        RotationDriver::VastBridge(_) | RotationDriver::Relay(_) => return 0.0,
+        RotationDriver::VastBridge(_) | RotationDriver::Relay(_) | RotationDriver::Folder(_) => return 0.0,
     };
     profile.duration_s() * 1e3
 }

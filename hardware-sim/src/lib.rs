@@ -32,6 +32,7 @@ pub mod slide;
 pub mod test_card;
 pub mod tmcl;
 pub mod truth;
+pub mod vast_program;
 pub mod zaber;
 
 pub use motor_faults::MotorFaults;

@@ -235,6 +235,9 @@ pub struct RotationStatus {
     pub referenced: bool,
     /// Whether a stop ends a move under way; else it ends by itself and no other follows. `null` until the axis is known.
     pub can_stop: Option<bool>,
+    /// Another program turns the capillary and takes the pictures: carved cannot stop it, take a view again or end a turn early.
+    #[serde(default)]
+    pub outside: bool,
     pub position_steps: Option<i64>,
     pub position_deg: Option<f64>,
 }

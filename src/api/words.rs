@@ -95,6 +95,7 @@ words! {
     #[serde(rename_all = "snake_case")]
     Category {
         Camera,
+        Views,
         Optics,
         Motion,
         Sampler,

@@ -1,15 +1,17 @@
 //! `carved serve`: the daemon on an instrument.
 
 use super::daemon::Daemon;
+use super::segment::input;
+use super::told;
 use crate::config::{CameraDriver, Config, RotationDriver, SamplerDriver};
 use crate::http;
 use crate::session::Instrument;
 use anyhow::Context;
 use carved_devices::sampler::{LoaderInterlock, LoaderSampler, Sampler, TriggerSampler};
-use carved_devices::{Camera, DeviceError, Lasting, Rig, RotationAxis, camera, rotation};
+use carved_devices::{Camera, DeviceError, Lasting, Rig, RotationAxis, camera, rotation, views};
 use carved_records::Mode;
 use carved_store::Claim;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 #[derive(Debug, clap::Args)]
@@ -18,6 +20,9 @@ pub struct Args {
     #[arg(long)]
     config: PathBuf,
 }
+
+/// What a command for devices says to a configuration without any.
+pub const NO_DEVICES: &str = "The configuration has [views], which reads pictures of another program. It has no axis and no camera";
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let config = Arc::new(Config::load(&args.config)?);
@@ -28,27 +33,36 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     // The data folder is claimed before any device is opened, because its owner may be in the middle of a turn.
     let claim = Claim::on(&config.store.data_dir)?;
     let interlock = LoaderInterlock::default();
-    let (rig, sampler) = with_sampler(open_rig(&config)?, config.sampler, &interlock)?;
+    let (rig, sampler) = open(&config, &interlock)?;
     let second = open_second(&config)?;
     let greeting = format!("carved serves the instrument {:?}:", config.rig_name);
     Daemon { claim, config, mode: Mode::Hardware, instrument: Instrument { rig, second, sampler }, interlock, listener, greeting }
         .run(|_| async { Ok(()) })
 }
 
+/// Opens the rig and its sampler, or the folder of another program.
+pub fn open(config: &Config, interlock: &LoaderInterlock) -> anyhow::Result<(Rig, Box<dyn Sampler>)> {
+    match (&config.rotation, &config.camera) {
+        (RotationDriver::Folder(settings), CameraDriver::Folder(kind)) => {
+            let decode = |path: &Path| input::read(path, false).map(|read| read.frame).map_err(|error| told(&error));
+            Ok(views::open(settings.clone(), *kind, Box::new(decode))?)
+        }
+        _ => with_sampler(open_rig(config)?, config.sampler, interlock),
+    }
+}
+
 /// Opens every device in the configuration. The error names a device that does not answer.
 pub fn open_rig(config: &Config) -> anyhow::Result<Rig> {
+    let camera = config.camera.aravis().context(NO_DEVICES)?;
     let axis = config.clone();
     let rotation = Box::new(Lasting::open(move || open_axis(&axis))?);
-    let camera = match &config.camera {
-        CameraDriver::Aravis(settings) => camera::open(settings.clone())?,
-    };
-    Ok(Rig { rotation, camera })
+    Ok(Rig { rotation, camera: camera::open(camera.clone())? })
 }
 
 /// Opens the sampler of the configuration. A sampler on wires uses the rig's axis.
 pub fn with_sampler(rig: Rig, driver: SamplerDriver, interlock: &LoaderInterlock) -> anyhow::Result<(Rig, Box<dyn Sampler>)> {
     Ok(match driver {
-        SamplerDriver::Loader {} => (rig, Box::new(LoaderSampler::new(interlock.clone()))),
+        SamplerDriver::Loader {} | SamplerDriver::Folder {} => (rig, Box::new(LoaderSampler::new(interlock.clone()))),
         SamplerDriver::Trigger(settings) => {
             let (sampler, rotation) = TriggerSampler::beside(rig.rotation, settings)?;
             (Rig { rotation, ..rig }, Box::new(sampler))
@@ -63,6 +77,9 @@ fn open_axis(config: &Config) -> Result<Box<dyn RotationAxis>, DeviceError> {
         RotationDriver::Relay(settings) => Box::new(rotation::Relay::open(settings.clone(), config.steps_per_revolution)?),
         RotationDriver::Tmcl(settings) => Box::new(rotation::Tmcl::open(settings.clone())?),
         RotationDriver::Zaber(settings) => Box::new(rotation::Zaber::open(settings.clone())?),
+        RotationDriver::Folder(_) => {
+            return Err(DeviceError::NotBuilt { device: "rotation axis", driver: "folder", remedy: NO_DEVICES });
+        }
     };
     rotation::one_sided(rotation, config.backlash_steps)
 }
@@ -70,6 +87,6 @@ fn open_axis(config: &Config) -> Result<Box<dyn RotationAxis>, DeviceError> {
 /// Opens the second camera, if one is configured.
 pub fn open_second(config: &Config) -> anyhow::Result<Option<Box<dyn Camera>>> {
     let Some(second) = &config.second else { return Ok(None) };
-    let CameraDriver::Aravis(settings) = &second.camera;
+    let settings = second.camera.aravis().context(NO_DEVICES)?;
     Ok(Some(camera::open(settings.clone()).context("the second camera")?))
 }

@@ -12,7 +12,7 @@ use carved_core::range::{OutOfRange, Ranged};
 use carved_core::units::StepsPerRevolution;
 use carved_devices::acquisition::{AcquisitionSettings, RevolutionPlan};
 use carved_devices::rotation::TranslationSettings;
-use carved_records::Method;
+use carved_records::{Method, ViewOrder};
 use carved_store::frames;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -81,6 +81,14 @@ impl Config {
         Self::parse(&text, path)
     }
 
+    /// Whether a turn ends with a picture at 360 deg.
+    pub fn repeats_first_view(&self) -> bool {
+        match &self.rotation {
+            RotationDriver::Folder(settings) => settings.repeats_first,
+            _ => true,
+        }
+    }
+
     /// The folder of the rig's calibrations.
     pub fn calibrations(&self) -> PathBuf {
         self.calibration.folder.clone().unwrap_or_else(|| self.store.data_dir.join("calibrations"))
@@ -134,10 +142,9 @@ impl Config {
                 .extend(retired.map(|key| format!("  methods.{name}.segment.{key} is no longer a setting and has no effect; remove it")));
             breaches.extend(method.check().iter().map(|e| format!("  methods.{name}.{e}")));
         }
-        let CameraDriver::Aravis(camera) = &drivers.camera;
         let empty_capillary = raw.optics.empty_capillary.as_deref().and_then(|named| {
             let file = path.parent().unwrap_or(Path::new("")).join(named);
-            empty_capillary(&file, &raw, camera.pixel_format)
+            empty_capillary(&file, &raw, drivers.camera.pixel_format())
                 .map_err(|e| breaches.push(format!("  optics.empty_capillary = \"{}\": {e}", named.display())))
                 .ok()
         });
@@ -147,7 +154,8 @@ impl Config {
         });
         breaches.extend(raw.http.check().iter().map(|e| format!("  {e}")));
         let translation = raw.translation.as_ref().filter(|_| in_range("translation")).map_or(Ok(()), TranslationSettings::check);
-        let rotation = if in_range("rotation") && in_range("rig") { drivers.rotation.check(raw.rig.steps_per_revolution) } else { Ok(()) };
+        let is_rotation = ["rotation", "views", "rig"].into_iter().all(&in_range);
+        let rotation = if is_rotation { drivers.rotation.check(raw.rig.steps_per_revolution) } else { Ok(()) };
         let sampler = match &drivers.sampler {
             SamplerDriver::Trigger(trigger) if in_range("sampler") => trigger.check(),
             _ => Ok(()),
@@ -155,7 +163,7 @@ impl Config {
         for checked in [rotation, translation, sampler] {
             breaches.extend(checked.err().map(|e| format!("  {e}")));
         }
-        wires(raw.translation.as_ref(), &drivers, &mut breaches);
+        wires(&raw, &drivers, &mut breaches);
         let implausible = implausible(&raw, &drivers, in_range);
         breaches.extend(implausible.breaches);
         let second = second_camera(drivers.camera_second, raw.optics_second.as_ref(), &mut breaches);
@@ -198,8 +206,13 @@ fn too_near(methods: &BTreeMap<String, Method>, table: &str, camera: &Camera) ->
     near.map(|(name, e)| format!("  with method {name:?}: {table}.{e}")).collect()
 }
 
-/// What ends at the rotation's controller besides the rotation.
-fn wires(translation: Option<&TranslationSettings>, drivers: &Drivers, breaches: &mut Vec<String>) {
+/// What ends at the rotation's controller besides the rotation, and what no program outside of carved can be asked for.
+fn wires(raw: &Raw, drivers: &Drivers, breaches: &mut Vec<String>) {
+    if let RotationDriver::Folder(_) = &drivers.rotation {
+        breaches.extend(raw.methods.iter().flat_map(|(name, method)| of_another_program(name, method)));
+        return;
+    }
+    let translation = raw.translation.as_ref();
     let mut wrong = |key: &str, found: String, expected: &str| breaches.push(format!("  {key} = {found}; expected {expected}"));
     match (translation, &drivers.rotation) {
         (Some(_), driver) if !matches!(driver, RotationDriver::Grbl(_)) => {
@@ -215,6 +228,19 @@ fn wires(translation: Option<&TranslationSettings>, drivers: &Drivers, breaches:
     }
 }
 
+/// What a method cannot ask of a program that carved does not drive.
+fn of_another_program(name: &str, method: &Method) -> Vec<String> {
+    let mut breaches = Vec::new();
+    if method.order != ViewOrder::Sequential {
+        breaches
+            .push(format!("  methods.{name}.order = \"coarse_to_fine\"; expected \"sequential\": [views] come in the order of the turn"));
+    }
+    if method.early_stop.enabled {
+        breaches.push(format!("  methods.{name}.early_stop.enabled = true; expected false: carved cannot end a turn of another program"));
+    }
+    breaches
+}
+
 /// Both tables of a second camera, or neither.
 fn second_camera(camera: Option<CameraDriver>, optics: Option<&RawSecondOptics>, breaches: &mut Vec<String>) -> Option<SecondCamera> {
     let (camera, o) = match (camera, optics) {
@@ -225,7 +251,7 @@ fn second_camera(camera: Option<CameraDriver>, optics: Option<&RawSecondOptics>,
             return None;
         }
     };
-    let CameraDriver::Aravis(settings) = &camera;
+    let settings = camera.aravis()?;
     if settings.pixel_format != PixelFormat::Mono8 {
         breaches
             .push(format!("  camera_second.pixel_format = {}; expected Mono8: light is summed, not colours", settings.pixel_format.name()));

@@ -54,14 +54,13 @@ pub(super) fn implausible(raw: &Raw, drivers: &Drivers, in_range: impl Fn(&str) 
         };
         found.optics("optics", &view);
     }
-    let CameraDriver::Aravis(camera) = &drivers.camera;
-    let second = drivers.camera_second.as_ref().map(|CameraDriver::Aravis(second)| second);
+    let second = drivers.camera_second.as_ref().and_then(CameraDriver::aravis);
     if let (Some(o), Some(camera), true) = (&raw.optics_second, second, in_range("optics_second")) {
         let size = [camera.width, camera.height];
         let view = View { k: [o.kx_px_per_um, o.ky_px_per_um], axis: [o.ux_px, o.uy_px], tilt: [o.alpha_deg, o.gamma_deg], size };
         found.optics("optics_second", &view);
     }
-    for (table, camera) in [("camera", Some(camera)), ("camera_second", second)] {
+    for (table, camera) in [("camera", drivers.camera.aravis()), ("camera_second", second)] {
         if let Some(camera) = camera.filter(|_| in_range(table) && in_range("acquisition")) {
             found.camera(table, camera, raw.acquisition.grab_deadline_ms);
         }
@@ -71,7 +70,7 @@ pub(super) fn implausible(raw: &Raw, drivers: &Drivers, in_range: impl Fn(&str) 
         RotationDriver::VastBridge(s) => (Some(&s.port), Some(s.baud)),
         RotationDriver::Tmcl(s) => (Some(&s.port), Some(s.baud)),
         RotationDriver::Zaber(s) => (Some(&s.port), Some(s.baud)),
-        RotationDriver::Relay(_) => (None, None),
+        RotationDriver::Relay(_) | RotationDriver::Folder(_) => (None, None),
     };
     found.port(port);
     found.baud(baud.filter(|_| in_range("rotation")));

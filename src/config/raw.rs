@@ -17,6 +17,7 @@ use carved_devices::acquisition::AcquisitionSettings;
 use carved_devices::camera::AravisSettings;
 use carved_devices::rotation::{GrblSettings, RelaySettings, TmclSettings, TranslationSettings, VastBridgeSettings, ZaberSettings};
 use carved_devices::sampler::TriggerSettings;
+use carved_devices::views::{FolderSettings, PictureKind};
 use carved_records::Method;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -52,17 +53,24 @@ pub(super) struct Raw {
     /// The nominal camera of the rig. Each turn calibrates its own camera, starting from this one.
     #[schemars(extend("x-level" = "operator"))]
     pub optics: RawOptics,
+    /// Views that another program takes. With this table there is no `[rotation]`, `[translation]`, `[camera]`, `[camera_second]` or
+    /// `[sampler]`. Leave it out on a rig that carved drives.
+    #[serde(default)]
+    #[schemars(with = "Option<ViewsDriver>", extend("x-level" = "operator"))]
+    pub views: Option<toml::Table>,
     /// The controller that turns the capillary.
-    #[schemars(with = "RotationDriver", extend("x-level" = "operator"))]
-    pub rotation: toml::Table,
+    #[serde(default)]
+    #[schemars(with = "Option<RotationDriver>", extend("x-level" = "operator"))]
+    pub rotation: Option<toml::Table>,
     /// The axis that moves the capillary along, on the controller of the rotation. Only the driver `grbl` has it. Leave the table out if
     /// there is none.
     #[serde(default)]
     #[schemars(extend("x-level" = "operator"))]
     pub translation: Option<TranslationSettings>,
     /// The camera.
-    #[schemars(with = "CameraDriver", extend("x-level" = "operator"))]
-    pub camera: toml::Table,
+    #[serde(default)]
+    #[schemars(with = "Option<CameraDriver>", extend("x-level" = "operator"))]
+    pub camera: Option<toml::Table>,
     /// A second camera, such as that of a microscope. It is triggered for each view after the first camera. Its pixel format is `Mono8`.
     /// It needs `[optics_second]`. Leave both tables out if there is none.
     #[serde(default)]
@@ -73,8 +81,9 @@ pub(super) struct Raw {
     #[schemars(extend("x-level" = "operator"))]
     pub optics_second: Option<RawSecondOptics>,
     /// Who brings the specimens.
-    #[schemars(with = "SamplerDriver", extend("x-level" = "operator"))]
-    pub sampler: toml::Table,
+    #[serde(default)]
+    #[schemars(with = "Option<SamplerDriver>", extend("x-level" = "operator"))]
+    pub sampler: Option<toml::Table>,
     /// The methods by name, as `[methods.standard]`: what is done to a specimen and how it is measured. There must be at least one.
     #[schemars(extend("x-level" = "method"))]
     pub methods: BTreeMap<String, Method>,
@@ -257,10 +266,13 @@ impl Raw {
     /// # Errors
     /// Every table that cannot be read, with the full path of the key.
     pub fn read_drivers(&self) -> Result<Drivers, Vec<String>> {
-        let rotation = read_driver("rotation", &self.rotation);
-        let camera = read_driver("camera", &self.camera);
+        if let Some(views) = &self.views {
+            return self.read_views(views);
+        }
+        let rotation = required("rotation", self.rotation.as_ref());
+        let camera = required("camera", self.camera.as_ref());
         let second = self.camera_second.as_ref().map(|table| read_driver("camera_second", table)).transpose();
-        let sampler = read_driver("sampler", &self.sampler);
+        let sampler = required("sampler", self.sampler.as_ref());
         match (rotation, camera, second, sampler) {
             (Ok(rotation), Ok(camera), Ok(camera_second), Ok(sampler)) => Ok(Drivers { rotation, camera, camera_second, sampler }),
             (rotation, camera, second, sampler) => {
@@ -268,6 +280,44 @@ impl Raw {
             }
         }
     }
+
+    /// The drivers of a rig whose views another program takes.
+    fn read_views(&self, views: &toml::Table) -> Result<Drivers, Vec<String>> {
+        let beside = [
+            ("rotation", self.rotation.is_some()),
+            ("translation", self.translation.is_some()),
+            ("camera", self.camera.is_some()),
+            ("camera_second", self.camera_second.is_some()),
+            ("sampler", self.sampler.is_some()),
+        ];
+        let unused = beside.iter().filter(|(_, is_there)| *is_there);
+        let mut breaches: Vec<String> = unused
+            .map(|(name, _)| format!("  [{name}] is there beside [views]; expected one of both: [views] reads pictures of another program"))
+            .collect();
+        match read_driver("views", views) {
+            Ok(ViewsDriver::Folder(settings)) if breaches.is_empty() => {
+                let kind = PictureKind { width: self.optics.width_px, height: self.optics.height_px, format: settings.pixel_format };
+                Ok(Drivers {
+                    rotation: RotationDriver::Folder(settings),
+                    camera: CameraDriver::Folder(kind),
+                    camera_second: None,
+                    sampler: SamplerDriver::Folder {},
+                })
+            }
+            read => {
+                breaches.extend(read.err());
+                Err(breaches)
+            }
+        }
+    }
+}
+
+/// A driver that every rig has which is not another program's.
+fn required<T: DeserializeOwned>(name: &str, table: Option<&toml::Table>) -> Result<T, String> {
+    let table = table.ok_or_else(|| {
+        format!("  [{name}] is missing; expected a table with a driver (or [views], where another program takes the pictures)")
+    })?;
+    read_driver(name, table)
 }
 
 /// The tables with a `driver`.
@@ -288,16 +338,17 @@ impl Drivers {
             RotationDriver::Relay(settings) => settings.outside(),
             RotationDriver::Tmcl(settings) => settings.outside(),
             RotationDriver::Zaber(settings) => settings.outside(),
+            RotationDriver::Folder(settings) => return outside_in("views", settings).collect(),
         };
-        let CameraDriver::Aravis(camera) = &self.camera;
-        let second = self.camera_second.iter().flat_map(|CameraDriver::Aravis(second)| outside_in("camera_second", second));
+        let camera = self.camera.aravis().into_iter().flat_map(|camera| outside_in("camera", camera));
+        let second = self.camera_second.iter().filter_map(CameraDriver::aravis).flat_map(|second| outside_in("camera_second", second));
         let sampler = match &self.sampler {
-            SamplerDriver::Loader {} => Vec::new(),
+            SamplerDriver::Loader {} | SamplerDriver::Folder {} => Vec::new(),
             SamplerDriver::Trigger(settings) => settings.outside(),
         };
         let rotation = rotation.into_iter().map(|breach| breach.below("rotation"));
         let sampler = sampler.into_iter().map(|breach| breach.below("sampler"));
-        rotation.chain(outside_in("camera", camera)).chain(second).chain(sampler).collect()
+        rotation.chain(camera).chain(second).chain(sampler).collect()
     }
 }
 
@@ -318,6 +369,15 @@ fn read_driver<T: DeserializeOwned>(name: &str, table: &toml::Table) -> Result<T
     })
 }
 
+/// Where the views of another program come from.
+#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[schemars(tag = "driver")]
+pub(super) enum ViewsDriver {
+    /// A folder into which the other program stores a picture per view.
+    Folder(FolderSettings),
+}
+
 /// Which controller turns the capillary.
 #[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -333,6 +393,9 @@ pub enum RotationDriver {
     Tmcl(TmclSettings),
     /// A Zaber controller with the ASCII protocol.
     Zaber(ZaberSettings),
+    /// Another program, by `[views]`.
+    #[serde(skip)]
+    Folder(FolderSettings),
 }
 
 impl RotationDriver {
@@ -345,6 +408,7 @@ impl RotationDriver {
             Self::Relay(settings) => settings.check(),
             Self::Tmcl(settings) => settings.check(),
             Self::Zaber(settings) => settings.check(),
+            Self::Folder(settings) => settings.check(),
         }
     }
 }
@@ -356,6 +420,9 @@ impl RotationDriver {
 pub enum CameraDriver {
     /// A GigE Vision camera.
     Aravis(AravisSettings),
+    /// That of another program, by `[views]`.
+    #[serde(skip)]
+    Folder(PictureKind),
 }
 
 /// Who puts specimens into the capillary.
@@ -367,16 +434,31 @@ pub enum SamplerDriver {
     Loader {},
     /// A sampler of its own does, and says so by a wire to the probe input of the Grbl controller of the rotation.
     Trigger(TriggerSettings),
+    /// Another program decides which specimen comes next, by `[views]`.
+    #[serde(skip)]
+    Folder {},
 }
 
 impl CameraDriver {
     pub fn pixel_format(&self) -> PixelFormat {
-        let Self::Aravis(settings) = self;
-        settings.pixel_format
+        match self {
+            Self::Aravis(settings) => settings.pixel_format,
+            Self::Folder(kind) => kind.format,
+        }
     }
 
     pub(super) fn frame_size(&self) -> (u32, u32) {
-        let Self::Aravis(settings) = self;
-        (settings.width, settings.height)
+        match self {
+            Self::Aravis(settings) => (settings.width, settings.height),
+            Self::Folder(kind) => (kind.width, kind.height),
+        }
+    }
+
+    /// The settings of a camera that carved drives.
+    pub fn aravis(&self) -> Option<&AravisSettings> {
+        match self {
+            Self::Aravis(settings) => Some(settings),
+            Self::Folder(_) => None,
+        }
     }
 }

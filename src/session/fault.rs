@@ -3,6 +3,7 @@
 use super::worker::{OpticsFault, RunError};
 use carved_devices::DeviceError;
 use carved_devices::acquisition::AcquisitionError;
+use carved_devices::views::ViewsError;
 use carved_records::{Device, Fault, FaultCode, Phase, SchedulerAction, fault_table};
 
 fn device_error(error: &RunError) -> Option<&DeviceError> {
@@ -20,6 +21,7 @@ pub fn lost_device(error: &RunError) -> Option<Device> {
         | DeviceError::NotController { .. }
         | DeviceError::Open { device: "camera", .. } => Some(Device::Camera),
         DeviceError::Gone { .. } | DeviceError::Silent { .. } => Some(Device::Rotation),
+        DeviceError::Views(ViewsError::FolderLost { .. }) => Some(Device::Pictures),
         _ => None,
     }
 }
@@ -36,6 +38,17 @@ fn code_of_device(error: &DeviceError) -> &'static FaultCode {
         DeviceError::NoFrame { .. } => &fault_table::CAMERA_NO_FRAME,
         DeviceError::Camera { .. } | DeviceError::NotArmed => &fault_table::CAMERA_REFUSED,
         DeviceError::Sampler { .. } | DeviceError::Unasked => &fault_table::SAMPLER_FAILED,
+        DeviceError::Views(e) => match e {
+            ViewsError::FolderLost { .. } => &fault_table::PICTURES_LOST,
+            ViewsError::Earlier { .. } => &fault_table::PICTURES_EARLIER,
+            ViewsError::Unfit { .. } => &fault_table::PICTURES_UNFIT,
+            // The others end their well, and raise no fault.
+            ViewsError::Late { .. }
+            | ViewsError::Missing { .. }
+            | ViewsError::Replaced { .. }
+            | ViewsError::Unusable { .. }
+            | ViewsError::NoWell => &fault_table::PICTURES_LATE,
+        },
         // What the controller was told or is set to is not what its machine allows: a person has to look.
         DeviceError::Alarm { .. } | DeviceError::Skew { .. } | DeviceError::Stalled { .. } => &fault_table::ROTATION_ALARM,
         DeviceError::Intervention { .. } => &fault_table::ROTATION_INTERVENTION,

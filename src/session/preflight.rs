@@ -18,7 +18,8 @@ use std::time::Duration;
 /// What a look at the instrument has found.
 pub struct DeviceReport {
     axis: Result<(), DeviceError>,
-    light: Result<Light, DeviceError>,
+    /// Nothing where another program takes the pictures.
+    light: Result<Option<Light>, DeviceError>,
 }
 
 impl DeviceReport {
@@ -32,8 +33,11 @@ impl DeviceReport {
 pub fn look(mut instrument: Instrument, deadline: Duration) -> (Instrument, DeviceReport) {
     let rig = &mut instrument.rig;
     let axis = rig.rotation.check();
+    if rig.rotation.capabilities().outside {
+        return (instrument, DeviceReport { axis, light: Ok(None) });
+    }
     let camera = rig.camera.as_mut();
-    let light = camera.arm().and_then(|()| grab(camera, deadline, &CancelToken::default())).map(|seen| Light::of(&seen.frame));
+    let light = camera.arm().and_then(|()| grab(camera, deadline, &CancelToken::default())).map(|seen| Some(Light::of(&seen.frame)));
     if !camera.is_lost()
         && let Err(error) = camera.disarm()
     {
@@ -111,12 +115,13 @@ pub fn checks(config: &Config, plan: &RunPlan, seen: &DeviceReport, known: &Know
             "camera",
             true,
             match &seen.light {
-                Ok(_) => Ok("the camera has sent a whole frame".into()),
+                Ok(Some(_)) => Ok("the camera has sent a whole frame".into()),
+                Ok(None) => Ok("another program takes the pictures".into()),
                 Err(e) => Err(device(e, "check the camera's power and cable, and that no other program has it")),
             },
         ),
     ];
-    checks.extend(seen.light.as_ref().ok().map(|seen| check("light", true, light(seen))));
+    checks.extend(seen.light.as_ref().ok().and_then(Option::as_ref).map(|seen| check("light", true, light(seen))));
     let stands: Vec<String> = status.faults.iter().filter(|f| f.operator_required).map(|f| f.plainly().to_owned()).collect();
     checks.push(check(
         "faults",
@@ -208,7 +213,7 @@ mod tests {
         let status = &crate::session::driver::Driver::first_status(Mode::Hardware, "b".into());
         let calibration = |specimen| {
             let plan = RunPlan::new("P-1", "standard", "kim", vec![PlannedWell::new("A01", specimen, None)]);
-            let seen = DeviceReport { axis: Ok(()), light: Ok(Light { background: 200.0, saturated: 0.0, focus: 1.0 }) };
+            let seen = DeviceReport { axis: Ok(()), light: Ok(Some(Light { background: 200.0, saturated: 0.0, focus: 1.0 })) };
             let known = Known { status, mode: Mode::Hardware, gate: None, plate_inside: None, free_bytes: Some(u64::MAX), budget: None };
             let checks = checks(&config, &plan, &seen, &known);
             checks.into_iter().find(|c| c.code == "calibration").unwrap()

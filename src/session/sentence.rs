@@ -17,12 +17,21 @@ pub fn of(s: &Status) -> String {
         State::Starting => "Starting the run: the camera is being set up.".into(),
         State::Suspended => format!("Waiting for the loader: {}.", s.plate.needs.as_deref().unwrap_or("a specimen")),
         State::Execute if !s.hardware.camera.connected => "The camera is lost: it is opened again if it answers within ten seconds.".into(),
+        State::Execute if s.hardware.rotation.outside && s.specimen.as_ref().is_none_or(|x| x.phase == Phase::Load) => {
+            format!(
+                "Waiting for the pictures of the next well from {}.",
+                s.hardware.rotation.identity.as_deref().unwrap_or("another program")
+            )
+        }
         State::Execute => match &s.specimen {
             None => "Preparing the first well.".into(),
             Some(x) => match x.phase {
                 Phase::Load => format!("Loading well {well}."),
                 Phase::Position => format!("Well {well}: finding the reference of the rotation axis."),
                 Phase::Detect => format!("Well {well}: looking what is in the capillary."),
+                Phase::Revolve if s.hardware.rotation.outside => {
+                    format!("Well {well}: reading the pictures of another program, view {} of {}.", x.view, x.views_planned)
+                }
                 Phase::Revolve => format!("Well {well}: turning the capillary, view {} of {}.", x.view, x.views_planned),
                 // The computer may be behind the camera.
                 Phase::Reconstruct if x.view < x.views_planned => {

@@ -13,6 +13,7 @@ mod closed_pipe;
 mod controllers;
 mod disk_full;
 mod early_stop;
+mod folder;
 mod live_estimate;
 mod one_well;
 mod optics;

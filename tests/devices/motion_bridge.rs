@@ -78,6 +78,7 @@ fn a_revolution_through_the_list_shows_every_view_at_the_angle_of_its_ledger() {
             can_stop: false,
             absolute: false,
             trigger_only: true,
+            outside: false,
         };
         assert_eq!(axis.capabilities(), expected);
         assert!(axis.identity().contains("trigger pulse 50 ms"), "{}", axis.identity());

@@ -50,8 +50,15 @@ impl Bench {
 fn a_revolution_of_differences_shows_every_view_at_the_angle_of_its_ledger() {
     let bench = Bench::new();
     let axis = Relay::open(RelaySettings { boot: true, ..bench.settings() }, crate::motion::per_revolution()).unwrap();
-    let expected =
-        Capabilities { has_position: false, has_encoder: false, has_stall: false, can_stop: false, absolute: false, trigger_only: false };
+    let expected = Capabilities {
+        has_position: false,
+        has_encoder: false,
+        has_stall: false,
+        can_stop: false,
+        absolute: false,
+        trigger_only: false,
+        outside: false,
+    };
     assert_eq!(axis.capabilities(), expected);
     let mut devices = with_camera(&bench.emulated, Box::new(axis));
     for (epoch, order, splits) in [(1, ViewOrder::Sequential, false), (2, ViewOrder::CoarseToFine, true)] {

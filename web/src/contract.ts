@@ -27,7 +27,7 @@ export interface CameraStatus {
   resent_packets: number;
 }
 
-export type Category = "camera" | "optics" | "motion" | "sampler" | "storage" | "software" | "safety";
+export type Category = "camera" | "views" | "optics" | "motion" | "sampler" | "storage" | "software" | "safety";
 
 export interface Check {
   blocks: boolean;
@@ -267,6 +267,7 @@ export interface RotationStatus {
   can_stop: boolean | null;
   connected: boolean;
   identity: string | null;
+  outside: boolean;
   position_deg: number | null;
   position_steps: number | null;
   referenced: boolean;

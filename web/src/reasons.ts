@@ -36,6 +36,7 @@ const REASONS: Record<string, string> = {
   clipped: "it goes on beyond the picture",
   debris: "debris",
   empty: "the capillary is empty",
+  no_pictures: "no picture of it was stored",
   two: "two larvae",
 };
 

@@ -1,5 +1,6 @@
 //! Errors of devices. Each states what was expected, what was found, and what the operator can do.
 
+use crate::views::ViewsError;
 use carved_core::units::Steps;
 use std::path::PathBuf;
 
@@ -97,6 +98,9 @@ pub enum DeviceError {
          is stuck: check the wire"
     )]
     Unasked,
+    /// Pictures of another program.
+    #[error(transparent)]
+    Views(#[from] ViewsError),
     /// The sampler did not do its part for a well.
     #[error("sampler: well {well}: {why}")]
     Sampler { well: String, why: String },

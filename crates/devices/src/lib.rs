@@ -20,7 +20,9 @@ pub mod rotation;
 pub mod sampler;
 #[cfg(any(test, feature = "testing"))]
 pub mod testing;
+pub mod views;
 
+mod clock;
 mod error;
 mod lasting;
 mod rig;
@@ -79,6 +81,9 @@ pub struct Capabilities {
     pub absolute: bool,
     /// It goes to the next entry of a list at each trigger, and nowhere else. The list is given to it before.
     pub trigger_only: bool,
+    /// Another program turns the capillary and takes the pictures. No view can be taken again and no turn can be ended early, but the
+    /// pictures that exist can be read again.
+    pub outside: bool,
 }
 
 /// The axis that turns the capillary.

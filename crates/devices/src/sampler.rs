@@ -5,7 +5,6 @@
 //!                                           └─ TriggerSampler   waits for a wire:    sampler ── SpecimenInput of the axis
 //! ```
 
-mod clock;
 mod trigger;
 mod watched;
 
@@ -34,6 +33,28 @@ pub struct Expected<'a> {
     pub dpf: Option<f64>,
 }
 
+/// The wells of a run that have not begun.
+#[derive(Debug, Clone, Copy)]
+pub struct Upcoming<'a> {
+    /// Name of the run.
+    pub run: &'a str,
+    /// Barcode of the plate.
+    pub plate: &'a str,
+    /// The wells in the order of the plan. There is at least one.
+    pub wells: &'a [Expected<'a>],
+}
+
+/// Which well comes next.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum NextWell {
+    /// The well at this position of [`Upcoming::wells`].
+    At(usize),
+    /// None of them comes any more.
+    NoMore,
+    /// The wait was ended from outside.
+    Cancelled,
+}
+
 /// Brings specimens into the capillary and takes them out.
 pub trait Sampler: Send {
     /// Whether `load` waits for a message from outside.
@@ -49,6 +70,14 @@ pub trait Sampler: Send {
     fn look(&mut self, axis: &mut dyn RotationAxis) -> Result<(), DeviceError>;
     /// Whether [`Self::look`] has found a specimen. `None` without such an input, or before it was read for long enough.
     fn sees_specimen(&self) -> Option<bool>;
+    /// Waits until it is known which well comes next. A sampler that does not decide this says the first. `is_ended` tells whether the
+    /// wait is still wanted.
+    ///
+    /// # Errors
+    /// It cannot be known.
+    fn next_well(&mut self, _upcoming: &Upcoming<'_>, _is_ended: &dyn Fn() -> bool) -> Result<NextWell, DeviceError> {
+        Ok(NextWell::At(0))
+    }
     /// Brings the specimen of a well into the capillary. `None` if the run was cancelled or paused meanwhile. `axis` may have the
     /// specimen input.
     ///

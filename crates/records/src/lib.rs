@@ -19,6 +19,7 @@ mod ledger;
 mod light;
 mod method;
 mod outcome;
+pub mod picture_name;
 mod plan;
 pub mod plate_map;
 mod policy;

@@ -4,7 +4,9 @@ mod average;
 mod exposure;
 mod reference;
 
-use crate::config::{CameraDriver, Config};
+use super::serve::NO_DEVICES;
+use crate::config::Config;
+use anyhow::Context;
 use carved_devices::camera::AravisSettings;
 use std::path::PathBuf;
 
@@ -28,7 +30,7 @@ struct Configured {
 impl Configured {
     fn load(&self) -> anyhow::Result<(Config, AravisSettings)> {
         let config = Config::load(&self.config)?;
-        let CameraDriver::Aravis(settings) = config.camera.clone();
+        let settings = config.camera.aravis().context(NO_DEVICES)?.clone();
         Ok((config, settings))
     }
 }

@@ -10,11 +10,10 @@ use crate::cli::segment::input::{self, Kind};
 use anyhow::{Context, bail, ensure};
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::profile::Picture;
+use carved_records::picture_name::{ENDINGS, is_picture};
 use carved_records::sha256_hex;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
-
-const ENDINGS: [&str; 6] = ["png", "jpg", "jpeg", "bmp", "tif", "tiff"];
 
 /// A picture that was checked. Its pixels are read again when they are written.
 pub(super) struct Looked {
@@ -79,12 +78,6 @@ pub(super) fn list(named: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
         );
     }
     Ok(paths)
-}
-
-/// Whether a name ends as that of a picture. A name that begins with a dot does not count.
-pub(super) fn is_picture(path: &Path) -> bool {
-    let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
-    ending.is_some_and(|e| ENDINGS.contains(&e.as_str())) && !file_name(path).starts_with('.')
 }
 
 fn of_folder(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {

@@ -22,13 +22,15 @@ pub enum Make {
     VastBridge,
     /// A stock VAST behind a relay.
     Relay,
+    /// A stock VAST whose own program stores pictures in a folder.
+    Folder,
 }
 
 impl Make {
     fn shipped(self) -> Option<(&'static str, &'static str)> {
         match self {
-            // The built-in configuration has this controller already.
-            Self::Grbl => None,
+            // The built-in configuration has this controller already; the other has none.
+            Self::Grbl | Self::Folder => None,
             Self::Tmcl => Some(("config/vast-tmcl.toml (built in)", include_str!("../../../config/vast-tmcl.toml"))),
             Self::Zaber => Some(("config/vast-zaber.toml (built in)", include_str!("../../../config/vast-zaber.toml"))),
             Self::VastBridge => Some(("config/vast-bridge.toml (built in)", include_str!("../../../config/vast-bridge.toml"))),
@@ -54,7 +56,7 @@ impl Make {
                 settings.speed_deg_per_s = bridge::Settings::reading(settings.list.clone()).speed_deg_per_s * time_scale;
             }
             RotationDriver::Relay(settings) => settings.speed_deg_per_s = relay::Settings::default().speed_deg_per_s * time_scale,
-            RotationDriver::Grbl(_) | RotationDriver::Zaber(_) => {}
+            RotationDriver::Grbl(_) | RotationDriver::Zaber(_) | RotationDriver::Folder(_) => {}
         }
         Ok(())
     }
@@ -110,6 +112,7 @@ pub fn connect(rotation: &mut RotationDriver, rig: &Rig) -> anyhow::Result<()> {
         RotationDriver::Tmcl(settings) => settings.port = port,
         RotationDriver::Zaber(settings) => settings.port = port,
         RotationDriver::VastBridge(settings) => settings.port = port,
+        RotationDriver::Folder(_) => {}
         RotationDriver::Relay(settings) => settings.address = rig.relay_address().context("the emulated rig has no relay")?.to_string(),
     }
     Ok(())

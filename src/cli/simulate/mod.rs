@@ -6,6 +6,7 @@
 //! ```
 
 mod controller;
+mod folder;
 mod holds;
 mod job;
 mod replay;
@@ -62,7 +63,7 @@ pub struct Args {
     /// Disconnect the camera's cable once: seconds after the start, and for how many seconds, as in 60,30.
     #[arg(long, value_name = "AFTER,FOR", value_parser = out_for, conflicts_with = "replay")]
     camera_out: Option<[Duration; 2]>,
-    /// The controller that turns the emulated capillary.
+    /// The controller that turns the emulated capillary, or `folder`: a vendor's program that turns it and stores pictures.
     #[arg(long, value_enum, default_value_t = controller::Make::Grbl)]
     controller: controller::Make,
     /// Sampler that fills the emulated capillary.
@@ -99,6 +100,9 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         "--time-scale is {}; from 0.1 to 1000 can be simulated",
         args.time_scale
     );
+    if args.controller == controller::Make::Folder {
+        return folder::run(&args);
+    }
     let mut config = Config::parse(CONFIG, Path::new(CONFIG_NAME))?;
     config.http.listen = args.listen;
     config.store.data_dir.clone_from(&args.data);
@@ -121,7 +125,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let machine = settings.controller.clone();
     let mut rig = Rig::start(settings, sight).context("the emulated rig did not start")?;
     controller::connect(&mut config.rotation, &rig)?;
-    let CameraDriver::Aravis(camera) = &mut config.camera;
+    let CameraDriver::Aravis(camera) = &mut config.camera else { anyhow::bail!(serve::NO_DEVICES) };
     camera.select = CameraSelect::Address(rig.camera_address());
     if let (true, Content::Scene(scenery)) = (args.second_camera, &content) {
         config.second = Some(second::beside(&mut rig, scenery.scene())?);

@@ -43,7 +43,7 @@ pub fn of_recording(path: &Path, config: &mut Config) -> anyhow::Result<Before> 
     config.steps_per_revolution = recording.rig.steps_per_revolution;
     config.acquisition.sense = recording.rig.sense;
     config.methods.insert(recording.method_name.clone(), recording.method.clone());
-    let CameraDriver::Aravis(camera) = &mut config.camera;
+    let CameraDriver::Aravis(camera) = &mut config.camera else { anyhow::bail!(crate::cli::serve::NO_DEVICES) };
     camera.pixel_format = recording.rig.pixel_format;
     (camera.width, camera.height) = (recording.rig.camera.width, recording.rig.camera.height);
     anyhow::ensure!(

@@ -23,10 +23,19 @@ pub enum Appearance {
 
 /// A scene that is filled according to the plate map.
 pub fn of_phantoms(args: &Args, config: &Config) -> Before {
-    let scene = Arc::new(Scene::new(scene_settings(config, args.frames)));
+    let scenery = scenery(args, config);
+    Before { sight: scenery.scene.clone(), content: Content::Scene(scenery), job: if args.no_demo { Job::Serve } else { Job::Demo } }
+}
+
+/// The scene and the contents of the wells.
+pub fn scenery(args: &Args, config: &Config) -> Scenery {
     let holds = args.holds.iter().map(|h| (h.well.clone(), h.what)).collect();
-    let scenery = Scenery { scene: scene.clone(), appearance: args.frames, empty: args.empty.iter().cloned().collect(), holds };
-    Before { sight: scene, content: Content::Scene(scenery), job: if args.no_demo { Job::Serve } else { Job::Demo } }
+    Scenery {
+        scene: Arc::new(Scene::new(scene_settings(config, args.frames))),
+        appearance: args.frames,
+        empty: args.empty.iter().cloned().collect(),
+        holds,
+    }
 }
 
 /// Seed of light, walls and dust of a real-looking scene.

@@ -11,6 +11,7 @@ use super::super::handle::Refusal;
 use super::super::preflight::{self, DeviceReport};
 use super::super::search::{self, DevicesFound, Search};
 use super::super::worker::Instrument;
+use carved_devices::views::ViewsError;
 use carved_devices::{DeviceError, Link};
 use carved_records::{Device, RunPlan, fault_table};
 use std::time::Duration;
@@ -180,6 +181,7 @@ pub(super) fn findings(found: DevicesFound) -> Vec<Finding> {
     };
     let rotation = match found.rotation {
         Ok(()) => Some(Finding::There(Device::Rotation)),
+        Err(error @ DeviceError::Views(ViewsError::FolderLost { .. })) => Some(Finding::Lost(Device::Pictures, error)),
         Err(error @ (DeviceError::Gone { .. } | DeviceError::Silent { .. })) => Some(Finding::Lost(Device::Rotation, error)),
         Err(ref error @ DeviceError::Intervention { .. }) => intervention(error),
         Err(error @ DeviceError::Mismatch { .. }) => Some(Finding::Stands(fault_table::ROTATION_SETTINGS.code, error)),
@@ -188,7 +190,9 @@ pub(super) fn findings(found: DevicesFound) -> Vec<Finding> {
             None
         }
     };
-    camera.into_iter().chain(rotation).collect()
+    // The check of an axis that another program turns is a look at the folder of its pictures.
+    let pictures = matches!(rotation, Some(Finding::There(_))).then_some(Finding::There(Device::Pictures));
+    camera.into_iter().chain(rotation).chain(pictures).collect()
 }
 
 /// A person or a safety circuit has the axis. The fault is open for as long as that lasts, also where it was acknowledged before it was
@@ -234,7 +238,9 @@ mod tests {
         let silent = || DeviceError::Silent { device: "rotation axis", request: "?".into(), waited_ms: 500 };
         let taken = DeviceError::Intervention { device: "axis", what: "feed hold".into(), way_out: "Release it." };
         let of = |rotation| findings(DevicesFound { rotation, camera: Err(DeviceError::ControlLost) });
-        assert!(matches!(of(Ok(()))[..], [Finding::There(Device::Rotation)]));
+        assert!(matches!(of(Ok(()))[..], [Finding::There(Device::Rotation), Finding::There(Device::Pictures)]));
+        let gone = || DeviceError::from(ViewsError::FolderLost { path: "/mnt/vast".into(), why: "stale".into() });
+        assert!(matches!(of(Err(gone()))[..], [Finding::Lost(Device::Pictures, _)]));
         assert!(matches!(of(Err(silent()))[..], [Finding::Lost(Device::Rotation, _)]));
         assert!(matches!(of(Err(taken))[..], [Finding::Stands(code, _)] if code == fault_table::ROTATION_INTERVENTION.code));
         assert!(of(Err(DeviceError::NotArmed)).is_empty());

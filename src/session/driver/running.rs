@@ -424,7 +424,7 @@ impl Running {
         self.event_shown(None, EventData::FaultRaised(raised), |d| {
             d.publish(|s| match lost {
                 Some(Device::Camera) => s.hardware.camera.connected = false,
-                Some(Device::Rotation) => s.hardware.lose_axes(),
+                Some(Device::Rotation | Device::Pictures) => s.hardware.lose_axes(),
                 None => {}
             });
         });
@@ -576,7 +576,7 @@ impl Running {
         let identity = self.devices.at_rest().map(|instrument| instrument.rig.rotation.identity().to_owned()).unwrap_or_default();
         let connected = |s: &mut Status| match device {
             Device::Camera => s.hardware.camera.connected = true,
-            Device::Rotation => s.hardware.find_axes(&identity),
+            Device::Rotation | Device::Pictures => s.hardware.find_axes(&identity),
         };
         if self.devices.find(device) {
             self.fault_over(|fault| device.is_all_of(fault), device.is_back(), connected);
@@ -831,6 +831,7 @@ impl Running {
             config: self.config.clone(),
             mode: self.mode,
             run: record.id.clone(),
+            plate: record.plan.plate_barcode.clone(),
             wells,
             eject_first,
             inside,

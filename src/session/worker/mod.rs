@@ -30,9 +30,9 @@ use carved_core::pipeline::{Pipeline, PipelineError};
 use carved_core::profile::{Detection, Profile};
 use carved_devices::acquisition::{AcquisitionError, RevolutionPlan};
 use carved_devices::cancel::CancelToken;
-use carved_devices::sampler::Sampler;
+use carved_devices::sampler::{Expected, NextWell, Sampler, Upcoming};
 use carved_devices::{Camera, DeviceError, Position, Rig, StreamCounters};
-use carved_records::{Light, LiveEstimate, Method, Mode, Phase, PlannedWell, SpecimenKind, WellStatus, WellTimes};
+use carved_records::{Light, LiveEstimate, Method, Mode, Phase, PlannedWell, SpecimenKind, SpecimenOutcome, WellStatus, WellTimes};
 use carved_store::{Recording, RigRecord, SecondRecord, StoreError};
 use science::Science;
 use std::ops::ControlFlow;
@@ -143,6 +143,8 @@ pub struct RunContext {
     pub config: Arc<Config>,
     pub mode: Mode,
     pub run: String,
+    /// Barcode of the plate.
+    pub plate: String,
     /// The wells still to do, in order.
     pub wells: Vec<PlannedWell>,
     /// A well whose specimen an earlier life of the daemon may have left in the capillary: it is taken out before anything else.
@@ -168,6 +170,11 @@ struct Worker {
 enum WellEnd {
     Skipped(&'static str),
     Failed(String),
+}
+
+/// What the sampler is told of a well.
+fn expected(planned: &PlannedWell) -> Expected<'_> {
+    Expected { well: &planned.well, bead: planned.specimen == SpecimenKind::Bead, dpf: planned.dpf }
 }
 
 fn optics_fault(planned: &PlannedWell, fault: OpticsFault) -> RunError {
@@ -219,16 +226,40 @@ impl Worker {
         if let Some(well) = self.context.eject_first.clone() {
             self.eject(&well, true, &mut WellTimes::default())?;
         }
+        if self.instrument.rig.rotation.capabilities().outside {
+            // The wait for the first picture may be long.
+            self.context.hardware(&mut self.instrument);
+        }
         let context = Arc::clone(&self.context);
-        for planned in &context.wells {
-            if context.cancel.is_cancelled() || context.pause.is_cancelled() {
-                return Ok(ControlFlow::Break(()));
-            }
-            if self.well(planned, numbers)?.is_break() {
+        let mut waiting: Vec<&PlannedWell> = context.wells.iter().collect();
+        while !waiting.is_empty() {
+            let next = match self.next_of(&waiting)? {
+                NextWell::At(at) => at.min(waiting.len() - 1),
+                NextWell::NoMore => {
+                    self.context.skip_all(&waiting);
+                    break;
+                }
+                NextWell::Cancelled => return Ok(ControlFlow::Break(())),
+            };
+            if self.well(waiting.remove(next), numbers)?.is_break() {
                 return Ok(ControlFlow::Break(()));
             }
         }
         Ok(ControlFlow::Continue(()))
+    }
+
+    /// Which of these wells comes next, as the sampler says.
+    fn next_of(&mut self, waiting: &[&PlannedWell]) -> Result<NextWell, RunError> {
+        let Self { context, instrument } = self;
+        let is_ended = || context.cancel.is_cancelled() || context.pause.is_cancelled();
+        if is_ended() {
+            return Ok(NextWell::Cancelled);
+        }
+        let wells: Vec<Expected> = waiting.iter().map(|planned| expected(planned)).collect();
+        if let Some(at) = wells.iter().position(|expected| context.inside.as_deref() == Some(expected.well)) {
+            return Ok(NextWell::At(at));
+        }
+        Ok(instrument.sampler.next_well(&Upcoming { run: &context.run, plate: &context.plate, wells: &wells }, &is_ended)?)
     }
 
     /// The instrument as it is handed back.
@@ -283,6 +314,7 @@ impl RunContext {
                 connected: true,
                 referenced,
                 can_stop: Some(rig.rotation.capabilities().can_stop),
+                outside: rig.rotation.capabilities().outside,
                 position_steps: position_steps.map(|s| s.0),
                 position_deg: position_steps.map(|s| self.config.steps_per_revolution.angle(s).to_degrees()),
             },
@@ -301,7 +333,17 @@ impl RunContext {
 
     fn plan(&self, planned: &PlannedWell) -> Result<RevolutionPlan, RunError> {
         let plan = RevolutionPlan::new(self.method.asd, self.config.steps_per_revolution, self.method.order);
-        plan.map_err(|e| optics_fault(planned, e.into()))
+        let plan = plan.map_err(|e| optics_fault(planned, e.into()))?;
+        Ok(if self.config.repeats_first_view() { plan } else { plan.without_closure() })
+    }
+
+    /// No specimen of these wells comes.
+    fn skip_all(&self, wells: &[&PlannedWell]) {
+        for planned in wells {
+            let mut result = WellStatus::pending(planned);
+            result.end(SpecimenOutcome::Skipped, Some(skip::NO_PICTURES));
+            self.tell(Progress::WellDone { result, seconds: 0.0, times: WellTimes::default() });
+        }
     }
 
     /// Refuses a configuration by which no specimen of this kind can be measured, before one is brought.

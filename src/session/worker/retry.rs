@@ -8,6 +8,10 @@
 //! reconstruct, measure overran                       the well fails          is ejected
 //! a lost position, position overran        x         the run is held         is ejected
 //! light, capillary's place, scale          x         the run is held         stays: the run goes on with it
+//! a stored picture that was replaced       x         the well fails          -
+//! a stored picture that is missing or
+//! cannot be used                                     the well fails          -
+//! pictures late, unfit, their folder lost            the run is held         its pictures are read again
 //! setup that measures no specimen                    the run is held         stays: the run goes on with it
 //! a person's or a safety circuit's hand              the run is held         stays: the run goes on with it
 //! alarm, lost device, disk,
@@ -26,14 +30,15 @@ pub fn may_be_tried_again(error: &RunError) -> bool {
     match error {
         RunError::Overrun(Overrun { phase, .. }) => matches!(phase, Phase::Position | Phase::Detect | Phase::Revolve),
         RunError::Device(e) | RunError::Second(e) | RunError::Acquisition(AcquisitionError::Device { source: e, .. }) => {
-            matches!(
-                e,
-                DeviceError::NoFrame { .. }
-                    | DeviceError::Translation { .. }
-                    | DeviceError::Suspect { .. }
-                    | DeviceError::Missed { .. }
-                    | DeviceError::Unexpected { .. }
-            )
+            matches!(e, DeviceError::Views(e) if e.may_be_tried_again())
+                || matches!(
+                    e,
+                    DeviceError::NoFrame { .. }
+                        | DeviceError::Translation { .. }
+                        | DeviceError::Suspect { .. }
+                        | DeviceError::Missed { .. }
+                        | DeviceError::Unexpected { .. }
+                )
         }
         RunError::Acquisition(AcquisitionError::Ledger(LedgerError::EpochChanged { .. })) => true,
         RunError::Optics { fault, .. } => fault.may_pass(),
@@ -47,6 +52,9 @@ pub fn costs_its_well_only(error: &RunError) -> bool {
         RunError::Overrun(Overrun { phase, .. }) => {
             matches!(phase, Phase::Detect | Phase::Revolve | Phase::Reconstruct | Phase::Measure)
         }
+        RunError::Device(DeviceError::Views(e)) | RunError::Acquisition(AcquisitionError::Device { source: DeviceError::Views(e), .. }) => {
+            e.is_of_one_well()
+        }
         _ => false,
     }
 }
@@ -55,7 +63,9 @@ pub fn costs_its_well_only(error: &RunError) -> bool {
 fn is_camera(error: &RunError) -> bool {
     match error {
         RunError::Second(_) => true,
-        RunError::Device(e) | RunError::Acquisition(AcquisitionError::Device { source: e, .. }) => matches!(e, DeviceError::NoFrame { .. }),
+        RunError::Device(e) | RunError::Acquisition(AcquisitionError::Device { source: e, .. }) => {
+            matches!(e, DeviceError::NoFrame { .. } | DeviceError::Views(_))
+        }
         _ => false,
     }
 }

@@ -163,6 +163,7 @@ mod tests {
         let context = RunContext {
             mode: Mode::Simulated,
             run: "r1".into(),
+            plate: "P1".into(),
             wells: Vec::new(),
             eject_first: None,
             inside: None,

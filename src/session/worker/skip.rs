@@ -6,6 +6,9 @@ use carved_records::{Clipped, Policy};
 /// From here on the bore is full: a larva of 5 dpf covers a third of it, and no larva this much.
 const BLOCKED_SHARE: f64 = 0.9;
 
+/// Why a well is skipped of which another program has stored no picture.
+pub const NO_PICTURES: &str = "no_pictures";
+
 /// Why a well with this frame is not worth a revolution: one of [`carved_core::profile::Kind`]'s names, `blocked` or `clipped`.
 pub fn reason(profile: &Profile, policy: &Policy) -> Option<&'static str> {
     let found = &profile.detection;

@@ -102,7 +102,8 @@ impl Worker {
         if verdict.moved && !last {
             return Ok(Some("the specimen was not where it began when its turn was over".into()));
         }
-        let can_go_back = !self.instrument.rig.rotation.capabilities().trigger_only;
+        let can = self.instrument.rig.rotation.capabilities();
+        let can_go_back = !can.trigger_only && !can.outside;
         let few = (1..=retaken_most(plan.asd())).contains(&verdict.spoiled.len());
         if can_go_back && !verdict.moved && few {
             tracing::info!(well = %planned.well, views = ?verdict.spoiled, "views that do not belong are taken again");
@@ -143,8 +144,9 @@ impl Worker {
         let settings = &context.config.acquisition;
         let stop = rig.rotation.stop_handle();
         let began = Instant::now();
-        // What steps through a list goes to its end.
-        let may_end_early = !rig.rotation.capabilities().trigger_only;
+        // What steps through a list, or is turned by another program, goes to its end.
+        let can = rig.rotation.capabilities();
+        let may_end_early = !can.trigger_only && !can.outside;
         let mut second_failed = None;
         let taken = within(Phase::Revolve, context.allowed(Phase::Revolve), &context.cancel, &stop, |cancel| {
             let mut hand_on = |mut entry: LedgerEntry, frame: RawFrame| {

@@ -19,7 +19,7 @@ pub struct Stop {
     pub closure: bool,
 }
 
-/// The stops of one revolution in the order in which they are visited, the closure view last.
+/// The stops of one revolution in the order in which they are visited, the closure view last if there is one.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RevolutionPlan {
     asd: u32,
@@ -64,6 +64,13 @@ impl RevolutionPlan {
         let stop = |view, closure| Stop { view, target: steps_per_revolution.nearest(view, asd), closure };
         let stops = Vec::into_iter(views).map(|view| stop(view, false)).chain([stop(asd, true)]).collect();
         Ok(Self { asd, steps_per_revolution, order, stops })
+    }
+
+    /// The same without the closure view, for turns that end with the last view.
+    #[must_use]
+    pub fn without_closure(mut self) -> Self {
+        self.stops.retain(|stop| !stop.closure);
+        self
     }
 
     /// Number of axial views to be carved, without the closure view.
@@ -179,5 +186,7 @@ mod tests {
         assert_eq!(plan.stops().len(), 85);
         assert_eq!(plan.stops()[84].target, Steps(500));
         assert_eq!(plan.stops()[42].target, Steps(250));
+        let open = plan.without_closure();
+        assert_eq!((open.stops().len(), open.stops()[83].closure, open.asd()), (84, false, 84));
     }
 }

@@ -14,10 +14,10 @@
 //!                                                     └──► empty for debounce_ms, then there ──► go_on: refused
 //! ```
 
-use super::clock::Clock;
 use super::watched::{Watch, Watched};
 use super::{Expected, Loaded, Sampler};
 use crate::cancel::CancelToken;
+use crate::clock::Clock;
 use crate::setting::in_range;
 use crate::{DeviceError, RotationAxis};
 use carved_core::range::{Range, Ranged};

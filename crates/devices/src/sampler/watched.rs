@@ -6,9 +6,9 @@
 //! ```
 //! The input is read after each move, so that no view is taken of an empty capillary.
 
-use super::clock::Clock;
 use super::trigger::{POLL, gone};
 use crate::cancel::CancelToken;
+use crate::clock::Clock;
 use crate::{Achieved, Capabilities, DeviceError, LinearAxis, Position, RotationAxis, SpecimenInput, StopHandle};
 use carved_core::units::Steps;
 use std::sync::{Arc, Mutex, PoisonError};

@@ -142,7 +142,15 @@ impl RotationAxis for FakeAxis {
 
     fn capabilities(&self) -> Capabilities {
         let trigger_only = self.trigger_only;
-        Capabilities { has_position: true, has_encoder: false, has_stall: false, can_stop: true, absolute: true, trigger_only }
+        Capabilities {
+            has_position: true,
+            has_encoder: false,
+            has_stall: false,
+            can_stop: true,
+            absolute: true,
+            trigger_only,
+            outside: false,
+        }
     }
 
     fn reference(&mut self, cancel: &CancelToken) -> Result<Achieved, DeviceError> {

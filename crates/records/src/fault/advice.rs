@@ -61,7 +61,7 @@ impl Fault {
 }
 
 fn end(code: &str, category: &str, operator_required: bool, recoverable: bool) -> FaultEnd {
-    let is_lost_device = [Device::Camera, Device::Rotation].iter().any(|device| device.is_named_by(code));
+    let is_lost_device = [Device::Camera, Device::Rotation, Device::Pictures].iter().any(|device| device.is_named_by(code));
     match (category == Category::Storage.word() || is_lost_device, operator_required, recoverable) {
         (true, ..) => FaultEnd::Cause,
         (_, false, _) => FaultEnd::Resumption,
@@ -74,6 +74,7 @@ fn words(code: &FaultCode, end: FaultEnd, run: RunUnderFault) -> String {
     let remedy = code.remedy;
     let over = match code.category {
         Category::Camera => "the camera answers",
+        Category::Views => "the folder can be read",
         Category::Storage => "the disk accepts writes again",
         _ => "the axis answers",
     };

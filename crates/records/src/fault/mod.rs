@@ -69,6 +69,8 @@ pub enum Device {
     Camera,
     /// The controller of the rotation axis.
     Rotation,
+    /// The folder into which another program stores the views.
+    Pictures,
 }
 
 impl Device {
@@ -79,6 +81,9 @@ impl Device {
                 "the camera is lost: check its power and cable, and that no other program has it; it is opened again when it answers"
             }
             Self::Rotation => "the rotation axis is lost: check its power and cable; it is opened again when it answers",
+            Self::Pictures => {
+                "the folder of the pictures is lost: check the computer with the folder and its share; it is read again when it is there"
+            }
         }
     }
 
@@ -87,6 +92,7 @@ impl Device {
         match self {
             Self::Camera => "the camera is back",
             Self::Rotation => "the rotation axis is back",
+            Self::Pictures => "the folder of the pictures is back",
         }
     }
 
@@ -99,6 +105,7 @@ impl Device {
         match self {
             Self::Camera => [table::CAMERA_LOST.code, table::CAMERA_TAKEN.code].contains(&code),
             Self::Rotation => code == table::ROTATION_LOST.code,
+            Self::Pictures => code == table::PICTURES_LOST.code,
         }
     }
 }

@@ -39,6 +39,7 @@ pub fn of(code: &str) -> Option<&'static FaultCode> {
 #[serde(rename_all = "snake_case")]
 pub enum Category {
     Camera,
+    Views,
     Optics,
     Motion,
     Sampler,
@@ -51,6 +52,7 @@ impl Category {
     pub fn word(self) -> &'static str {
         match self {
             Self::Camera => "camera",
+            Self::Views => "views",
             Self::Optics => "optics",
             Self::Motion => "motion",
             Self::Sampler => "sampler",
@@ -95,6 +97,18 @@ codes! {
     SECOND_CAMERA_FAILED = "second_camera_failed", Camera, PauseInstrument, operator: true, recoverable: true,
         "The second camera failed in a run.",
         "Check the second camera's power and cable.";
+    PICTURES_LOST = "pictures_lost", Views, PauseInstrument, operator: true, recoverable: true,
+        "The folder into which another program stores the pictures cannot be read.",
+        "Check that the computer with the folder is on and that its share is mounted.";
+    PICTURES_LATE = "pictures_late", Views, PauseInstrument, operator: true, recoverable: true,
+        "In the middle of a turn, the other program has stored no picture for longer than `views.next_picture_s`.",
+        "Look whether the other program still turns the capillary and stores pictures.";
+    PICTURES_EARLIER = "pictures_earlier", Views, EscalateOperator, operator: true, recoverable: true,
+        "The folder of the plate had pictures before its run began. They are measured as this plate if the run is continued.",
+        "Look which plate they show. If they belong to another plate, end the run, move them out of the folder, and start a new run.";
+    PICTURES_UNFIT = "pictures_unfit", Views, EscalateOperator, operator: true, recoverable: true,
+        "The pictures of the other program have another size or format than the configuration says.",
+        "Set the other program to the size of the configuration. If the configuration is wrong, correct `[optics]` or `[views]` and start the daemon again.";
     PICTURE_LIGHT = "picture_light", Optics, EscalateOperator, operator: true, recoverable: true,
         "The light is too dark or too bright to see a specimen. The run is held, and the specimen stays in the capillary.",
         "Look at the lamp, at what stands in its light, and at the exposure.";

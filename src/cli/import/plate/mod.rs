@@ -9,8 +9,6 @@
 //! place and renamed when it is complete.
 
 mod dry;
-mod names;
-mod pattern;
 mod plan;
 mod sort;
 mod tree;
@@ -21,9 +19,9 @@ use crate::cli::run::code_of;
 use anyhow::{Context, bail, ensure};
 use carved_core::frame::RawFrame;
 use carved_devices::acquisition::RevolutionPlan;
+use carved_records::picture_name::{self, Pattern};
 use carved_records::{Mode, RunOutcome, SpecimenOutcome, WellStatus, is_plain_name};
 use carved_store::{RunRecord, durable};
-use pattern::Pattern;
 use plan::Plan;
 use serde_json::json;
 use std::collections::BTreeMap;
@@ -145,7 +143,7 @@ pub(super) fn run(args: &super::Args, barcode: &str) -> anyhow::Result<ExitCode>
 /// Their names say two wells or more, each with enough pictures for a turn.
 pub(super) fn is_one_specimen(paths: &[PathBuf]) -> anyhow::Result<()> {
     let mut wells: BTreeMap<String, u32> = BTreeMap::new();
-    for well in paths.iter().filter_map(|path| names::read(Path::new(path.file_name()?), None)?.well) {
+    for well in paths.iter().filter_map(|path| picture_name::read(Path::new(path.file_name()?), None)?.well) {
         *wells.entry(well).or_default() += 1;
     }
     let wells: Vec<&String> = wells.iter().filter(|(_, pictures)| **pictures >= RevolutionPlan::LEAST_ASD).map(|(well, _)| well).collect();

@@ -5,9 +5,9 @@
 //!                                                                └─ per well: missing, double, unknown
 //! ```
 
-use super::names::{Group, Label};
 use crate::cli::import::frames;
 use anyhow::{bail, ensure};
+use carved_records::picture_name::{Group, Label};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
@@ -200,8 +200,8 @@ impl WellPictures {
 
 #[cfg(test)]
 mod tests {
-    use super::super::names::read;
     use super::*;
+    use carved_records::picture_name::read;
     use std::path::Path;
 
     fn labelled(paths: &[&str]) -> Vec<Labelled> {

@@ -1,11 +1,9 @@
 //! All pictures below the named folders.
 
-use super::names;
-use super::pattern::Pattern;
 use super::sort::{Labelled, first_of};
-use crate::cli::import::frames::is_picture;
 use crate::cli::import::natural::natural;
 use anyhow::{Context, bail, ensure};
+use carved_records::picture_name::{self, Pattern, is_picture};
 use std::path::{Path, PathBuf};
 
 /// A plate is a folder of wells, perhaps with one folder per fish, perhaps in a folder of plates.
@@ -44,7 +42,7 @@ pub(super) fn read(named: &[PathBuf], pattern: Option<&Pattern>) -> anyhow::Resu
     found.dedup_by(|(a, _), (b, _)| a == b);
     let mut tree = Tree { labelled: Vec::new(), others: Vec::new() };
     for (path, within) in found {
-        match names::read(&within, pattern) {
+        match picture_name::read(&within, pattern) {
             Some(label) => tree.labelled.push((path, label)),
             None => tree.others.push(path),
         }

@@ -164,7 +164,15 @@ impl RotationAxis for VastBridge {
     }
 
     fn capabilities(&self) -> Capabilities {
-        Capabilities { has_position: false, has_encoder: false, has_stall: false, can_stop: false, absolute: false, trigger_only: true }
+        Capabilities {
+            has_position: false,
+            has_encoder: false,
+            has_stall: false,
+            can_stop: false,
+            absolute: false,
+            trigger_only: true,
+            outside: false,
+        }
     }
 
     fn announce(&mut self, stops: &[Steps]) -> Result<(), DeviceError> {

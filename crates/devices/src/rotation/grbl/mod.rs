@@ -290,7 +290,15 @@ impl RotationAxis for Grbl {
 
     /// Open loop: the position is the commanded one, and a lost step shows only in the pictures.
     fn capabilities(&self) -> Capabilities {
-        Capabilities { has_position: true, has_encoder: false, has_stall: false, can_stop: true, absolute: true, trigger_only: false }
+        Capabilities {
+            has_position: true,
+            has_encoder: false,
+            has_stall: false,
+            can_stop: true,
+            absolute: true,
+            trigger_only: false,
+            outside: false,
+        }
     }
 
     fn reference(&mut self, cancel: &CancelToken) -> Result<Achieved, DeviceError> {

@@ -123,7 +123,15 @@ impl RotationAxis for Relay {
     }
 
     fn capabilities(&self) -> Capabilities {
-        Capabilities { has_position: false, has_encoder: false, has_stall: false, can_stop: false, absolute: false, trigger_only: false }
+        Capabilities {
+            has_position: false,
+            has_encoder: false,
+            has_stall: false,
+            can_stop: false,
+            absolute: false,
+            trigger_only: false,
+            outside: false,
+        }
     }
 
     fn reference(&mut self, cancel: &CancelToken) -> Result<Achieved, DeviceError> {

@@ -144,7 +144,15 @@ impl RotationAxis for Tmcl {
 
     fn capabilities(&self) -> Capabilities {
         let has_stall = self.settings.stop_on_stall.is_some();
-        Capabilities { has_position: true, has_encoder: false, has_stall, can_stop: true, absolute: true, trigger_only: false }
+        Capabilities {
+            has_position: true,
+            has_encoder: false,
+            has_stall,
+            can_stop: true,
+            absolute: true,
+            trigger_only: false,
+            outside: false,
+        }
     }
 
     fn reference(&mut self, cancel: &CancelToken) -> Result<Achieved, DeviceError> {

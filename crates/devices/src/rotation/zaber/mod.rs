@@ -303,7 +303,15 @@ impl RotationAxis for Zaber {
     fn capabilities(&self) -> Capabilities {
         let has_encoder = self.settings.encoder_tolerance_steps.is_some();
         // The controller detects a stall by its encoder.
-        Capabilities { has_position: true, has_encoder, has_stall: has_encoder, can_stop: true, absolute: true, trigger_only: false }
+        Capabilities {
+            has_position: true,
+            has_encoder,
+            has_stall: has_encoder,
+            can_stop: true,
+            absolute: true,
+            trigger_only: false,
+            outside: false,
+        }
     }
 
     fn reference(&mut self, cancel: &CancelToken) -> Result<Achieved, DeviceError> {

@@ -6,7 +6,6 @@
 //! ```
 //! A number is taken whole: `{fish}` is never a part of its digits. Letters match regardless of case.
 
-use anyhow::{Context, bail, ensure};
 use std::collections::{BTreeMap, BTreeSet};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -70,8 +69,29 @@ enum Part {
     Field(Field),
 }
 
+/// A pattern that cannot be used.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum PatternError {
+    #[error("found }} without {{ before it; expected fields as {}", known())]
+    NotOpened,
+    #[error("found {{{rest} without }}; expected fields as {}", known())]
+    NotClosed { rest: String },
+    #[error("found {{{name}}}, expected one of {}", known())]
+    Unknown { name: String },
+    #[error("found {{{name}}} twice, expected it once; {{_}} stands for a text that is not used")]
+    Twice { name: String },
+    #[error("found no {{view}}, which gives a picture its angle; the fields are {}", known())]
+    NoView,
+}
+
+/// The names of all fields.
+fn known() -> String {
+    Field::ALL.iter().map(|(name, _)| format!("{{{name}}}")).collect::<Vec<_>>().join(", ")
+}
+
+/// A pattern for the names of pictures.
 #[derive(Debug, Clone, PartialEq)]
-pub(in crate::cli::import) struct Pattern {
+pub struct Pattern {
     parts: Vec<Part>,
     /// Number of folders before the name.
     folders: usize,
@@ -80,34 +100,39 @@ pub(in crate::cli::import) struct Pattern {
 }
 
 impl Pattern {
-    pub fn read(text: &str) -> anyhow::Result<Self> {
-        let known = || Field::ALL.iter().map(|(name, _)| format!("{{{name}}}")).collect::<Vec<_>>().join(", ");
+    /// Reads a pattern as a user writes it.
+    ///
+    /// # Errors
+    /// A field that is not known, is there twice or is not closed, and a pattern without `{view}`.
+    pub fn read(text: &str) -> Result<Self, PatternError> {
         let mut parts: Vec<Part> = Vec::new();
         let mut named = BTreeSet::new();
         let mut rest = text;
         while let Some((before, after)) = rest.split_once('{') {
-            ensure!(!before.contains('}'), "found }} without {{ before it; expected fields as {}", known());
+            if before.contains('}') {
+                return Err(PatternError::NotOpened);
+            }
             if !before.is_empty() {
                 parts.push(Part::Text(before.to_lowercase()));
             }
-            let (name, after) =
-                after.split_once('}').with_context(|| format!("found {{{after} without }}; expected fields as {}", known()))?;
-            let field = Field::named(name).with_context(|| format!("found {{{name}}}, expected one of {}", known()))?;
-            ensure!(
-                field == Field::Any || named.insert(field),
-                "found {{{name}}} twice, expected it once; {{_}} stands for a text that is not used"
-            );
+            let (name, after) = after.split_once('}').ok_or_else(|| PatternError::NotClosed { rest: after.to_owned() })?;
+            let field = Field::named(name).ok_or_else(|| PatternError::Unknown { name: name.to_owned() })?;
+            if field != Field::Any && !named.insert(field) {
+                return Err(PatternError::Twice { name: name.to_owned() });
+            }
             parts.push(Part::Field(field));
             rest = after;
         }
-        ensure!(!rest.contains('}'), "found }} without {{ before it; expected fields as {}", known());
+        if rest.contains('}') {
+            return Err(PatternError::NotOpened);
+        }
         if !rest.is_empty() {
             parts.push(Part::Text(rest.to_lowercase()));
         }
         if !named.contains(&Field::View) {
-            bail!("found no {{view}}, which gives a picture its angle; the fields are {}", known());
+            return Err(PatternError::NoView);
         }
-        let has_ending = crate::cli::import::frames::is_picture(std::path::Path::new(text));
+        let has_ending = super::is_picture(std::path::Path::new(text));
         Ok(Self { parts, folders: text.matches('/').count(), has_ending })
     }
 

@@ -6,18 +6,35 @@
 //!  Well_A02/VAST_1_4.tiff                      the well of the nearest folder that names one
 //! ```
 
-use super::pattern::{Field, Pattern};
-use carved_records::plate_map::well_of;
+mod pattern;
+
+pub use pattern::{Pattern, PatternError};
+
+use crate::plate_map::well_of;
+use pattern::Field;
 use std::collections::BTreeMap;
 use std::path::Path;
 
+/// Endings of the pictures that can be read.
+pub const ENDINGS: [&str; 6] = ["png", "jpg", "jpeg", "bmp", "tif", "tiff"];
+
+/// Whether a name ends as that of a picture. A name that begins with a dot does not count.
+pub fn is_picture(path: &Path) -> bool {
+    let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
+    let is_hidden = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
+    ending.is_some_and(|e| ENDINGS.contains(&e.as_str())) && !is_hidden
+}
+
 /// What a name says.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub(super) struct Label {
+pub struct Label {
     /// `A01` to `P24`.
     pub well: Option<String>,
+    /// Number of the fish in its well.
     pub fish: Option<u32>,
+    /// Number of the view, as the name counts.
     pub view: u32,
+    /// Days post fertilisation.
     pub dpf: Option<f64>,
     /// What else tells plates apart: names of folders without that of the well, date, plate.
     pub group: Group,
@@ -25,7 +42,7 @@ pub(super) struct Label {
 
 /// Marks that pictures of one plate share.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Default)]
-pub(super) struct Group {
+pub struct Group {
     pub folder: String,
     pub date: Option<String>,
     pub plate: Option<String>,
@@ -41,7 +58,7 @@ impl std::fmt::Display for Group {
 }
 
 /// Reads a path below the named folder. `None` if it does not name a view.
-pub(in crate::cli::import) fn read(path: &Path, pattern: Option<&Pattern>) -> Option<Label> {
+pub fn read(path: &Path, pattern: Option<&Pattern>) -> Option<Label> {
     let path = path.iter().map(|part| part.to_string_lossy()).collect::<Vec<_>>().join("/");
     match pattern {
         Some(pattern) => of_fields(&path, &pattern.fields(&format!("/{path}"))?),

@@ -1,10 +1,10 @@
-//! The clock of a sampler. Tests replace it by one that only they move.
+//! The clock of a device that waits. Tests replace it by one that only they move.
 
 use std::time::{Duration, Instant};
 
 /// How to read the time, and how to wait.
 #[derive(Clone, Copy)]
-pub(super) struct Clock {
+pub(crate) struct Clock {
     pub now: fn() -> Instant,
     /// Blocks the thread for this time.
     pub pause: fn(Duration),
