@@ -133,6 +133,7 @@ export function status(change: Partial<Status> = {}): Status {
         connected: true,
         referenced: true,
         can_stop: true,
+        outside: false,
         position_steps: 1523,
         position_deg: 171.3375,
       },
