@@ -82,7 +82,7 @@ pub struct RigSettings {
     pub slide: Option<SlideSettings>,
     /// The vendor's sampler at the probe input and the flood output of a Grbl controller. `None`: something else fills the capillary.
     pub sampler: Option<SamplerSettings>,
-    /// A relay that also turns the shaft, over TCP.
+    /// A relay that also turns the shaft.
     pub relay: Option<relay::Settings>,
     /// A symbolic link that always points to the serial port. `None`: [`Rig::serial_path`] is the device name.
     pub serial_link: Option<PathBuf>,
@@ -193,9 +193,9 @@ impl Rig {
         self.port.path()
     }
 
-    /// The address of the relay. `None` if the rig has no relay.
+    /// The address of the relay. `None` if the rig has no relay, or one behind a pipe.
     pub fn relay_address(&self) -> Option<SocketAddr> {
-        self.relay.as_ref().map(Relay::address)
+        self.relay.as_ref().and_then(Relay::address)
     }
 
     pub fn camera_address(&self) -> Ipv4Addr {

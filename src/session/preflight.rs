@@ -25,7 +25,7 @@ pub struct DeviceReport {
 impl DeviceReport {
     /// What a person or a safety circuit has done to the axis; some controllers say so once only.
     pub fn intervention(&self) -> Option<&DeviceError> {
-        self.axis.as_ref().err().filter(|error| matches!(error, DeviceError::Intervention { .. }))
+        self.axis.as_ref().err().filter(|error| error.is_in_a_persons_hands())
     }
 }
 

@@ -28,7 +28,7 @@ pub fn begin(mut instrument: Instrument) -> Search {
     tokio::task::spawn_blocking(move || {
         let found = DevicesFound { rotation: instrument.rig.rotation.check(), camera: instrument.rig.camera.reopen() };
         // The wire is watched also while a person has the axis: specimens may be exchanged by hand then.
-        if matches!(found.rotation, Ok(()) | Err(DeviceError::Intervention { .. }))
+        if found.rotation.as_ref().err().is_none_or(DeviceError::is_in_a_persons_hands)
             && let Err(error) = instrument.sampler.look(instrument.rig.rotation.as_mut())
         {
             tracing::debug!(%error, "the sampler's wire cannot be read");

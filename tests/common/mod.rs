@@ -169,6 +169,12 @@ impl Daemon {
         agent.post(format!("{}{path}", self.url)).send_empty().unwrap().status().as_u16()
     }
 
+    /// Acknowledges the fault that holds a run, and lets the run go on.
+    pub fn go_on(&self, run: &str, fault: &Value) {
+        assert_eq!(self.post(&format!("/v1/faults/{}/acknowledge", fault["seq"])), 200);
+        assert_eq!(self.post(&format!("/v1/runs/{run}/unhold")), 200);
+    }
+
     /// Processor time used by the program, s.
     pub fn cpu_s(&self) -> f64 {
         let stat = std::fs::read_to_string(format!("/proc/{}/stat", self.child.id())).unwrap();

@@ -145,8 +145,7 @@ fn pictures_from_before_the_run_are_asked_about_and_wells_without_any_are_skippe
     let fault = &status["faults"][0];
     assert!(fault["message"].as_str().unwrap().contains("12 picture(s)"), "{fault}");
     pair.daemon.wait("the hold", |s| s["state"] == "Held");
-    assert_eq!(pair.daemon.post(&format!("/v1/faults/{}/acknowledge", fault["seq"])), 200);
-    assert_eq!(pair.daemon.post(&format!("/v1/runs/{RUN}/unhold")), 200);
+    pair.daemon.go_on(RUN, fault);
     let status = pair.daemon.wait_for_outcome();
     assert_eq!(status["run"]["results"][0]["reason"], "no_pictures", "{status}");
     assert_eq!(Pair::outcomes(&status)[0], "A01 skipped");

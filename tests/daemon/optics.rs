@@ -150,8 +150,7 @@ impl Bench {
     fn go_on(&self, status: &Value) {
         let (code, problem) = self.daemon().send("POST", "/v1/runs/r1/unhold", &Value::Null);
         assert_eq!((code, &problem["code"]), (409, &json!("fault_stands")), "{problem}");
-        assert_eq!(self.daemon().post(&format!("/v1/faults/{}/acknowledge", status["faults"][0]["seq"])), 200);
-        assert_eq!(self.daemon().post("/v1/runs/r1/unhold"), 200);
+        self.daemon().go_on("r1", &status["faults"][0]);
     }
 
     /// Waits for the end of the run. The loader must not be asked for anything.

@@ -188,8 +188,7 @@ fn a_second_camera_that_dies_in_mid_turn_holds_the_run_and_the_same_larva_is_mea
     assert_eq!((code, &problem["code"]), (409, &json!("fault_stands")), "{problem}");
 
     camera.pull_cable(false);
-    assert_eq!(daemon.post(&format!("/v1/faults/{}/acknowledge", fault["seq"])), 200);
-    assert_eq!(daemon.post("/v1/runs/r1/unhold"), 200);
+    daemon.go_on("r1", fault);
     let status = daemon.wait("the run's end", |s| {
         assert!(s["state"] != "Suspended" && s["plate"]["bring"].is_null(), "the loader is asked for what is inside: {s}");
         !s["run"]["outcome"].is_null() || s["state"] == "Held"

@@ -73,6 +73,19 @@ impl Instrument {
         assert_eq!(self.daemon.put_loaded(run, well), 200);
     }
 
+    /// A person loads VAST's list when the page asks for it, and lets the run go on.
+    fn load_list(&self, run: &str, vast: &bridge::Knobs) {
+        let asks = |s: &Value| s["state"] == "Held" && s["faults"][0]["code"] == "vast_program";
+        let status = self.daemon.wait("the question for the list", asks);
+        let fault = &status["faults"][0];
+        let list = self.dir.path().join("external.txt");
+        assert!(fault["message"].as_str().unwrap().contains(list.to_str().unwrap()), "{fault}");
+        assert!(list.exists(), "the list is there before the question");
+        assert_eq!(status["specimen"]["in_capillary"], false, "{status}");
+        vast.load_list();
+        self.daemon.go_on(run, fault);
+    }
+
     /// Checks that every view of a well was exposed at the angle in its ledger, counted from the first view.
     fn holds(&self, run: &str, well: &str) {
         let recording = json(&self.data.join("runs").join(run).join(well).join("recording.json"));
@@ -82,7 +95,9 @@ impl Instrument {
         let angle =
             |entry: &Value| exposures.iter().rev().find(|e| e.sent && Some(e.frame_id) == entry["frame_id"].as_u64()).unwrap().angle_rad;
         for entry in ledger {
-            let off_steps = (angle(entry) - angle(&ledger[0]) - entry["omega"].as_f64().unwrap()) * STEPS / TAU;
+            let off_turns = (angle(entry) - angle(&ledger[0]) - entry["omega"].as_f64().unwrap()) / TAU;
+            // A whole turn more or less shows the same view.
+            let off_steps = (off_turns - off_turns.round()) * STEPS;
             assert!(off_steps.abs() < 1e-6, "well {well}, view {}: exposed {off_steps} steps from where the ledger says", entry["view"]);
         }
     }
@@ -96,6 +111,7 @@ fn bead() -> Specimen {
 fn vast_is_stepped_through_its_list_well_by_well_and_let_go_after_each() {
     let (rig, vast) = Instrument::on_a_bridge();
     rig.start_run("plate", &["A01", "A02", "A03"]);
+    rig.load_list("plate", &vast);
     for (number, (well, specimen)) in [("A01", Some(bead())), ("A02", None), ("A03", Some(bead()))].into_iter().enumerate() {
         rig.awaits("plate", well);
         let list = std::fs::read_to_string(rig.dir.path().join("external.txt")).unwrap();
@@ -117,6 +133,7 @@ fn vast_is_stepped_through_its_list_well_by_well_and_let_go_after_each() {
 fn an_abort_ends_the_triggers_vast_ends_its_step_and_the_next_run_begins_anew() {
     let (rig, vast) = Instrument::on_a_bridge();
     rig.start_run("first", &["A01"]);
+    rig.load_list("first", &vast);
     rig.awaits("first", "A01");
     vast.take_up_specimen();
     rig.load("first", "A01", Some(bead()));
@@ -148,6 +165,7 @@ fn an_abort_ends_the_triggers_vast_ends_its_step_and_the_next_run_begins_anew() 
 fn a_trigger_that_vast_does_not_see_holds_the_run_and_calls_a_person() {
     let (rig, vast) = Instrument::on_a_bridge();
     rig.start_run("run", &["A01"]);
+    rig.load_list("run", &vast);
     rig.awaits("run", "A01");
     vast.miss_triggers(1);
     vast.take_up_specimen();

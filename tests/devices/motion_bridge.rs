@@ -4,10 +4,10 @@
 use crate::motion::{PATIENCE, SPEED_DEG_PER_S, is_suspect, targets, true_steps, turn, until, with_camera};
 use carved_core::units::Steps;
 use carved_devices::cancel::CancelToken;
-use carved_devices::rotation::{Degrees, VastBridge, VastBridgeSettings};
+use carved_devices::rotation::{VastBridge, VastBridgeSettings};
 use carved_devices::{Capabilities, DeviceError, Position, RotationAxis};
 use carved_records::ViewOrder;
-use hardware_sim::bridge::{self, Knobs};
+use hardware_sim::bridge::{self, Knobs, ToSmaller};
 use hardware_sim::{Controller, RigSettings};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -19,10 +19,13 @@ struct Bench {
 }
 
 impl Bench {
-    fn new(degrees: Degrees) -> Self {
+    fn new() -> Self {
+        Self::going(ToSmaller::Shortest)
+    }
+
+    fn going(to_smaller: ToSmaller) -> Self {
         let folder = tempfile::tempdir().unwrap();
-        let machine =
-            bridge::Settings { relative: degrees == Degrees::Relative, ..bridge::Settings::reading(folder.path().join("external.txt")) };
+        let machine = bridge::Settings { to_smaller, ..bridge::Settings::reading(folder.path().join("external.txt")) };
         let knobs = machine.knobs.clone();
         let emulated = crate::motion::rig(RigSettings { controller: Controller::Bridge(machine), ..RigSettings::default() });
         Self { folder, knobs, emulated }
@@ -32,12 +35,11 @@ impl Bench {
         self.folder.path().join("external.txt")
     }
 
-    fn settings(&self, degrees: Degrees) -> VastBridgeSettings {
+    fn settings(&self) -> VastBridgeSettings {
         VastBridgeSettings {
             port: self.emulated.serial_path().to_str().unwrap().into(),
             baud: 115_200,
             list: self.list(),
-            degrees,
             x_position_um: 0,
             tray_led: true,
             speed_deg_per_s: SPEED_DEG_PER_S,
@@ -49,7 +51,7 @@ impl Bench {
     }
 
     fn open(&self) -> VastBridge {
-        VastBridge::open(self.settings(Degrees::Absolute), crate::motion::per_revolution()).unwrap()
+        VastBridge::open(self.settings(), crate::motion::per_revolution()).unwrap()
     }
 
     /// An axis at the first stop of the plan.
@@ -59,8 +61,17 @@ impl Bench {
         axis
     }
 
+    /// Announces a plan. A person loads its list if the driver asks for it.
+    fn announce(&self, axis: &mut dyn RotationAxis, order: ViewOrder) {
+        if let Err(asks) = axis.announce(&targets(order)) {
+            assert!(matches!(asks, DeviceError::VastProgram { .. }), "{asks}");
+            self.knobs.load_list();
+            axis.announce(&targets(order)).unwrap();
+        }
+    }
+
     fn take_up(&self, axis: &mut dyn RotationAxis, order: ViewOrder) {
-        axis.announce(&targets(order)).unwrap();
+        self.announce(axis, order);
         self.knobs.take_up_specimen();
         axis.reference(&CancelToken::new()).unwrap();
     }
@@ -68,9 +79,9 @@ impl Bench {
 
 #[test]
 fn a_revolution_through_the_list_shows_every_view_at_the_angle_of_its_ledger() {
-    for degrees in [Degrees::Absolute, Degrees::Relative] {
-        let bench = Bench::new(degrees);
-        let axis = VastBridge::open(bench.settings(degrees), crate::motion::per_revolution()).unwrap();
+    for to_smaller in [ToSmaller::Shortest, ToSmaller::Back] {
+        let bench = Bench::going(to_smaller);
+        let axis = bench.open();
         let expected = Capabilities {
             has_position: false,
             has_encoder: false,
@@ -98,7 +109,7 @@ fn a_revolution_through_the_list_shows_every_view_at_the_angle_of_its_ledger() {
 
 #[test]
 fn only_the_next_stop_of_the_list_can_be_moved_to_and_the_refusal_says_both() {
-    let bench = Bench::new(Degrees::Absolute);
+    let bench = Bench::new();
     let mut axis = bench.standing();
     let stops = targets(ViewOrder::Sequential);
     let refusal = axis.move_to(stops[2]).unwrap_err();
@@ -113,7 +124,7 @@ fn only_the_next_stop_of_the_list_can_be_moved_to_and_the_refusal_says_both() {
 /// Sets a fault and makes the next move. Checks that the move fails as expected, that no further trigger follows, and that the axis can be
 /// recovered.
 fn fails(fault: impl FnOnce(&Bench), as_it_should: impl Fn(&DeviceError) -> bool) {
-    let bench = Bench::new(Degrees::Absolute);
+    let bench = Bench::new();
     let mut axis = bench.standing();
     let stops = targets(ViewOrder::Sequential);
     fault(&bench);
@@ -167,9 +178,9 @@ fn an_arrival_too_many_or_too_soon_is_not_believed() {
 
 #[test]
 fn two_arrivals_for_one_specimen_are_one_too_many() {
-    let bench = Bench::new(Degrees::Absolute);
+    let bench = Bench::new();
     let mut axis = bench.open();
-    axis.announce(&targets(ViewOrder::Sequential)).unwrap();
+    bench.announce(&mut axis, ViewOrder::Sequential);
     bench.emulated.faults().serial().stray_to_host(b"R1\nR1\n");
     let error = axis.reference(&CancelToken::new()).unwrap_err();
     assert!(out_of_step(&error, "2 arrivals"), "{error}");
@@ -188,7 +199,7 @@ fn every_error_of_the_bridge_is_told_by_its_number() {
 
 #[test]
 fn a_bridge_that_restarts_while_vast_turns_makes_the_position_suspect() {
-    let bench = Bench::new(Degrees::Absolute);
+    let bench = Bench::new();
     let mut axis = bench.open();
     bench.take_up(&mut axis, ViewOrder::CoarseToFine);
     let half_a_turn = targets(ViewOrder::CoarseToFine)[1];
@@ -210,9 +221,9 @@ fn a_pulled_cable_is_told_and_leaves_vast_where_its_step_ends() {
 
 #[test]
 fn a_late_answer_to_the_greeting_is_no_ok_to_a_trigger() {
-    let bench = Bench::new(Degrees::Absolute);
+    let bench = Bench::new();
     let mut axis = bench.open();
-    axis.announce(&targets(ViewOrder::Sequential)).unwrap();
+    bench.announce(&mut axis, ViewOrder::Sequential);
     // After 700 ms the driver asks again. The bridge then answers twice.
     bench.emulated.faults().serial().delay_answer_after(0, Duration::from_secs(1));
     bench.knobs.take_up_specimen();
@@ -223,7 +234,7 @@ fn a_late_answer_to_the_greeting_is_no_ok_to_a_trigger() {
 
 #[test]
 fn split_and_merged_lines_and_noise_between_them_cost_nothing() {
-    let bench = Bench::new(Degrees::Absolute);
+    let bench = Bench::new();
     let axis = bench.open();
     bench.emulated.faults().serial().split_answers(true);
     let mut devices = with_camera(&bench.emulated, Box::new(axis));
@@ -236,7 +247,7 @@ fn split_and_merged_lines_and_noise_between_them_cost_nothing() {
 
 #[test]
 fn a_stop_ends_the_triggers_and_vast_ends_its_step() {
-    let bench = Bench::new(Degrees::Absolute);
+    let bench = Bench::new();
     let mut axis = bench.open();
     bench.take_up(&mut axis, ViewOrder::CoarseToFine);
     let half_a_turn = targets(ViewOrder::CoarseToFine)[1];
@@ -252,7 +263,7 @@ fn a_stop_ends_the_triggers_and_vast_ends_its_step() {
     until("VAST ends its step", || (true_steps(&bench.emulated) - half_a_turn.0 as f64).abs() < 1e-6);
     let cancelled = CancelToken::new();
     cancelled.cancel();
-    axis.announce(&targets(ViewOrder::Sequential)).unwrap();
+    bench.announce(&mut axis, ViewOrder::Sequential);
     assert!(matches!(axis.reference(&cancelled), Err(DeviceError::Stopped)), "who stops for good stays stopped");
     bench.take_up(&mut axis, ViewOrder::Sequential);
     assert_eq!(axis.move_to(targets(ViewOrder::Sequential)[1]).unwrap().epoch, axis_epoch(&axis));
@@ -267,7 +278,7 @@ fn axis_epoch(axis: &dyn RotationAxis) -> u32 {
 
 #[test]
 fn a_specimen_that_is_not_wanted_is_let_go_through_the_rest_of_the_list() {
-    let bench = Bench::new(Degrees::Absolute);
+    let bench = Bench::new();
     let mut axis = bench.standing();
     axis.let_go(&CancelToken::new()).unwrap();
     assert!((true_steps(&bench.emulated) - 500.0).abs() < 1e-6, "VAST came to its list's end");
@@ -277,20 +288,23 @@ fn a_specimen_that_is_not_wanted_is_let_go_through_the_rest_of_the_list() {
 
 #[test]
 fn vast_never_goes_by_another_list_than_the_one_that_was_announced() {
-    let bench = Bench::new(Degrees::Absolute);
+    let bench = Bench::new();
     let mut axis = bench.open();
     let unannounced = axis.reference(&CancelToken::new()).unwrap_err();
     assert!(out_of_step(&unannounced, "no list"), "{unannounced}");
-    axis.announce(&targets(ViewOrder::Sequential)).unwrap();
+    bench.announce(&mut axis, ViewOrder::Sequential);
     let written = std::fs::read_to_string(bench.list()).unwrap();
-    assert!(written.contains("\t30,24\t") && written.ends_with("\t360,00\t1\t1\t0\t1\r\n"), "{written}");
+    assert!(written.contains("\t30,24\t") && written.ends_with("\t0,00\t1\t1\tno\ton\r\n"), "{written}");
 
     // VAST takes up a specimen with one list. Another list is then announced.
     bench.knobs.take_up_specimen();
     let mut orders = [ViewOrder::CoarseToFine, ViewOrder::Sequential].into_iter().cycle();
     until("the refusal of a list that comes too late", || {
         let before = std::fs::read(bench.list()).unwrap();
-        let Err(late) = axis.announce(&targets(orders.next().unwrap())) else { return false };
+        let late = axis.announce(&targets(orders.next().unwrap())).unwrap_err();
+        if matches!(late, DeviceError::VastProgram { .. }) {
+            return false;
+        }
         assert!(out_of_step(&late, "by another"), "{late}");
         assert_eq!(std::fs::read(bench.list()).unwrap(), before, "a list that VAST goes by is not changed");
         true
@@ -304,11 +318,40 @@ fn vast_never_goes_by_another_list_than_the_one_that_was_announced() {
 
 #[test]
 fn a_specimen_that_vast_never_brings_is_not_waited_for_without_end() {
-    let bench = Bench::new(Degrees::Absolute);
-    let settings = VastBridgeSettings { first_arrival_timeout_ms: 100, ..bench.settings(Degrees::Absolute) };
+    let bench = Bench::new();
+    let settings = VastBridgeSettings { first_arrival_timeout_ms: 100, ..bench.settings() };
     let mut axis = VastBridge::open(settings, crate::motion::per_revolution()).unwrap();
+    // Whoever lets the run go on without loading the list gets a VAST that does nothing with a specimen.
+    assert!(axis.announce(&targets(ViewOrder::Sequential)).is_err());
     axis.announce(&targets(ViewOrder::Sequential)).unwrap();
+    bench.knobs.take_up_specimen();
     let error = axis.reference(&CancelToken::new()).unwrap_err();
     assert!(late(&error) && error.to_string().contains("100 ms"), "{error}");
     assert!(matches!(axis.move_to(Steps(0)), Err(DeviceError::Suspect { .. })));
+}
+
+#[test]
+fn a_person_loads_every_new_list_and_is_asked_once() {
+    let bench = Bench::new();
+    let mut axis = bench.open();
+    let asks = |axis: &mut VastBridge, order| match axis.announce(&targets(order)) {
+        Err(DeviceError::VastProgram { what, way_out, .. }) => {
+            assert!(what.contains(bench.list().to_str().unwrap()) && way_out.contains("Imaging with external device"), "{what} {way_out}");
+            true
+        }
+        other => {
+            other.unwrap();
+            false
+        }
+    };
+    assert!(asks(&mut axis, ViewOrder::Sequential));
+    bench.knobs.load_list();
+    bench.take_up(&mut axis, ViewOrder::Sequential);
+    axis.let_go(&CancelToken::new()).unwrap();
+    assert!(!asks(&mut axis, ViewOrder::Sequential), "it is loaded");
+    assert!(asks(&mut axis, ViewOrder::CoarseToFine) && !asks(&mut axis, ViewOrder::CoarseToFine));
+    std::fs::write(bench.list(), "no\t0\t3,60\t1\t1\tno\ton\r\n").unwrap();
+    assert!(asks(&mut axis, ViewOrder::CoarseToFine), "somebody has written another list there");
+    drop(axis);
+    assert!(asks(&mut bench.open(), ViewOrder::CoarseToFine), "after a restart nobody knows what VAST has loaded");
 }

@@ -9,7 +9,21 @@ use carved_devices::{Capabilities, DeviceError, Position, RotationAxis};
 use carved_records::ViewOrder;
 use hardware_sim::RigSettings;
 use hardware_sim::relay::{self, Knobs};
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
 use std::time::Duration;
+
+fn at(address: &str) -> RelaySettings {
+    RelaySettings {
+        address: address.to_owned(),
+        boot: false,
+        boot_timeout_ms: 5000,
+        speed_deg_per_s: SPEED_DEG_PER_S,
+        turn_margin_ms: 1000,
+        answer_timeout_ms: 700,
+    }
+}
 
 struct Bench {
     knobs: Knobs,
@@ -18,20 +32,16 @@ struct Bench {
 
 impl Bench {
     fn new() -> Self {
-        let machine = relay::Settings::default();
+        Self::with(relay::Settings::default())
+    }
+
+    fn with(machine: relay::Settings) -> Self {
         let knobs = machine.knobs.clone();
         Self { knobs, emulated: crate::motion::rig(RigSettings { relay: Some(machine), ..RigSettings::default() }) }
     }
 
     fn settings(&self) -> RelaySettings {
-        RelaySettings {
-            address: self.emulated.relay_address().unwrap().to_string(),
-            boot: false,
-            boot_timeout_ms: 5000,
-            speed_deg_per_s: SPEED_DEG_PER_S,
-            turn_margin_ms: 1000,
-            answer_timeout_ms: 700,
-        }
+        at(&self.emulated.relay_address().unwrap().to_string())
     }
 
     fn open(&self) -> Relay {
@@ -49,7 +59,7 @@ impl Bench {
 #[test]
 fn a_revolution_of_differences_shows_every_view_at_the_angle_of_its_ledger() {
     let bench = Bench::new();
-    let axis = Relay::open(RelaySettings { boot: true, ..bench.settings() }, crate::motion::per_revolution()).unwrap();
+    let axis = bench.open();
     let expected = Capabilities {
         has_position: false,
         has_encoder: false,
@@ -140,8 +150,8 @@ fn an_answer_that_is_none_is_told_with_what_came() {
     fails_before_and_within(|k| k.send_wrong_lengths(1), |e| unexpected(e, ["512", "4294967295"]));
     fails_before_and_within(|k| k.answer_next("\u{e9}t\u{e9}"), |e| unexpected(e, ["ASCII", "\\xc3\\xa9"]));
     fails(|b| b.knobs.answer_next("idle"), |_| {}, |e| unexpected(e, ["a number", "idle"]));
-    let refused = |e: &DeviceError| matches!(e, DeviceError::Alarm { what, .. } if what.contains("no VAST"));
-    fails_before_and_within(|k| k.answer_next("error: no VAST"), refused);
+    let asks = |e: &DeviceError| matches!(e, DeviceError::VastProgram { what, .. } if what.contains("no pipe"));
+    fails_before_and_within(|k| k.answer_next("error: no pipe"), asks);
 }
 
 #[test]
@@ -179,4 +189,106 @@ fn nobody_there_and_nobody_referenced_are_told() {
     drop(bench);
     let nobody = Relay::open(settings, crate::motion::per_revolution()).err().unwrap();
     assert!(matches!(nobody, DeviceError::Open { .. }), "{nobody}");
+}
+
+fn asks_for(result: Result<(), DeviceError>, word: &str) {
+    match result {
+        Err(DeviceError::VastProgram { what, way_out, .. }) => assert!(format!("{what}. {way_out}").contains(word), "{what}. {way_out}"),
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn a_vast_that_is_not_started_is_left_to_a_person_or_started_where_the_configuration_says_so() {
+    let stopped = || relay::Settings { started: false, boot_time: Duration::from_secs(1), ..relay::Settings::default() };
+    let bench = Bench::with(stopped());
+    let mut axis = bench.open();
+    for _ in 0..2 {
+        asks_for(axis.check(), "launch button");
+    }
+    asks_for(axis.reference(&CancelToken::new()).map(|_| ()), "launch button");
+
+    let bench = Bench::with(stopped());
+    let mut axis = Relay::open(RelaySettings { boot: true, ..bench.settings() }, crate::motion::per_revolution()).unwrap();
+    axis.check().unwrap();
+    axis.reference(&CancelToken::new()).unwrap();
+    // The empty answer to a turn says nothing. The next `busy` shows that VAST was not started any more.
+    bench.knobs.restart_server();
+    asks_for(axis.move_to(Steps(24)).map(|_| ()), "launch button");
+    assert!(is_suspect(&axis));
+    let here = true_steps(&bench.emulated);
+    axis.reference(&CancelToken::new()).unwrap();
+    axis.move_to(Steps(24)).unwrap();
+    assert!((true_steps(&bench.emulated) - here - 24.0).abs() < 1e-6);
+
+    let bench = Bench::with(relay::Settings { boot_time: Duration::from_secs(600), ..stopped() });
+    let slow = RelaySettings { boot: true, boot_timeout_ms: 300, ..bench.settings() };
+    let error = Relay::open(slow, crate::motion::per_revolution()).err().unwrap();
+    assert!(matches!(error, DeviceError::Late { what, .. } if what.contains("boot")), "{error}");
+}
+
+/// The program that carved ships for VAST's computer, in front of the emulated server's pipe.
+struct PipeRelay {
+    program: Child,
+    address: String,
+}
+
+impl PipeRelay {
+    fn start(pipe: &Path) -> Self {
+        let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("scripts/vast_pipe_relay.py");
+        let mut command = Command::new("python3");
+        let mut program = command.arg(script).args(["--listen", "127.0.0.1:0", "--pipe"]).arg(pipe).stdout(Stdio::piped()).spawn().unwrap();
+        let mut out = BufReader::new(program.stdout.take().unwrap());
+        let mut line = String::new();
+        out.read_line(&mut line).unwrap();
+        let address = line.strip_prefix("listening on ").and_then(|rest| rest.split(' ').next()).unwrap_or_else(|| panic!("{line}"));
+        // Its messages are read for as long as it runs: a closed pipe would end it.
+        std::thread::spawn(move || std::io::copy(&mut out, &mut std::io::sink()));
+        Self { address: address.to_owned(), program }
+    }
+}
+
+impl Drop for PipeRelay {
+    fn drop(&mut self) {
+        let _ = self.program.kill();
+        let _ = self.program.wait();
+    }
+}
+
+/// The server has a pipe for one client after each press of its connect button.
+#[test]
+#[cfg_attr(not(has_python), ignore = "no Python 3 with venv: apt-get install python3-venv")]
+fn the_shipped_relay_program_keeps_the_servers_pipe_while_carved_comes_and_goes() {
+    let folder = tempfile::tempdir().unwrap();
+    let pipe = folder.path().join("VastServerPipe");
+    let bench = Bench::with(relay::Settings { pipe: Some(pipe.clone()), ..relay::Settings::default() });
+    let program = PipeRelay::start(&pipe);
+    let open = || Relay::open(at(&program.address), crate::motion::per_revolution()).unwrap();
+    let mut axis = open();
+    asks_for(axis.check(), "press Connect");
+
+    bench.knobs.press_connect();
+    until("the pipe", || pipe.exists());
+    axis.check().unwrap();
+    let mut devices = with_camera(&bench.emulated, Box::new(axis));
+    devices.rotation.reference(&CancelToken::new()).unwrap();
+    turn(&bench.emulated, &mut devices, ViewOrder::Sequential);
+    drop(devices);
+
+    // carved is started again. Nobody presses anything.
+    let mut axis = open();
+    let zero = true_steps(&bench.emulated);
+    axis.reference(&CancelToken::new()).unwrap();
+    axis.move_to(Steps(24)).unwrap();
+
+    // The server ends in mid-turn.
+    bench.knobs.hang_up_in_turns(1);
+    asks_for(axis.move_to(Steps(48)).map(|_| ()), "press Connect");
+    assert!(is_suspect(&axis));
+    asks_for(axis.check(), "press Connect");
+    bench.knobs.press_connect();
+    until("the pipe", || pipe.exists());
+    axis.check().unwrap();
+    axis.reference(&CancelToken::new()).unwrap();
+    assert!((true_steps(&bench.emulated) - zero - 48.0).abs() < 1e-6, "the turn was made once");
 }

@@ -68,6 +68,9 @@ pub enum DeviceError {
     /// The list of a trigger-stepped axis cannot be read or written.
     #[error("{device}: {}: {why}. Check the folder, its share and the right to write there", path.display())]
     List { device: &'static str, path: PathBuf, why: String },
+    /// The program on VAST's computer waits for a person.
+    #[error("{device}: {what}. {way_out}")]
+    VastProgram { device: &'static str, what: String, way_out: &'static str },
     /// The axis along the capillary refuses or has lost its position.
     #[error("translation axis: {why}. Reference the axes again")]
     Translation { why: String },
@@ -75,7 +78,10 @@ pub enum DeviceError {
     #[error("rotation axis: stopped")]
     Stopped,
     /// Another program controls the camera.
-    #[error("camera: {address} is controlled by another program. Close it, or wait until the camera's heartbeat has run out")]
+    #[error(
+        "camera: {address} is controlled by another program, such as the program of a VAST. Exit that program, or wait until the camera's \
+         heartbeat has run out"
+    )]
     NotController { address: String },
     /// The camera was ours and is not any more.
     #[error("camera: control of the camera was lost; another program took it, or the cable is out. It is opened again when it answers")]
@@ -104,6 +110,13 @@ pub enum DeviceError {
     /// The sampler did not do its part for a well.
     #[error("sampler: well {well}: {why}")]
     Sampler { well: String, why: String },
+}
+
+impl DeviceError {
+    /// Whether a person or a safety circuit has the axis, or its machine's program waits for a person. Nothing is sent to the axis then.
+    pub fn is_in_a_persons_hands(&self) -> bool {
+        matches!(self, Self::Intervention { .. } | Self::VastProgram { .. })
+    }
 }
 
 /// One setting of a device that differs from the configuration.

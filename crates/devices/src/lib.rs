@@ -99,7 +99,8 @@ pub trait RotationAxis: Send {
     /// its reference, and best before the specimen is there. The same stops may be announced again.
     ///
     /// # Errors
-    /// The list cannot be written, or the machine already goes by another one.
+    /// The list cannot be written, or the machine already goes by another one. [`DeviceError::VastProgram`] once for each new list: a
+    /// person must load it into the machine's program. To announce the same stops again says that this was done.
     fn announce(&mut self, _stops: &[Steps]) -> Result<(), DeviceError> {
         Ok(())
     }
@@ -134,8 +135,8 @@ pub trait RotationAxis: Send {
     /// too. Each driver has its own question. A driver without one checks the connection only.
     ///
     /// # Errors
-    /// [`DeviceError::Intervention`] if a person or a safety circuit holds the axis: each time while it lasts, or once, depending on
-    /// the driver. [`DeviceError::Gone`] and [`DeviceError::Silent`] if the controller is lost.
+    /// [`DeviceError::Intervention`] if a person or a safety circuit holds the axis, [`DeviceError::VastProgram`] if the machine's program
+    /// waits for a person: each time while it lasts, or once, depending on the driver. [`DeviceError::Gone`] and [`DeviceError::Silent`] if the controller is lost.
     fn check(&mut self) -> Result<(), DeviceError>;
     /// What is known about the position. Nothing is asked of the controller.
     fn position(&self) -> Position;

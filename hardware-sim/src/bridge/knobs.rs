@@ -1,7 +1,7 @@
 //! What tests can do to the emulated VAST, and faults between it and its bridge.
 
 use crate::serial::take_one;
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
@@ -11,6 +11,8 @@ pub struct Knobs(Arc<Shared>);
 
 #[derive(Debug, Default)]
 struct Shared {
+    loadings: AtomicU32,
+    loads_by_itself: AtomicBool,
     taken_up: AtomicU32,
     finished: AtomicU32,
     lost_requests: AtomicU32,
@@ -29,7 +31,17 @@ impl PartialEq for Knobs {
 }
 
 impl Knobs {
-    /// Loads a specimen. The machine reads its list and goes to the first line.
+    /// A person loads the list into the machine's program.
+    pub fn load_list(&self) {
+        self.0.loadings.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// From now on an emulated person loads the list before every specimen.
+    pub fn load_list_for_every_specimen(&self) {
+        self.0.loads_by_itself.store(true, Ordering::Relaxed);
+    }
+
+    /// Loads a specimen. The machine goes to the first line of the list that was loaded last.
     pub fn take_up_specimen(&self) {
         self.0.taken_up.fetch_add(1, Ordering::Relaxed);
     }
@@ -72,6 +84,14 @@ impl Knobs {
     /// The next trigger is refused with `E` and this number.
     pub fn answer_with_error(&self, number: u8) {
         *self.0.error.lock().unwrap_or_else(PoisonError::into_inner) = Some(number);
+    }
+
+    pub(super) fn list_is_to_be_loaded(&self) -> bool {
+        take_one(&self.0.loadings)
+    }
+
+    pub(super) fn loads_list_for_every_specimen(&self) -> bool {
+        self.0.loads_by_itself.load(Ordering::Relaxed)
     }
 
     pub(super) fn taken_up(&self) -> bool {

@@ -12,6 +12,8 @@ pub struct Knobs(Arc<Shared>);
 #[derive(Debug, Default)]
 struct Shared {
     never_idle: AtomicBool,
+    closed: AtomicU32,
+    connect_presses: AtomicU32,
     split: AtomicBool,
     only_turns: AtomicBool,
     hang_ups: AtomicU32,
@@ -30,6 +32,16 @@ impl PartialEq for Knobs {
 }
 
 impl Knobs {
+    /// Somebody closes VAST's program and starts the server anew. VAST is then not started.
+    pub fn restart_server(&self) {
+        self.0.closed.store(1, Ordering::Relaxed);
+    }
+
+    /// Somebody presses the server's connect button. It then waits for one client.
+    pub fn press_connect(&self) {
+        self.0.connect_presses.fetch_add(1, Ordering::Relaxed);
+    }
+
     /// `busy` never answers 0 after the first turn.
     pub fn never_idle_after_turns(&self, on: bool) {
         self.0.never_idle.store(on, Ordering::Relaxed);
@@ -78,6 +90,14 @@ impl Knobs {
     /// The next answer has this text.
     pub fn answer_next(&self, text: &str) {
         *self.0.rewrite.lock().unwrap_or_else(PoisonError::into_inner) = Some(text.to_owned());
+    }
+
+    pub(super) fn is_closed_by_user(&self) -> bool {
+        take_one(&self.0.closed)
+    }
+
+    pub(super) fn connect_is_pressed(&self) -> bool {
+        take_one(&self.0.connect_presses)
     }
 
     pub(super) fn is_never_idle(&self) -> bool {

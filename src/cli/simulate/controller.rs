@@ -67,7 +67,11 @@ pub fn emulated(config: &Config) -> anyhow::Result<Controller> {
     Ok(match &config.rotation {
         RotationDriver::Tmcl(_) => Controller::Tmcl(tmcl::Settings::default()),
         RotationDriver::Zaber(_) => Controller::Zaber(zaber::Settings::default()),
-        RotationDriver::VastBridge(settings) => Controller::Bridge(bridge::Settings::reading(settings.list.clone())),
+        RotationDriver::VastBridge(settings) => {
+            let machine = bridge::Settings::reading(settings.list.clone());
+            machine.knobs.load_list_for_every_specimen();
+            Controller::Bridge(machine)
+        }
         _ if config.translation.is_some() => Controller::Grbl(with_second_axis(grbl::Settings::default())?),
         _ => Controller::Grbl(grbl::Settings::default()),
     })

@@ -183,7 +183,7 @@ pub(super) fn findings(found: DevicesFound) -> Vec<Finding> {
         Ok(()) => Some(Finding::There(Device::Rotation)),
         Err(error @ DeviceError::Views(ViewsError::FolderLost { .. })) => Some(Finding::Lost(Device::Pictures, error)),
         Err(error @ (DeviceError::Gone { .. } | DeviceError::Silent { .. })) => Some(Finding::Lost(Device::Rotation, error)),
-        Err(ref error @ DeviceError::Intervention { .. }) => intervention(error),
+        Err(ref error) if error.is_in_a_persons_hands() => intervention(error),
         Err(error @ DeviceError::Mismatch { .. }) => Some(Finding::Stands(fault_table::ROTATION_SETTINGS.code, error)),
         Err(error) => {
             tracing::debug!(%error, "the rotation axis is not back yet");
@@ -195,12 +195,19 @@ pub(super) fn findings(found: DevicesFound) -> Vec<Finding> {
     camera.into_iter().chain(rotation).chain(pictures).collect()
 }
 
-/// A person or a safety circuit has the axis. The fault is open for as long as that lasts, also where it was acknowledged before it was
+/// A person or a safety circuit has the axis, or its machine's program waits for a person. The fault is open for as long as that lasts, also where it was acknowledged before it was
 /// over. A lost axis counts as back only once it is free.
 pub(super) fn intervention(error: &DeviceError) -> Option<Finding> {
-    let DeviceError::Intervention { device, what, way_out } = error else { return None };
-    let error = DeviceError::Intervention { device, what: what.clone(), way_out };
-    Some(Finding::Stands(fault_table::ROTATION_INTERVENTION.code, error))
+    match error {
+        DeviceError::Intervention { device, what, way_out } => Some(Finding::Stands(
+            fault_table::ROTATION_INTERVENTION.code,
+            DeviceError::Intervention { device, what: what.clone(), way_out },
+        )),
+        DeviceError::VastProgram { device, what, way_out } => {
+            Some(Finding::Stands(fault_table::VAST_PROGRAM.code, DeviceError::VastProgram { device, what: what.clone(), way_out }))
+        }
+        _ => None,
+    }
 }
 
 #[cfg(test)]

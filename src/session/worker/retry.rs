@@ -74,7 +74,7 @@ fn is_camera(error: &RunError) -> bool {
 pub fn is_intervention(error: &RunError) -> bool {
     match error {
         RunError::Device(e) | RunError::Second(e) | RunError::Acquisition(AcquisitionError::Device { source: e, .. }) => {
-            matches!(e, DeviceError::Intervention { .. })
+            e.is_in_a_persons_hands()
         }
         _ => false,
     }

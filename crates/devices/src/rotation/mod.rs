@@ -23,7 +23,7 @@ mod tmcl;
 mod transport;
 mod zaber;
 
-pub use bridge::{Degrees, VastBridge, VastBridgeSettings};
+pub use bridge::{VastBridge, VastBridgeSettings};
 pub use grbl::{AxisLetter, Dialect, Grbl, GrblSettings, TranslationSettings};
 pub use identify::{Answer, identify};
 pub use one_sided::{OneSided, one_sided};

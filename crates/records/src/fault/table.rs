@@ -87,7 +87,7 @@ codes! {
         "Check the camera's power and network cable.";
     CAMERA_TAKEN = "camera_taken", Camera, PauseInstrument, operator: true, recoverable: true,
         "Another program controls the camera.",
-        "Close the other program, on this or another computer.";
+        "Exit the other program, on this or another computer. A VAST's own program has its camera until it is exited.";
     CAMERA_NO_FRAME = "camera_no_frame", Camera, Retry, operator: false, recoverable: true,
         "No whole frame came within the step's deadline, though the camera answers.",
         "If it comes again, check the network cable and the other traffic on its network.";
@@ -133,6 +133,9 @@ codes! {
     ROTATION_INTERVENTION = "rotation_intervention", Motion, EscalateOperator, operator: true, recoverable: true,
         "Somebody stopped or moved the axis at its controller, or a safety circuit did: feed hold, knob, emergency stop, open door. The run is held and the axis is left alone.",
         "Finish what you are doing at the instrument, close its door and release its stop.";
+    VAST_PROGRAM = "vast_program", Motion, EscalateOperator, operator: true, recoverable: true,
+        "The program on VAST's computer waits for a person: to load a list, to start VAST, or to connect. The run is held and VAST is left alone.",
+        "Do at VAST's computer what the message says.";
     ROTATION_SETTINGS = "rotation_settings", Motion, EscalateOperator, operator: true, recoverable: true,
         "The controller's settings are not those of the configuration; the message names each.",
         "Write the settings into the controller. If the configuration is what is wrong, correct it and start the daemon again.";

@@ -2,12 +2,16 @@
 //!
 //! ```text
 //! tomography  x_position  degrees  ctrl_output  trigger_input  adjust_rotation  tray_LED      tabs, CR LF, no header
-//! 1           0           17,28    1            1              0                1             decimal comma
+//! no          0           17,28    1            1              no               on            decimal comma
 //! ```
+//! This is the form of the only public program that writes such a list (`create_vast_rows` in `external_imaging_implementation.py` of
+//! `github.com/JensVanBijs/vast_automation`). Degrees are positions of the axis, from 0 to less than 360: that program writes 360 deg as
+//! `0,00`. It writes `off` for the lamp; `on` is its counterpart here.
+//!
 //! A step must be a whole number of hundredths of a degree; it is 0.72 deg with VAST's 500 steps per revolution. The list is then
 //! exact, and the ledger's steps are those that the machine makes.
 
-use super::{DEVICE, Degrees, VastBridgeSettings};
+use super::{DEVICE, VastBridgeSettings};
 use crate::DeviceError;
 use carved_core::units::{Steps, StepsPerRevolution};
 use std::fs;
@@ -33,33 +37,20 @@ pub(super) fn hundredths_per_step(per_revolution: StepsPerRevolution) -> std::re
 
 /// The whole list.
 pub(super) fn text(stops: &[Steps], hundredths_per_step: i64, settings: &VastBridgeSettings) -> String {
-    let mut before = Steps(0);
-    let mut text = String::new();
-    for stop in stops {
-        let steps = match settings.degrees {
-            Degrees::Absolute => stop.0,
-            Degrees::Relative => stop.0 - before.0,
-        };
-        before = *stop;
-        let columns = [
-            "1".to_owned(),
-            settings.x_position_um.to_string(),
-            degrees(steps * hundredths_per_step),
-            // ctrl_output and trigger_input: VAST pulses in position and waits for a trigger. adjust_rotation: VAST does not change the
-            // angle.
-            "1\t1\t0".to_owned(),
-            u8::from(settings.tray_led).to_string(),
-        ];
-        text += &columns.join("\t");
-        text += "\r\n";
-    }
-    text
+    let (x_um, lamp) = (settings.x_position_um, if settings.tray_led { "on" } else { "off" });
+    let line = |stop: &Steps| {
+        let degrees = degrees(stop.0 * hundredths_per_step);
+        // ctrl_output and trigger_input: VAST pulses in position and waits for a trigger. adjust_rotation: VAST does not change the
+        // angle.
+        format!("no\t{x_um}\t{degrees}\t1\t1\tno\t{lamp}\r\n")
+    };
+    stops.iter().map(line).collect()
 }
 
+/// The position within one turn, with two decimals and a comma.
 fn degrees(hundredths: i64) -> String {
-    let sign = if hundredths < 0 { "-" } else { "" };
-    let hundredths = hundredths.unsigned_abs();
-    format!("{sign}{},{:02}", hundredths / 100, hundredths % 100)
+    let within_turn = hundredths.rem_euclid(HUNDREDTHS as i64);
+    format!("{},{:02}", within_turn / 100, within_turn % 100)
 }
 
 /// Whether the list has exactly this text. A list that does not exist, or may not be read, has another text.
@@ -96,20 +87,27 @@ mod tests {
     use super::*;
     use crate::rotation::bridge::tests::settings;
 
-    const STOPS: [Steps; 4] = [Steps(0), Steps(250), Steps(5), Steps(500)];
+    /// The lines of the public writer, with the same values: its `create_vast_rows(x_position = 0)` gives
+    /// `no 0 3,60 1 1 no off` to `no 0 356,40 1 1 no off` and `no 0 0,00 1 1 no off`, separated by tabs.
+    #[test]
+    fn the_list_is_that_of_the_public_writer() {
+        let per_step = hundredths_per_step(StepsPerRevolution::new(500, 1).unwrap()).unwrap();
+        let settings = VastBridgeSettings { tray_led: false, ..settings("port", Path::new("external.txt")) };
+        let turn: Vec<Steps> = (1..=100).map(|stop| Steps(5 * stop)).collect();
+        let written = text(&turn, per_step, &settings);
+        let lines: Vec<&str> = written.split_terminator("\r\n").collect();
+        assert_eq!(lines.len(), 100);
+        assert_eq!(lines[0], "no\t0\t3,60\t1\t1\tno\toff");
+        assert_eq!(lines[9], "no\t0\t36,00\t1\t1\tno\toff");
+        assert_eq!(lines[98..], ["no\t0\t356,40\t1\t1\tno\toff", "no\t0\t0,00\t1\t1\tno\toff"]);
+    }
 
     #[test]
-    fn degrees_are_exact_with_a_comma_as_positions_or_as_turns() {
+    fn positions_beyond_a_turn_are_written_within_it() {
         let per_step = hundredths_per_step(StepsPerRevolution::new(500, 1).unwrap()).unwrap();
-        let mut settings = settings("port", Path::new("external.txt"));
-        let expected = "1\t0\t0,00\t1\t1\t0\t1\r\n1\t0\t180,00\t1\t1\t0\t1\r\n1\t0\t3,60\t1\t1\t0\t1\r\n1\t0\t360,00\t1\t1\t0\t1\r\n";
-        assert_eq!(text(&STOPS, per_step, &settings), expected);
-        settings.degrees = Degrees::Relative;
-        settings.x_position_um = -120;
-        settings.tray_led = false;
-        let turns =
-            "1\t-120\t0,00\t1\t1\t0\t0\r\n1\t-120\t180,00\t1\t1\t0\t0\r\n1\t-120\t-176,40\t1\t1\t0\t0\r\n1\t-120\t356,40\t1\t1\t0\t0\r\n";
-        assert_eq!(text(&STOPS, per_step, &settings), turns);
+        let settings = VastBridgeSettings { x_position_um: -120, ..settings("port", Path::new("external.txt")) };
+        let written = text(&[Steps(-5), Steps(505)], per_step, &settings);
+        assert_eq!(written, "no\t-120\t356,40\t1\t1\tno\ton\r\nno\t-120\t3,60\t1\t1\tno\ton\r\n");
     }
 
     #[test]

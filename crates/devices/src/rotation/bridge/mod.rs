@@ -1,7 +1,8 @@
 //! Driver for a stock VAST BioImager behind its trigger bridge, an Arduino between two of VAST's connectors.
 //!
 //! ```text
-//!  announce ──► external.txt ··· VAST takes up a specimen, reads the list ···► R1   reference: at the first stop
+//!  announce ──► external.txt ··· a person loads it into VAST's program, once per change
+//!           ··· VAST takes up a specimen ···································► R1   reference: at the first stop
 //!  move_to(next) ──► TT ── OK ······························· turns ·········► R1   at the next stop
 //!  let_go ──► TT ... ──► TT ── OK ·· end of the list: VAST continues with its own program
 //! ```
@@ -9,13 +10,16 @@
 //! the list, as long as exactly one arrival follows each trigger within the time limits of the turn. An arrival without a trigger,
 //! and a missing arrival, make the position suspect. A trigger is never repeated, because VAST may have received it. A stop ends the
 //! triggers, and VAST finishes its step.
+//!
+//! Nothing is known of the direction in which VAST goes from 342,72 deg to 0,00 deg. Both ways lead to the same view, so the time limits
+//! of such a step allow both.
 
 mod dialogue;
 mod list;
 mod message;
 mod settings;
 
-pub use settings::{Degrees, VastBridgeSettings};
+pub use settings::VastBridgeSettings;
 
 use super::knowledge::Knowledge;
 use crate::cancel::CancelToken;
@@ -26,6 +30,16 @@ use std::time::{Duration, Instant};
 
 const DEVICE: &str = "rotation axis (VAST trigger bridge)";
 
+/// The list that VAST goes by. It is not known before a person has been asked to load one.
+#[derive(Debug, PartialEq, Eq)]
+enum ListInVast {
+    Unknown,
+    /// A person was asked to load this text.
+    Asked(String),
+    /// A person has loaded this text.
+    Loaded(String),
+}
+
 /// The rotation of a VAST that steps through a list.
 pub struct VastBridge {
     dialogue: Dialogue,
@@ -34,6 +48,7 @@ pub struct VastBridge {
     hundredths_per_step: i64,
     identity: String,
     stops: Vec<Steps>,
+    in_vast: ListInVast,
     /// Unknown while VAST is not within a list, or before its first stop.
     knowledge: Knowledge,
     /// Index of the present stop, if the position is known.
@@ -58,6 +73,7 @@ impl VastBridge {
             hundredths_per_step,
             identity: String::new(),
             stops: Vec::new(),
+            in_vast: ListInVast::Unknown,
             knowledge: Knowledge::none_of("rotation axis"),
             stop: 0,
             due: Instant::now(),
@@ -70,14 +86,22 @@ impl VastBridge {
     /// Steps to the next stop.
     fn step(&mut self) -> Result<Achieved, DeviceError> {
         let next = self.stops[self.stop + 1];
-        let way = Steps(next.0 - self.stops[self.stop].0);
-        let deg = self.per_revolution.angle(way).to_degrees();
+        let [shortest_deg, longest_deg] = self.ways_deg(self.stops[self.stop], next);
         let pace = self.settings.pace();
-        self.due = Instant::now() + pace.longest(deg);
+        self.due = Instant::now() + pace.longest(longest_deg);
         let since = self.dialogue.trigger()?;
-        self.dialogue.arrive(since, pace.shortest(deg), pace.longest(deg))?;
+        self.dialogue.arrive(since, pace.shortest(shortest_deg), pace.longest(longest_deg))?;
         self.stop += 1;
         Ok(self.knowledge.arrived(next))
+    }
+
+    /// The shortest and the longest way that VAST may go between two stops of its list.
+    fn ways_deg(&self, from: Steps, to: Steps) -> [f64; 2] {
+        let within_turn = |at: Steps| self.per_revolution.angle(at).to_degrees().rem_euclid(360.0);
+        let difference = within_turn(to) - within_turn(from);
+        let (way, other_way) = (difference.abs(), 360.0 - difference.abs());
+        // Towards a smaller position it may go back, or on through 360 deg.
+        [way.min(other_way), if difference > 0.0 { way } else { way.max(other_way) }]
     }
 
     /// Waits until VAST is at the first stop.
@@ -98,7 +122,7 @@ impl VastBridge {
         Ok(first)
     }
 
-    /// Writes the list, unless VAST has it already.
+    /// Writes the list, and lets a person load it into VAST's program, unless VAST has it already.
     fn put_list(&mut self, stops: &[Steps]) -> Result<(), DeviceError> {
         let path = self.settings.list.clone();
         let text = list::text(stops, self.hundredths_per_step, &self.settings);
@@ -111,18 +135,38 @@ impl VastBridge {
         if stopped || self.knowledge.is_known() || self.knowledge.is_suspect() {
             self.discard_old_state()?;
         }
-        if is_there {
-            return Ok(());
+        if !is_there {
+            if !stopped {
+                self.dialogue.listen()?;
+            }
+            if std::mem::take(&mut self.dialogue.arrivals) > 0 {
+                return Err(out_of_step("VAST was in position before its list was written, so it goes by another"));
+            }
+            list::write(&path, &text).map_err(unusable)?;
+            self.in_vast = ListInVast::Unknown;
+            tracing::info!(stops = stops.len(), list = %path.display(), "VAST's list written");
         }
-        if !stopped {
-            self.dialogue.listen()?;
+        self.have_loaded(text)
+    }
+
+    /// Asks a person to load the list. Whoever announces the same list again has the person's word that it is loaded.
+    fn have_loaded(&mut self, text: String) -> Result<(), DeviceError> {
+        match &self.in_vast {
+            ListInVast::Loaded(loaded) if *loaded == text => Ok(()),
+            ListInVast::Asked(asked) if *asked == text => {
+                self.in_vast = ListInVast::Loaded(text);
+                Ok(())
+            }
+            _ => {
+                self.in_vast = ListInVast::Asked(text);
+                Err(DeviceError::VastProgram {
+                    device: DEVICE,
+                    what: format!("VAST's program does not have the list {} yet", self.settings.list.display()),
+                    way_out: "In that program, open Imaging, Imaging with external device, and load the file. Tick \"Enable external \
+                              imaging\" and press \"Run external imaging\"",
+                })
+            }
         }
-        if std::mem::take(&mut self.dialogue.arrivals) > 0 {
-            return Err(out_of_step("VAST was in position before its list was written, so it goes by another"));
-        }
-        list::write(&path, &text).map_err(unusable)?;
-        tracing::info!(stops = stops.len(), list = %self.settings.list.display(), "VAST's list written");
-        Ok(())
     }
 
     /// Drops what the bridge has sent before. After a stop or a fault a person ends VAST's list. An arrival after the last trigger may

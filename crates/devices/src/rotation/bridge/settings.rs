@@ -25,8 +25,6 @@ pub struct VastBridgeSettings {
     /// Path of VAST's `external.txt` on this computer (its folder is shared). Write the whole path: a relative one begins in the working
     /// directory of the daemon.
     pub list: PathBuf,
-    /// The meaning of the degrees in the list.
-    pub degrees: Degrees,
     /// The list's `x_position`, um.
     #[serde(default)]
     pub x_position_um: i32,
@@ -50,17 +48,6 @@ pub struct VastBridgeSettings {
     /// Whether VAST needs a trigger after the last view to continue.
     #[serde(default = "yes")]
     pub end_with_trigger: bool,
-}
-
-/// The meaning of the degrees of an entry.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-#[serde(rename_all = "snake_case")]
-pub enum Degrees {
-    /// A position of the axis.
-    Absolute,
-    /// A turn from the position of the entry before.
-    Relative,
 }
 
 fn default_baud() -> u32 {

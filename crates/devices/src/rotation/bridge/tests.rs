@@ -11,7 +11,6 @@ pub(super) fn settings(port: &str, list: &Path) -> VastBridgeSettings {
         port: port.into(),
         baud: 115_200,
         list: list.to_owned(),
-        degrees: Degrees::Absolute,
         x_position_um: 0,
         tray_led: true,
         speed_deg_per_s: 360.0,

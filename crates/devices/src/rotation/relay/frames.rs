@@ -1,4 +1,6 @@
-//! Frames of the relay: a length of four bytes, little endian, and that number of ASCII characters.
+//! Frames of the relay: a length of four bytes, little endian, and that number of ASCII characters. It may be 0.
+//!
+//! An answer that begins with `err` comes from the relay itself: it cannot ask VAST, and says what a person does.
 //!
 //! An answer does not name its request. So no bytes may be left over when a request is sent. After any failure the connection must
 //! be replaced, because a late answer on it would count for another request.
@@ -32,7 +34,8 @@ pub(super) fn ask(link: &mut Link, request: &str, wait: Duration) -> Result<Stri
     }
     let text: String = bytes.into_iter().map(char::from).collect();
     if text.to_ascii_lowercase().starts_with("err") {
-        return Err(DeviceError::Alarm { device: DEVICE, what: format!("{text:?} to {request:?}") });
+        let what = format!("the relay on VAST's computer answers {text:?} to {request:?}");
+        return Err(DeviceError::VastProgram { device: DEVICE, what, way_out: "Do there what it says" });
     }
     Ok(text)
 }

@@ -1,9 +1,15 @@
-//! Driver for a VAST BioImager behind a relay: a Windows program that gives access to VAST's own library over TCP.
+//! Driver for a VAST BioImager behind a relay: a Windows program that gives access to VAST's own library.
 //!
 //! ```text
+//!  carved ── TCP ── scripts/vast_pipe_relay.py ── named pipe ── VastNavigateServer ── VAST's library
+//!
 //!  reference ──► (a new connection after any fault)  busy? 0        this position is step 0
 //!  move_to   ──► busy? 0 ── rot,<difference> ── answer ── busy? 1 ... busy? 0      not before half the turn's time
 //! ```
+//! The requests and answers are those of the public `VastNavigateServer` of UT Southwestern and of its Python client. Every request gets
+//! one answer. The answer to `boot`, `rot` and to anything unknown is empty. `busy` is empty too until VAST has been started, which
+//! takes most of a minute after `boot`.
+//!
 //! The rotation accepts differences and does not report its position, so the driver keeps the count. If the answer to a difference
 //! is missing, VAST may have turned or not. The difference is never sent again, and the position is suspect. The protocol cannot
 //! stop a turn. A stop ends the requests, and VAST finishes its turn.
@@ -21,8 +27,10 @@ use carved_core::units::{Steps, StepsPerRevolution};
 use std::time::{Duration, Instant};
 
 const DEVICE: &str = "rotation axis (VAST relay)";
-/// Pause between two `busy` requests.
+/// Pause between two `busy` requests while VAST turns.
 const LOOK_AGAIN: Duration = Duration::from_millis(10);
+/// The same while it starts, which takes most of a minute. The relay's program shows every request in its window.
+const STARTED_LOOK: Duration = Duration::from_millis(250);
 
 /// The rotation of a VAST that accepts differences.
 pub struct Relay {
@@ -36,20 +44,20 @@ pub struct Relay {
 }
 
 impl Relay {
-    /// Connects and asks whether VAST answers. Nothing moves, unless `boot` is configured.
+    /// Connects, and starts VAST if `boot` is configured. Otherwise nothing moves, and a VAST that is not started is not an error here.
     ///
     /// # Errors
-    /// A bad setting, or a relay that cannot be reached or does not answer.
+    /// A bad setting, a relay that cannot be reached or does not answer, or a VAST that does not start.
     pub fn open(settings: RelaySettings, per_revolution: StepsPerRevolution) -> Result<Self, DeviceError> {
         settings.check()?;
         let link = Link::tcp(DEVICE, &settings.address, Stop::default())?;
         let identity = format!("VAST relay at {}", settings.address);
         let knowledge = Knowledge::none_of("rotation axis");
         let mut relay = Self { link, settings, per_revolution, identity, knowledge, broken: false };
-        if relay.settings.boot {
-            frames::ask(&mut relay.link, "boot", relay.settings.boot_timeout())?;
+        match relay.have_started() {
+            Ok(()) | Err(DeviceError::VastProgram { .. }) => {}
+            Err(error) => return Err(error),
         }
-        relay.is_busy()?;
         tracing::info!(identity = relay.identity, "rotation axis opened");
         Ok(relay)
     }
@@ -60,13 +68,49 @@ impl Relay {
         answer
     }
 
-    fn is_busy(&mut self) -> Result<bool, DeviceError> {
+    /// Whether VAST moves. `None` if VAST is not started.
+    fn activity(&mut self) -> Result<Option<bool>, DeviceError> {
         let answer = self.ask("busy")?;
+        if answer.is_empty() {
+            return Ok(None);
+        }
         let busy: Option<i64> = answer.trim().parse().ok();
-        busy.map(|busy| busy != 0).ok_or_else(|| {
+        busy.map(|busy| Some(busy != 0)).ok_or_else(|| {
             self.broken = true;
             DeviceError::Unexpected { device: DEVICE, expected: "a number in answer to \"busy\"".into(), found: answer }
         })
+    }
+
+    fn is_busy(&mut self) -> Result<bool, DeviceError> {
+        self.activity()?.ok_or_else(not_started)
+    }
+
+    /// Starts VAST if it is not started and `boot` is configured.
+    fn have_started(&mut self) -> Result<(), DeviceError> {
+        if self.activity()?.is_some() {
+            return Ok(());
+        }
+        if !self.settings.boot {
+            return Err(not_started());
+        }
+        tracing::info!(relay = self.identity, "VAST is being started");
+        let since = Instant::now();
+        self.ask("boot")?;
+        // The answer comes at once. Only an answer to `busy` shows that VAST has started.
+        while self.activity()?.is_none() {
+            let waited = since.elapsed();
+            if waited > self.settings.boot_timeout() {
+                return Err(DeviceError::Late { device: DEVICE, what: "VAST did not start (boot)", waited_ms: waited.as_millis() });
+            }
+            std::thread::sleep(STARTED_LOOK.min(self.settings.boot_timeout()));
+        }
+        Ok(())
+    }
+
+    fn reconnect(&mut self) -> Result<(), DeviceError> {
+        self.link.go_on_through(Link::tcp(DEVICE, &self.settings.address, Stop::default())?);
+        self.broken = false;
+        Ok(())
     }
 
     /// Waits until VAST rests, at most until `latest` after `since`. A rest before `soonest` does not count.
@@ -87,9 +131,9 @@ impl Relay {
 
     fn take_place(&mut self) -> Result<(), DeviceError> {
         if self.broken {
-            self.link.go_on_through(Link::tcp(DEVICE, &self.settings.address, Stop::default())?);
-            self.broken = false;
+            self.reconnect()?;
         }
+        self.have_started()?;
         // A turn from before a stop or a fault may still last.
         let longest = self.settings.pace().longest(360.0);
         self.rest(Instant::now(), Duration::ZERO, longest)
@@ -114,6 +158,14 @@ impl Relay {
             self.knowledge.doubt(error);
         }
         outcome
+    }
+}
+
+fn not_started() -> DeviceError {
+    DeviceError::VastProgram {
+        device: DEVICE,
+        what: "VAST is not started: the answer to \"busy\" is empty".into(),
+        way_out: "Press the launch button of VastNavigateServer on VAST's computer, and wait until VAST's own window is open",
     }
 }
 
@@ -148,11 +200,13 @@ impl RotationAxis for Relay {
         Ok(self.knowledge.arrived(target))
     }
 
-    /// After a stop nothing is sent, and the next reference replaces a failed connection. In both cases only the connection is checked.
+    /// After a stop nothing is sent. Only the connection is checked then.
     fn check(&mut self) -> Result<(), DeviceError> {
-        self.link.still_there()?;
-        if self.broken || self.link.is_stopped() {
-            return Ok(());
+        if self.link.is_stopped() {
+            return self.link.still_there();
+        }
+        if self.broken {
+            self.reconnect()?;
         }
         self.is_busy().map(|_busy| ())
     }

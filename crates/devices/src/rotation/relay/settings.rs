@@ -16,11 +16,11 @@ use std::time::Duration;
 pub struct RelaySettings {
     /// `host:port` of the program on VAST's computer.
     pub address: String,
-    /// Whether to send `boot` when the connection is opened. It starts VAST's own library and may move everything. False if the user of
-    /// the Windows program has done that.
+    /// Whether to send `boot` if VAST is not started. It starts VAST's own library and may move everything. False if a person starts
+    /// VAST at its computer.
     #[serde(default)]
     pub boot: bool,
-    /// Longest wait for the answer to `boot`, ms.
+    /// Longest wait after `boot` until VAST has started, ms.
     #[serde(default = "default_boot_timeout_ms")]
     #[cfg_attr(feature = "schema", schemars(extend("x-level" = "expert")))]
     pub boot_timeout_ms: u32,
