@@ -52,6 +52,7 @@ fn code_of_device(error: &DeviceError) -> &'static FaultCode {
         // What the controller was told or is set to is not what its machine allows: a person has to look.
         DeviceError::Alarm { .. } | DeviceError::Skew { .. } | DeviceError::Stalled { .. } => &fault_table::ROTATION_ALARM,
         DeviceError::Intervention { .. } => &fault_table::ROTATION_INTERVENTION,
+        DeviceError::VastList { .. } => &fault_table::VAST_LIST,
         DeviceError::VastProgram { .. } => &fault_table::VAST_PROGRAM,
         DeviceError::Mismatch { .. } => &fault_table::ROTATION_SETTINGS,
         DeviceError::Gone { .. } | DeviceError::Silent { .. } | DeviceError::Open { .. } => &fault_table::ROTATION_LOST,

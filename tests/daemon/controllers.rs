@@ -14,7 +14,7 @@ fn measures_a_bead(controller: &str, identity: &str, steps_per_revolution: f64) 
     if controller == "vast-bridge" {
         // The emulated VAST loads its list by itself. The run asks all the same.
         let status = daemon.wait("the question for the list", |s| s["state"] == "Held");
-        assert_eq!(status["faults"][0]["code"], "vast_program", "{status}");
+        assert_eq!(status["faults"][0]["code"], "vast_list", "{status}");
         daemon.go_on("bead", &status["faults"][0]);
     }
     let status = daemon.wait_for_outcome();

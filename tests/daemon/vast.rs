@@ -75,7 +75,7 @@ impl Instrument {
 
     /// A person loads VAST's list when the page asks for it, and lets the run go on.
     fn load_list(&self, run: &str, vast: &bridge::Knobs) {
-        let asks = |s: &Value| s["state"] == "Held" && s["faults"][0]["code"] == "vast_program";
+        let asks = |s: &Value| s["state"] == "Held" && s["faults"][0]["code"] == "vast_list";
         let status = self.daemon.wait("the question for the list", asks);
         let fault = &status["faults"][0];
         let list = self.dir.path().join("external.txt");

@@ -68,7 +68,14 @@ pub enum DeviceError {
     /// The list of a trigger-stepped axis cannot be read or written.
     #[error("{device}: {}: {why}. Check the folder, its share and the right to write there", path.display())]
     List { device: &'static str, path: PathBuf, why: String },
-    /// The program on VAST's computer waits for a person.
+    /// A person must load the list of a trigger-stepped axis into the machine's own program.
+    #[error(
+        "rotation axis: VAST's program does not have the list {} yet. Load this file there (Imaging, Imaging with external device), tick \
+         \"Enable external imaging\" and press \"Run external imaging\"",
+        path.display()
+    )]
+    VastList { path: PathBuf },
+    /// The program on VAST's computer waits for a person: VAST is not started, or not connected.
     #[error("{device}: {what}. {way_out}")]
     VastProgram { device: &'static str, what: String, way_out: &'static str },
     /// The axis along the capillary refuses or has lost its position.
@@ -115,7 +122,7 @@ pub enum DeviceError {
 impl DeviceError {
     /// Whether a person or a safety circuit has the axis, or its machine's program waits for a person. Nothing is sent to the axis then.
     pub fn is_in_a_persons_hands(&self) -> bool {
-        matches!(self, Self::Intervention { .. } | Self::VastProgram { .. })
+        matches!(self, Self::Intervention { .. } | Self::VastList { .. } | Self::VastProgram { .. })
     }
 }
 

@@ -99,7 +99,7 @@ pub trait RotationAxis: Send {
     /// its reference, and best before the specimen is there. The same stops may be announced again.
     ///
     /// # Errors
-    /// The list cannot be written, or the machine already goes by another one. [`DeviceError::VastProgram`] once for each new list: a
+    /// The list cannot be written, or the machine already goes by another one. [`DeviceError::VastList`] once for each new list: a
     /// person must load it into the machine's program. To announce the same stops again says that this was done.
     fn announce(&mut self, _stops: &[Steps]) -> Result<(), DeviceError> {
         Ok(())

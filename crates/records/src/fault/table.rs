@@ -133,9 +133,12 @@ codes! {
     ROTATION_INTERVENTION = "rotation_intervention", Motion, EscalateOperator, operator: true, recoverable: true,
         "Somebody stopped or moved the axis at its controller, or a safety circuit did: feed hold, knob, emergency stop, open door. The run is held and the axis is left alone.",
         "Finish what you are doing at the instrument, close its door and release its stop.";
+    VAST_LIST = "vast_list", Motion, EscalateOperator, operator: true, recoverable: true,
+        "VAST's program does not have the list of the views yet. The run is held before the next specimen is asked for.",
+        "In VAST's program, open Imaging, Imaging with external device, and load the list. Tick \"Enable external imaging\" and press \"Run external imaging\".";
     VAST_PROGRAM = "vast_program", Motion, EscalateOperator, operator: true, recoverable: true,
-        "The program on VAST's computer waits for a person: to load a list, to start VAST, or to connect. The run is held and VAST is left alone.",
-        "Do at VAST's computer what the message says.";
+        "VAST is not started, or the program on its computer is not connected. The run is held and VAST is left alone.",
+        "Start VAST at its computer, or press Connect there. The message says which.";
     ROTATION_SETTINGS = "rotation_settings", Motion, EscalateOperator, operator: true, recoverable: true,
         "The controller's settings are not those of the configuration; the message names each.",
         "Write the settings into the controller. If the configuration is what is wrong, correct it and start the daemon again.";

@@ -159,12 +159,7 @@ impl VastBridge {
             }
             _ => {
                 self.in_vast = ListInVast::Asked(text);
-                Err(DeviceError::VastProgram {
-                    device: DEVICE,
-                    what: format!("VAST's program does not have the list {} yet", self.settings.list.display()),
-                    way_out: "In that program, open Imaging, Imaging with external device, and load the file. Tick \"Enable external \
-                              imaging\" and press \"Run external imaging\"",
-                })
+                Err(DeviceError::VastList { path: self.settings.list.clone() })
             }
         }
     }
