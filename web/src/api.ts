@@ -10,6 +10,7 @@ import type {
   Problem,
   RunDetail,
   RunPlan,
+  Runs,
   Specimen,
   Status,
   WellLoaded,
@@ -123,6 +124,13 @@ export async function fetchMethods(): Promise<MethodOffer[]> {
   const response = await ask("/v1/methods");
   if (!response.ok) throw await refusal(response);
   return ((await response.json().catch(away)) as Methods).methods;
+}
+
+/** A page of the list of runs, the newest first; with `after`, the page that follows this cursor. */
+export async function fetchRuns(after: string | null): Promise<Runs> {
+  const response = await ask(`/v1/runs?limit=100${after === null ? "" : `&cursor=${encodeURIComponent(after)}`}`);
+  if (!response.ok) throw await refusal(response);
+  return (await response.json().catch(away)) as Runs;
 }
 
 /** The stored record of a run, including its plan. */

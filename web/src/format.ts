@@ -102,6 +102,19 @@ export function capitalised(text: string): string {
   return text.charAt(0).toUpperCase() + text.slice(1);
 }
 
+/** Local day and time of the browser: `2026-03-05 09:30`. A text that is no time is returned unchanged. */
+export function day(rfc3339: string): string {
+  const date = new Date(rfc3339);
+  if (Number.isNaN(date.getTime())) return rfc3339;
+  const two = (n: number) => String(n).padStart(2, "0");
+  return `${date.getFullYear()}-${two(date.getMonth() + 1)}-${two(date.getDate())} ${hourOf(date)}`;
+}
+
+/** Local time of the browser without seconds: `09:30`. */
+export function hourOf(date: Date): string {
+  return [date.getHours(), date.getMinutes()].map((n) => String(n).padStart(2, "0")).join(":");
+}
+
 /** Local time of the browser with seconds. A text that is no time is returned unchanged. */
 export function clockTime(rfc3339: string): string {
   const date = new Date(rfc3339);

@@ -4,10 +4,13 @@
 //                     └──> frame, model                                           (fetched when the revision or the subject changed)
 //                             └── live, or stored for the well that the operator chose: subject.ts
 
+import { fetchRun } from "./api.ts";
 import { AttentionList } from "./attention.ts";
 import { VolumeChart } from "./chart.ts";
+import { PlateColouring } from "./colouring.ts";
 import { CommandRow } from "./commands.ts";
 import { keepLive } from "./connection.ts";
+import { Display } from "./display.ts";
 import { byId, setText, show } from "./dom.ts";
 import { EmergencyStop } from "./emergency.ts";
 import { FaultsView } from "./faults.ts";
@@ -17,10 +20,23 @@ import { VolumeHistory } from "./history.ts";
 import { ModelView, type Look } from "./model.ts";
 import { NewRun } from "./newrun.ts";
 import { PlateView } from "./plate.ts";
-import { diagnosis, headline, nextStep, progress, progressLine, STATES, toneOf, underWay } from "./plain.ts";
+import {
+  count,
+  diagnosis,
+  finish,
+  headline,
+  nextStep,
+  progress,
+  progressLine,
+  STATES,
+  toneOf,
+  underWay,
+} from "./plain.ts";
+import { ResultsTable } from "./results.ts";
 import { RigView } from "./rig.ts";
-import type { RunStatus, Status } from "./status.ts";
-import { StoredSpecimens } from "./stored.ts";
+import { asStatus, OpenedRun, RunList } from "./runs.ts";
+import type { PlannedWell, RunStatus, Status } from "./status.ts";
+import { runKey, StoredSpecimens } from "./stored.ts";
 import { chosenWell, isStored, subjectOf } from "./subject.ts";
 import { saveTable } from "./table.ts";
 import { TokenForm } from "./token.ts";
@@ -34,6 +50,7 @@ const header = new HeaderView({
   link: byId("link"),
   lost: byId("lost"),
 });
+const display = new Display();
 const faults = new FaultsView(byId("faults"), byId("fault-list"));
 const plate = new PlateView(byId("plate"), byId("legend"), choose);
 const attention = new AttentionList(byId("attention"), byId("attention-list"), choose);
@@ -43,7 +60,10 @@ const rig = new RigView(byId("rig"));
 const commands = new CommandRow(byId);
 const newRun = new NewRun(byId);
 const token = new TokenForm(byId("token-form"), byId("token"));
-const history = new VolumeHistory();
+const colouring = new PlateColouring(byId("colour-by"), byId("scale-legend"), redraw);
+const results = new ResultsTable(byId("results"), byId("results-table"), choose);
+/** The volumes after each view of the instrument's run, and of a stored run that is shown instead. */
+const histories = { live: new VolumeHistory(), opened: new VolumeHistory() };
 const stored = new StoredSpecimens();
 const frameParts = {
   heading: byId("frame-heading"),
@@ -64,6 +84,16 @@ let newest: Status | null = null;
 let picturesShown = "";
 /** The well that the operator chose. Without one the page follows the run. */
 let pinned: string | null = null;
+/** Pause before a plate map that could not be read is read again, ms. */
+const PLAN_AGAIN_MS = 5000;
+/** The plate maps of runs, by run. They are read once. */
+const plans = new Map<string, readonly PlannedWell[]>();
+
+const opened = new OpenedRun(byId, () => {
+  pinned = null;
+  redraw();
+});
+new RunList(byId, (run) => void opened.open(run));
 
 /** Without WebGL the page still shows all numbers. */
 function makeModel(): ModelView | null {
@@ -93,26 +123,38 @@ function makeModel(): ModelView | null {
 /** The well to show. With none the page follows the run. */
 function choose(well: string | null): void {
   pinned = well;
+  redraw();
+}
+
+function redraw(): void {
   if (newest) showAll(newest);
 }
 
 byId("follow").addEventListener("click", () => choose(null));
 
 byId("save-table").addEventListener("click", () => {
-  const run = newest?.run?.id;
-  if (run !== undefined) void commands.attempt("The table was not saved", () => saveTable(run));
+  const run = newest && shown(newest).run?.id;
+  if (run) void commands.attempt("The table was not saved", () => saveTable(run));
 });
 
-function showAll(status: Status): void {
-  numbers(status);
-  pictures(status);
+/** The status whose run is shown: the instrument's own, or one made of the stored run that is opened. */
+function shown(status: Status): Status {
+  return opened.detail === null ? status : asStatus(opened.detail, status);
 }
 
-function numbers(status: Status): void {
-  const tone = toneOf(status);
-  byId("now").dataset["tone"] = tone;
+function showAll(status: Status): void {
+  instrument(status);
+  run(shown(status));
+  pictures(shown(status));
+}
+
+/** What the instrument does, whichever run is shown. */
+function instrument(status: Status): void {
+  byId("now").dataset["tone"] = toneOf(status);
   setText(byId("sentence"), headline(status));
   setText(byId("state"), STATES[status.state]);
+  setText(byId("count"), count(status));
+  setText(byId("finish"), finish(status));
   setText(byId("progress-line"), progressLine(status));
   const below = diagnosis(status);
   setText(byId("diagnosis"), below);
@@ -120,19 +162,30 @@ function numbers(status: Status): void {
   const bar = byId<HTMLProgressElement>("progress");
   bar.hidden = status.run === null;
   bar.value = progress(status);
-  setText(byId("plate-name"), plateName(status));
   faults.update(status.faults, nextStep(status));
   commands.update(status);
   newRun.update(status);
   rig.update(status);
+}
 
+/** The numbers of a run. */
+function run(status: Status): void {
+  const history = opened.detail === null ? histories.live : histories.opened;
+  history.take(status);
+  setText(byId("plate-name"), opened.detail === null ? plateName(status) : (status.plate.barcode ?? ""));
   const wells = status.run?.results ?? [];
   if (!wells.some((w) => w.well === pinned)) pinned = null;
   const chosen = chosenWell(status, pinned);
   const well = wells.find((w) => w.well === chosen) ?? null;
   const specimen = underWay(status);
-  byId("follow").hidden = pinned === null;
-  plate.update(wells, specimen, chosen);
+  byId("follow").hidden = pinned === null || opened.detail !== null;
+  plate.update(
+    wells,
+    specimen,
+    chosen,
+    colouring.of(wells, () => planOf(status.run)),
+  );
+  results.update(wells, chosen);
   attention.update(wells);
   byId("save-table").hidden = wells.every((w) => w.outcome === null);
   card.update(well, specimen, wells, well ? (history.of(well.well).hulls_um3.at(-1) ?? null) : null);
@@ -145,16 +198,35 @@ function numbers(status: Status): void {
       measured: well.volume_um3 === null ? null : { volume_um3: well.volume_um3, sd_um3: well.volume_sd_um3 },
     },
   );
-  if (status.run && well && isStored(well)) void recall(status.run, well.well);
+  if (status.run && well && isStored(well)) void recall(history, status.run, well.well);
+}
+
+/** The plate map of a run: empty until it is read. */
+function planOf(run: RunStatus | null): readonly PlannedWell[] {
+  if (opened.detail !== null) return opened.detail.plan.plate_map;
+  if (run === null) return [];
+  const key = runKey(run);
+  const known = plans.get(key);
+  if (known) return known;
+  plans.set(key, []);
+  fetchRun(run.id).then(
+    (detail) => {
+      plans.set(key, detail.plan.plate_map);
+      redraw();
+    },
+    // Read again a little later, for example when the connection is back.
+    () => setTimeout(() => plans.delete(key), PLAN_AGAIN_MS),
+  );
+  return [];
 }
 
 /** Loads the volumes of a well that ended before the page was opened, or while it was disconnected. */
-async function recall(run: RunStatus, well: string): Promise<void> {
+async function recall(history: VolumeHistory, run: RunStatus, well: string): Promise<void> {
   const one = { run: run.id, started: run.started, well };
   const kept = await stored.of(one).catch(() => null);
   if (kept === null) return;
   const volumes = { hulls_um3: kept.hull_volumes_um3, estimates: kept.estimates };
-  if (history.recall(run, well, volumes) && newest) numbers(newest);
+  if (history.recall(run, well, volumes)) redraw();
 }
 
 function plateName(status: Status): string {
@@ -166,7 +238,7 @@ function plateName(status: Status): string {
 }
 
 function pictures(status: Status): void {
-  const now = `${status.boot_id} ${status.revision} ${pinned}`;
+  const now = `${status.boot_id} ${status.revision} ${pinned} ${opened.detail?.id}`;
   if (now === picturesShown) return;
   picturesShown = now;
   const subject = subjectOf(status, pinned);
@@ -187,8 +259,9 @@ void keepLive({
     if (newest && newest.version !== status.version) location.reload();
     newest = status;
     emergency.update(status);
-    history.take(status);
+    histories.live.take(status);
     header.status(status);
+    display.update(status);
     showAll(status);
   },
 });

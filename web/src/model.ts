@@ -5,7 +5,6 @@
 
 import {
   Box3,
-  Color,
   DirectionalLight,
   HemisphereLight,
   Mesh,
@@ -89,7 +88,7 @@ export class ModelView {
     this.#bar = root.bar;
     this.#barLabel = root.barLabel;
     this.#empty = root.empty;
-    this.#renderer = new WebGLRenderer({ antialias: true });
+    this.#renderer = new WebGLRenderer({ antialias: true, alpha: true });
     const canvas = this.#renderer.domElement;
     canvas.tabIndex = 0;
     canvas.setAttribute("role", "img");
@@ -99,7 +98,6 @@ export class ModelView {
     );
     this.#box.prepend(canvas);
 
-    this.#scene.background = new Color(0xf7f9fb);
     const key = new DirectionalLight(0xffffff, 2.2);
     // From above the left shoulder, and so far away that the positions of eye and model do not affect the direction.
     key.position.set(-0.5, 0.9, 1).multiplyScalar(1e6);

@@ -1,6 +1,6 @@
 // Explains the status in plain words. Pure.
 
-import { aboutDuration, capitalised, grouped } from "./format.ts";
+import { aboutDuration, capitalised, grouped, hourOf } from "./format.ts";
 import { conditionOf } from "./wells.ts";
 import type { Phase, RunOutcome, RunStatus, SpecimenStatus, State, Status } from "./status.ts";
 
@@ -68,7 +68,7 @@ export const PHASES: Record<Phase, string> = {
   wash: "washing",
 };
 
-const OUTCOMES: Record<RunOutcome, string> = {
+export const OUTCOMES: Record<RunOutcome, string> = {
   succeeded: "finished",
   partial: "finished in part",
   failed: "failed",
@@ -124,6 +124,20 @@ export function progressLine(status: Status): string {
   const parts = [`Run ${run.id}: ${grouped(done(run))} of ${grouped(run.wells.total)} wells done`];
   if (run.eta_s) parts.push(`${aboutDuration(run.eta_s.p50)} left${status.state === "Held" ? " once it goes on" : ""}`);
   return `${parts.join(" · ")}.`;
+}
+
+/** `38 / 96`: the wells that are done with, of all. Empty without a run. */
+export function count(status: Status): string {
+  return status.run === null ? "" : `${grouped(done(status.run))} / ${grouped(status.run.wells.total)}`;
+}
+
+/** When the run ends or ended, in local time: `ready at 14:32`, `ended at 09:12`. Empty where nobody knows. */
+export function finish(status: Status): string {
+  const { run } = status;
+  if (run === null) return "";
+  if (run.ended !== null) return `ended at ${hourOf(new Date(run.ended))}`;
+  if (run.eta_s === null || status.state === "Held") return "";
+  return `ready at ${hourOf(new Date(Date.parse(status.server_time) + run.eta_s.p50 * 1000))}`;
 }
 
 /** The one thing that a person does next, and the button that carries it out or confirms it. */

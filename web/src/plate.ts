@@ -1,5 +1,6 @@
 // The plate: a grid of wells by row letter and column number; arrow keys walk over the planned wells.
 
+import type { Coloured } from "./colouring.ts";
 import { element, setText } from "./dom.ts";
 import type { SpecimenStatus, WellStatus } from "./status.ts";
 import {
@@ -34,7 +35,12 @@ export class PlateView {
     table.addEventListener("keydown", (event) => this.#walk(event));
   }
 
-  update(wells: readonly WellStatus[], specimen: SpecimenStatus | null, chosen: string | null): void {
+  update(
+    wells: readonly WellStatus[],
+    specimen: SpecimenStatus | null,
+    chosen: string | null,
+    coloured: ReadonlyMap<string, Coloured>,
+  ): void {
     const names = wells.map((w) => w.well);
     const layout = names.join(" ");
     if (layout !== this.#layout || this.#table.childElementCount === 0) {
@@ -50,7 +56,11 @@ export class PlateView {
       button.className = `well well-${condition}`;
       button.dataset["condition"] = condition;
       setText(button, CONDITIONS[condition].sign);
-      button.title = spoken(well, condition);
+      const colour = coloured.get(well.well);
+      button.style.background = colour?.background ?? "";
+      button.style.color = colour?.ink ?? "";
+      button.style.borderColor = colour ? "var(--edge)" : "";
+      button.title = spoken(well, condition) + (colour ? `, ${colour.words}` : "");
       button.setAttribute("aria-label", button.title);
       button.setAttribute("aria-pressed", String(well.well === chosen));
       button.tabIndex = well.well === (chosen ?? names[0]) ? 0 : -1;

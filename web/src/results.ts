@@ -1,0 +1,125 @@
+// The wells of a run as a table on the page, sorted by a column that the reader chooses.
+
+import { element } from "./dom.ts";
+import { capitalised, grouped, significant } from "./format.ts";
+import { flagWords } from "./reasons.ts";
+import type { WellStatus } from "./status.ts";
+import { CONDITIONS, conditionOf, contents } from "./wells.ts";
+
+interface Column {
+  name: string;
+  /** What it is sorted by. Wells without a value come last. */
+  value: (well: WellStatus) => number | string | null;
+  words: (well: WellStatus) => string;
+}
+
+const or = (value: number | null | undefined, words: (value: number) => string) =>
+  value === null || value === undefined ? "–" : words(value);
+
+const COLUMNS: readonly Column[] = [
+  { name: "Well", value: (w) => w.well, words: (w) => w.well },
+  { name: "Specimen", value: contents, words: (w) => capitalised(contents(w)) },
+  {
+    name: "Outcome",
+    value: (w) => CONDITIONS[conditionOf(w, null)].label,
+    words: (w) => capitalised(CONDITIONS[conditionOf(w, null)].label),
+  },
+  number("Volume, nL", (w) => w.volume_um3, 1e6),
+  number("SD, nL", (w) => w.volume_sd_um3, 1e6, 2),
+  number("Area, mm²", (w) => w.area_um2, 1e6),
+  number("SD, mm²", (w) => w.area_sd_um2, 1e6, 2),
+  distance("Volume, SD from references", (w) => w.reference?.volume.z),
+  distance("Area, SD from references", (w) => w.reference?.area.z),
+  {
+    name: "Flags",
+    value: (w) => (w.flags.length === 0 ? null : w.flags.length),
+    words: (w) => w.flags.map(flagWords).join("; "),
+  },
+];
+
+function number(name: string, of: (well: WellStatus) => number | null, unit: number, digits = 4): Column {
+  return { name, value: of, words: (w) => or(of(w), (v) => significant(v / unit, digits)) };
+}
+
+function distance(name: string, of: (well: WellStatus) => number | null | undefined): Column {
+  return { name, value: (w) => of(w) ?? null, words: (w) => or(of(w), (v) => grouped(v, 1)) };
+}
+
+/** The wells by a column. Those without a value come last in both directions. Pure. */
+export function sorted(wells: readonly WellStatus[], column: number, descending: boolean): WellStatus[] {
+  const { value } = COLUMNS[column]!;
+  const sign = descending ? -1 : 1;
+  return [...wells].sort((a, b) => {
+    const [x, y] = [value(a), value(b)];
+    if (x === null || y === null) return Number(x === null) - Number(y === null);
+    if (typeof x === "number" && typeof y === "number") return sign * (x - y);
+    return sign * String(x).localeCompare(String(y), "en", { numeric: true });
+  });
+}
+
+export class ResultsTable {
+  readonly #panel: HTMLElement;
+  readonly #table: HTMLElement;
+  readonly #choose: (well: string) => void;
+  #column = 0;
+  #descending = false;
+  #wells: readonly WellStatus[] = [];
+  #chosen: string | null = null;
+  #shown = "";
+
+  constructor(panel: HTMLElement, table: HTMLElement, choose: (well: string) => void) {
+    this.#panel = panel;
+    this.#table = table;
+    this.#choose = choose;
+  }
+
+  update(wells: readonly WellStatus[], chosen: string | null): void {
+    this.#panel.hidden = wells.length === 0;
+    this.#wells = wells;
+    this.#chosen = chosen;
+    this.#draw();
+  }
+
+  #draw(): void {
+    const now = JSON.stringify([this.#wells, this.#chosen, this.#column, this.#descending]);
+    if (now === this.#shown) return;
+    this.#shown = now;
+    const hadFocus = this.#table.contains(document.activeElement)
+      ? (document.activeElement as HTMLElement).dataset["key"]
+      : undefined;
+    const head = element("tr", "", ...COLUMNS.map((column, i) => this.#heading(column, i)));
+    const rows = sorted(this.#wells, this.#column, this.#descending).map((well) => this.#row(well));
+    this.#table.replaceChildren(element("thead", "", head), element("tbody", "", ...rows));
+    if (hadFocus !== undefined) this.#table.querySelector<HTMLElement>(`[data-key="${hadFocus}"]`)?.focus();
+  }
+
+  #heading({ name }: Column, i: number): HTMLElement {
+    const button = element("button", "sort", name);
+    button.type = "button";
+    button.dataset["key"] = `column-${i}`;
+    button.addEventListener("click", () => {
+      this.#descending = i === this.#column && !this.#descending;
+      this.#column = i;
+      this.#draw();
+    });
+    const cell = element("th", "", button);
+    cell.scope = "col";
+    if (i === this.#column) cell.setAttribute("aria-sort", this.#descending ? "descending" : "ascending");
+    return cell;
+  }
+
+  #row(well: WellStatus): HTMLElement {
+    const open = element("button", "well-link", well.well);
+    open.type = "button";
+    open.dataset["key"] = well.well;
+    open.addEventListener("click", () => this.#choose(well.well));
+    const row = element(
+      "tr",
+      "",
+      element("td", "", open),
+      ...COLUMNS.slice(1).map((c) => element("td", "", c.words(well))),
+    );
+    if (well.well === this.#chosen) row.setAttribute("aria-current", "true");
+    return row;
+  }
+}

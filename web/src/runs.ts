@@ -1,0 +1,172 @@
+// The list of all runs, and the run that the reader has opened from it.
+//
+//   GET /v1/runs, a page at a time ──> rows that fit the search ──click──> GET /v1/runs/{id} ──> asStatus ──> the page's views
+//
+// An opened run has the views of a live one. The sentence, the faults and the commands stay those of the instrument.
+
+import { fetchRun, fetchRuns, Refused } from "./api.ts";
+import { element, setText, show } from "./dom.ts";
+import { day } from "./format.ts";
+import { OUTCOMES } from "./plain.ts";
+import type { RunDetail, RunOutcome, RunRow, Status } from "./status.ts";
+
+/** A stored run in the place of the instrument's own: nothing moves, nothing is asked of anybody. Pure. */
+export function asStatus(detail: RunDetail, live: Status): Status {
+  const { id, external_id, method, operator, results, wells, started, ended, outcome } = detail;
+  return {
+    ...live,
+    state: "Complete",
+    faults: [],
+    specimen: null,
+    plate: { barcode: detail.plate_barcode, present: false, removable: true, needs: null, take_out: null, bring: null },
+    run: {
+      ...{ id, external_id, method, operator, results, wells, started, ended, outcome },
+      ...{ eta_s: null, goes_on_by_itself: false, held_by_operator: false, hold: null },
+    },
+  };
+}
+
+/** Whether every word of the search is in a run's name, barcode, operator, method, mode, day or outcome. Pure. */
+export function fits(run: RunRow, search: string): boolean {
+  const text = [run.id, run.plate_barcode, run.operator, run.method, run.mode, day(run.started), outcomeWords(run)]
+    .join(" ")
+    .toLowerCase();
+  return search
+    .toLowerCase()
+    .split(/\s+/)
+    .every((word) => text.includes(word));
+}
+
+function outcomeWords(run: Pick<RunRow, "outcome">): string {
+  return run.outcome === null ? "under way" : (OUTCOMES[run.outcome as RunOutcome] ?? run.outcome);
+}
+
+interface Parts {
+  panel: HTMLDetailsElement;
+  search: HTMLInputElement;
+  table: HTMLElement;
+  words: HTMLElement;
+  more: HTMLButtonElement;
+  refresh: HTMLButtonElement;
+}
+
+export class RunList {
+  readonly #parts: Parts;
+  readonly #open: (run: string) => void;
+  #runs: RunRow[] = [];
+  #next: string | null = null;
+  #isLoaded = false;
+
+  constructor(find: <T extends Element = HTMLElement>(id: string) => T, open: (run: string) => void) {
+    this.#open = open;
+    this.#parts = {
+      panel: find("runs"),
+      search: find("runs-search"),
+      table: find("runs-table"),
+      words: find("runs-words"),
+      more: find("runs-more"),
+      refresh: find("runs-refresh"),
+    };
+    const { panel, search, more, refresh } = this.#parts;
+    panel.addEventListener("toggle", () => {
+      if (panel.open && !this.#isLoaded) void this.#load(null);
+    });
+    search.addEventListener("input", () => this.#draw());
+    more.addEventListener("click", () => void this.#load(this.#next));
+    refresh.addEventListener("click", () => void this.#load(null));
+  }
+
+  async #load(after: string | null): Promise<void> {
+    const { more, refresh, words } = this.#parts;
+    more.disabled = refresh.disabled = true;
+    try {
+      const page = await fetchRuns(after);
+      this.#runs = after === null ? page.runs : [...this.#runs, ...page.runs];
+      this.#next = page.next;
+      this.#isLoaded = true;
+      this.#draw();
+    } catch (error) {
+      setText(words, `The runs could not be read: ${error instanceof Refused ? error.message : String(error)}.`);
+    } finally {
+      more.disabled = refresh.disabled = false;
+    }
+  }
+
+  #draw(): void {
+    const { table, words, more, search } = this.#parts;
+    const shown = this.#runs.filter((run) => fits(run, search.value));
+    const heads = ["Run", "Plate", "Started", "Outcome", "Wells", "Method", "Operator", "Mode"];
+    const head = element("tr", "", ...heads.map((name) => element("th", "", name)));
+    table.replaceChildren(element("thead", "", head), element("tbody", "", ...shown.map((run) => this.#row(run))));
+    const all = this.#next === null ? "" : " More runs are older.";
+    setText(words, `${shown.length} of ${this.#runs.length} runs.${all}`);
+    show(more, this.#next !== null);
+  }
+
+  #row(run: RunRow): HTMLElement {
+    const open = element("button", "well-link", run.id);
+    open.type = "button";
+    open.addEventListener("click", () => this.#open(run.id));
+    const { succeeded, flagged, total } = run.wells;
+    const cells = [
+      run.plate_barcode,
+      day(run.started),
+      outcomeWords(run),
+      `${succeeded + flagged} of ${total} measured`,
+      run.method,
+      run.operator,
+      run.mode,
+    ];
+    return element("tr", "", element("td", "", open), ...cells.map((text) => element("td", "", text)));
+  }
+}
+
+/** The stored run that the page shows in place of the instrument's own. Its name is in the page's address. */
+export class OpenedRun {
+  readonly #banner: HTMLElement;
+  readonly #words: HTMLElement;
+  readonly #changed: () => void;
+  #detail: RunDetail | null = null;
+
+  constructor(find: <T extends Element = HTMLElement>(id: string) => T, changed: () => void) {
+    this.#banner = find("opened");
+    this.#words = find("opened-words");
+    this.#changed = changed;
+    find("opened-close").addEventListener("click", () => this.#show(null));
+    const named = new URL(location.href).searchParams.get("run");
+    if (named !== null) void this.open(named);
+  }
+
+  get detail(): RunDetail | null {
+    return this.#detail;
+  }
+
+  async open(run: string): Promise<void> {
+    try {
+      this.#show(await fetchRun(run));
+    } catch (error) {
+      const why = error instanceof Refused ? error.message : String(error);
+      this.#show(null);
+      setText(this.#words, `Run ${run} could not be opened: ${why}.`);
+      show(this.#banner, true);
+    }
+  }
+
+  #show(detail: RunDetail | null): void {
+    this.#detail = detail;
+    const address = new URL(location.href);
+    if (detail === null) address.searchParams.delete("run");
+    else address.searchParams.set("run", detail.id);
+    window.history.replaceState(null, "", address);
+    if (detail !== null) {
+      const { id, plate_barcode, started, mode, method, software_version: version } = detail;
+      setText(
+        this.#words,
+        `Stored run ${id}: plate ${plate_barcode}, ${day(started)}, ${mode}, method ${method}, carved ${version}. ` +
+          `Plate, well, frame, model and tables below are of this run.`,
+      );
+    }
+    show(this.#banner, detail !== null);
+    this.#changed();
+  }
+}

@@ -1,0 +1,114 @@
+// The colours of a plate by a number. Pure.
+//
+//   well ── valueOf ──> number ── colourOf, within the range of the run ──> background and ink
+//
+// Volume and area have the scale cividis, distances from a mean the scale RdBu. Both are made for readers who do not distinguish red and
+// green. The ends of a distance are at 3 standard deviations.
+
+import { grouped, significant, UM3_PER_NL } from "./format.ts";
+import type { PlannedWell, WellStatus } from "./status.ts";
+
+export type Colouring = "outcome" | "volume" | "area" | "z_volume" | "z_area" | "controls";
+
+/** What each colouring shows, as the operator chooses it. */
+export const COLOURINGS: Record<Colouring, string> = {
+  outcome: "Outcome",
+  volume: "Volume, nL",
+  area: "Area, mm²",
+  z_volume: "Volume against references, SD",
+  z_area: "Area against references, SD",
+  controls: "Volume against this plate's controls, SD",
+};
+
+const SEQUENTIAL = ["#00224e", "#35456c", "#666970", "#948e77", "#c8b866", "#fee838"];
+const DIVERGING = ["#2166ac", "#92c5de", "#f7f7f7", "#f4a582", "#b2182b"];
+/** The ends of a diverging scale. */
+const FAR_SD = 3;
+/** Fewer controls give no standard deviation that is worth a colour. */
+export const LEAST_CONTROLS = 3;
+
+export interface Spread {
+  mean: number;
+  sd: number;
+  n: number;
+}
+
+/** Mean and standard deviation of the volumes of the negative controls; null if they are too few or all alike. */
+export function controlsOf(wells: readonly WellStatus[], plan: readonly PlannedWell[]): Spread | null {
+  const controls = new Set(plan.filter((w) => w.control === "negative").map((w) => w.well));
+  const volumes = wells.flatMap((w) => (controls.has(w.well) && w.volume_um3 !== null ? [w.volume_um3] : []));
+  if (volumes.length < LEAST_CONTROLS) return null;
+  const mean = volumes.reduce((sum, v) => sum + v, 0) / volumes.length;
+  const sd = Math.sqrt(volumes.reduce((sum, v) => sum + (v - mean) ** 2, 0) / (volumes.length - 1));
+  return sd > 0 ? { mean, sd, n: volumes.length } : null;
+}
+
+/** The number that a well is coloured by; null if it has none. */
+export function valueOf(well: WellStatus, by: Colouring, controls: Spread | null): number | null {
+  switch (by) {
+    case "outcome":
+      return null;
+    case "volume":
+      return well.volume_um3 === null ? null : well.volume_um3 / UM3_PER_NL;
+    case "area":
+      return well.area_um2 === null ? null : well.area_um2 / 1e6;
+    case "z_volume":
+      return well.reference?.volume.z ?? null;
+    case "z_area":
+      return well.reference?.area.z ?? null;
+    case "controls":
+      return controls === null || well.volume_um3 === null ? null : (well.volume_um3 - controls.mean) / controls.sd;
+  }
+}
+
+/** `243.1 nL`, `−0.8 SD`. */
+export function valueWords(value: number, by: Colouring): string {
+  if (by === "volume") return `${significant(value)} nL`;
+  if (by === "area") return `${significant(value)} mm²`;
+  return `${value > 0 ? "+" : ""}${grouped(value, 1)} SD`;
+}
+
+export interface Range {
+  least: number;
+  most: number;
+}
+
+/** The ends of the scale; null without a number. */
+export function rangeOf(values: readonly number[], by: Colouring): Range | null {
+  if (values.length === 0) return null;
+  if (by !== "volume" && by !== "area") return { least: -FAR_SD, most: FAR_SD };
+  return { least: Math.min(...values), most: Math.max(...values) };
+}
+
+export interface Colour {
+  background: string;
+  ink: string;
+}
+
+export function colourOf(value: number, range: Range, by: Colouring): Colour {
+  const width = range.most - range.least;
+  const share = width > 0 ? Math.min(1, Math.max(0, (value - range.least) / width)) : 0.5;
+  return colourAt(share, by);
+}
+
+/** The colour at a share of the scale, 0 to 1. */
+export function colourAt(share: number, by: Colouring): Colour {
+  const stops = by === "volume" || by === "area" ? SEQUENTIAL : DIVERGING;
+  const at = share * (stops.length - 1);
+  const low = Math.min(stops.length - 2, Math.floor(at));
+  const [from, to] = [channels(stops[low]!), channels(stops[low + 1]!)];
+  const mixed = from.map((c, i) => Math.round(c + (at - low) * (to[i]! - c)));
+  return { background: `rgb(${mixed.join(" ")})`, ink: contrast(mixed, 1) >= contrast(mixed, 0) ? "#fff" : "#000" };
+}
+
+function channels(hex: string): number[] {
+  return [1, 3, 5].map((i) => parseInt(hex.slice(i, i + 2), 16));
+}
+
+/** Contrast of a colour with white (1) or black (0), by WCAG 2. */
+export function contrast(rgb: readonly number[], luminance: 0 | 1): number {
+  const [r = 0, g = 0, b = 0] = rgb.map((c) => (c <= 10.3 ? c / 255 / 12.92 : ((c / 255 + 0.055) / 1.055) ** 2.4));
+  const own = 0.2126 * r + 0.7152 * g + 0.0722 * b;
+  const [light, dark] = own > luminance ? [own, luminance] : [luminance, own];
+  return (light + 0.05) / (dark + 0.05);
+}

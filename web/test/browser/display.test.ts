@@ -1,0 +1,296 @@
+// Stored runs, colours by number, tables, themes, the wall display and calls, against a fixture server; and what axe finds on each screen.
+
+import assert from "node:assert/strict";
+import { readFile } from "node:fs/promises";
+import { createRequire } from "node:module";
+import { after, afterEach, before, beforeEach, test } from "node:test";
+import type { Browser, Page } from "playwright-core";
+import { openBrowser, openPage, shoot } from "../support/browser.ts";
+import { FixtureServer } from "../support/fixture-server.ts";
+import { ellipsoidGlb } from "../support/picture.ts";
+import { carved, fault, placed, run, specimen, status, well } from "../support/statuses.ts";
+
+const axe = await readFile(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
+
+const larva = (name: string, volume_um3: number, z: number) =>
+  well(name, {
+    ...{ outcome: "succeeded" as const, volume_um3, volume_sd_um3: 1.4e6, area_um2: 4e6, area_sd_um2: 2e4 },
+    reference: { ...placed, volume: { ...placed.volume, z } },
+  });
+const results = [
+  larva("A01", 240e6, -1),
+  larva("A02", 250e6, 0),
+  larva("A03", 260e6, 1),
+  larva("A04", 310e6, 3.4),
+  well("A05"),
+];
+const running = status({
+  state: "Execute",
+  doing: "taking view 10 of 22 of the larva in A05",
+  plate: { barcode: "P-1", present: true, removable: false, needs: null, take_out: null, bring: null },
+  run: run(results),
+  specimen: specimen("A05", carved(262_000_000, 9)),
+});
+const plan = {
+  ...{ plate_barcode: "P-1", method: "standard", operator: "Kim" },
+  plate_map: ["A01", "A02", "A03"].map((name) => ({ well: name, control: "negative" })),
+};
+const held = {
+  ...running,
+  state: "Held" as const,
+  specimen: null,
+  faults: [fault({ operator_required: true, what_to_do: "Check the camera's cable." })],
+};
+
+const oldWells = [larva("B01", 199e6, 0.2), well("B02", { outcome: "failed", reason: "no outline" })];
+const {
+  eta_s: _eta,
+  goes_on_by_itself: _on,
+  held_by_operator: _by,
+  hold: _hold,
+  ...stored
+} = run(oldWells, {
+  ...{ id: "P-9-old", outcome: "partial", started: "2025-11-02T08:00:00Z", ended: "2025-11-02T09:00:00Z" },
+});
+const detail = {
+  ...stored,
+  ...{ plate_barcode: "P-9", mode: "imported", method_settings: {}, software_version: "0.0.9", specimens: [] },
+  plan: { ...plan, plate_barcode: "P-9", plate_map: oldWells.map((w) => ({ well: w.well })) },
+};
+const { results: _results, plan: _plan, method_settings: _settings, specimens: _specimens, ...row } = detail;
+
+let browser: Browser;
+let server: FixtureServer;
+let page: Page;
+let complaints: string[];
+
+before(async () => {
+  browser = await openBrowser();
+});
+after(async () => {
+  await browser?.close();
+});
+beforeEach(async () => {
+  server = new FixtureServer(running);
+  server.answers["/v1/methods"] = {
+    methods: [{ name: "standard", asd: 21, order: "coarse_to_fine", voxel_um: 6.93, epsilon: 0.05 }],
+  };
+  server.answers["/v1/runs"] = {
+    runs: [row, { ...row, id: "P-8", plate_barcode: "P-8", operator: "Lee" }],
+    next: null,
+  };
+  server.answers["/v1/runs/P-9-old"] = detail;
+  server.answers["/v1/runs/demo-1"] = { ...detail, plan };
+  server.live["/v1/live/mesh.glb"] = { body: ellipsoidGlb([1900, 260, 240]), type: "model/gltf-binary" };
+  await server.start();
+  ({ page, complaints } = await openPage(browser));
+});
+afterEach(async () => {
+  await page.context().close();
+  await server.stop();
+  assert.deepEqual(complaints, [], "the page complained");
+});
+
+const text = async (id: string) => (await page.locator(`#${id}`).innerText()).trim();
+const until = (id: string, wanted: RegExp) => page.locator(`#${id}`).filter({ hasText: wanted }).waitFor();
+const wellButton = (name: string) => page.locator(`#plate button[data-well="${name}"]`);
+const paintOf = (name: string) => wellButton(name).evaluate((b) => getComputedStyle(b).backgroundColor);
+
+test("an old run is found, opened with all that a live one shows, and closed; the commands stay the instrument's", async () => {
+  await page.goto(server.url);
+  await page.getByText("All runs").click();
+  await until("runs-words", /^2 of 2 runs\.$/);
+  await page.getByLabel("Search").fill("kim p-9");
+  await until("runs-words", /^1 of 2 runs\.$/);
+  await page.locator("#runs-table").getByRole("button", { name: "P-9-old" }).click();
+  await until(
+    "opened-words",
+    /^Stored run P-9-old: plate P-9, 2025-11-02 .*, imported, method standard, carved 0\.0\.9\./,
+  );
+  assert.equal(await wellButton("B01").getAttribute("data-condition"), "succeeded");
+  assert.equal(await wellButton("A01").count(), 0);
+  await wellButton("B01").click();
+  await until("well-body", /199\.0 ± 1\.4/);
+  assert.equal(await text("plate-name"), "P-9");
+  assert.match(await text("sentence"), /^Taking view 10 of 22 of the larva in A05$/, "what the instrument does stays");
+  assert.equal(await page.locator("#abort").isVisible(), true);
+  await shoot(page, "stored-run");
+  // Its address can be kept.
+  await page.reload();
+  await until("opened-words", /^Stored run P-9-old/);
+  await page.getByRole("button", { name: "Back to the instrument's run" }).click();
+  await wellButton("A01").waitFor();
+  assert.equal(await page.locator("#opened").isVisible(), false);
+  await page.goto(`${server.url}/?run=nobody`);
+  await until("opened-words", /^Run nobody could not be opened/);
+  await wellButton("A01").waitFor();
+  // Chromium reports the 404 of the run that is not there.
+  complaints.splice(0, complaints.length, ...complaints.filter((c) => !/404/.test(c)));
+});
+
+test("the plate is coloured by volume, by references and by its own controls, with numbers in words", async () => {
+  await page.goto(server.url);
+  await wellButton("A01").waitFor();
+  await page.getByLabel("Colour by").selectOption({ label: "Volume, nL" });
+  assert.equal(await paintOf("A01"), "rgb(0, 34, 78)", "the least of the scale");
+  assert.equal(await paintOf("A04"), "rgb(254, 232, 56)", "the most");
+  assert.match((await wellButton("A01").getAttribute("aria-label")) ?? "", /measured, 240\.0 nL$/);
+  await until("scale-legend", /240\.0 nL\s*310\.0 nL\s*Wells without this number have no colour/);
+  const pending = await paintOf("A05");
+  await page.getByLabel("Colour by").selectOption({ label: "Volume against references, SD" });
+  await until("scale-legend", /−3\.0 SD\s*\+3\.0 SD/);
+  assert.equal(await paintOf("A02"), "rgb(247, 247, 247)", "the middle");
+  await page.getByLabel("Colour by").selectOption({ label: "Volume against this plate's controls, SD" });
+  await page.waitForFunction(() =>
+    /\+6\.0 SD/.test(document.querySelector('#plate button[data-well="A04"]')?.getAttribute("aria-label") ?? ""),
+  );
+  await shoot(page, "coloured");
+  await page.reload();
+  await page.waitForFunction(() => document.querySelector<HTMLSelectElement>("#colour-by")?.value === "controls");
+  await page.getByLabel("Colour by").selectOption({ label: "Outcome" });
+  assert.equal(await paintOf("A05"), pending);
+  assert.equal(await page.locator("#scale-legend").isVisible(), false);
+});
+
+test("the table of wells sorts by each column, and leads to its wells", async () => {
+  await page.goto(server.url);
+  await page.getByText("Wells as a table").click();
+  const wells = () => page.locator("#results-table tbody tr td:first-child").allInnerTexts();
+  assert.deepEqual(await wells(), ["A01", "A02", "A03", "A04", "A05"]);
+  const volume = page.getByRole("button", { name: "Volume, nL" });
+  await volume.click();
+  await volume.click();
+  assert.deepEqual(await wells(), ["A04", "A03", "A02", "A01", "A05"], "no number comes last");
+  assert.equal(await page.locator("#results-table th[aria-sort]").getAttribute("aria-sort"), "descending");
+  await page.locator("#results-table").getByRole("button", { name: "A03" }).click();
+  await until("well-heading", /^Well A03$/);
+});
+
+test("from two metres: colour over the whole width, wells done and the time of the end in large figures", async () => {
+  await page.goto(server.url);
+  await until("count", /^4 \/ 5$/);
+  assert.match(await text("finish"), /^ready at \d\d:\d\d$/);
+  for (const id of ["count", "finish"]) {
+    const px = await page.locator(`#${id}`).evaluate((e) => parseFloat(getComputedStyle(e).fontSize));
+    assert.ok(px >= 40, `${id} has ${px} px`);
+  }
+  const band = await page.locator(".now-band").boundingBox();
+  assert.ok(band && band.width > 0.9 * 1440, `the band is ${band?.width} px wide`);
+  const colour = () => page.locator(".now-band").evaluate((e) => getComputedStyle(e).backgroundColor);
+  const busy = await colour();
+  server.publish(held);
+  await until("state", /^Held$/i);
+  assert.notEqual(await colour(), busy);
+  assert.equal(await text("finish"), "", "nobody knows when a held run ends");
+});
+
+test("the wall display shows state, count and plate, keeps the emergency stop and has no other command", async () => {
+  server.publish(held);
+  await page.goto(`${server.url}/?wall`);
+  await until("state", /^Held$/i);
+  for (const id of ["count", "sentence", "plate", "frame-box", "emergency-stop"]) {
+    assert.equal(await page.locator(`#${id}`).isVisible(), true, id);
+  }
+  for (const id of ["abort", "acknowledge", "new-run", "runs", "rig"]) {
+    assert.equal(await page.locator(`#${id}`).isVisible(), false, id);
+  }
+  await shoot(page, "wall");
+  await page.locator("#emergency-stop").click();
+  await until("emergency-answer", /the motors were stopped/);
+  assert.deepEqual(
+    server.taken.map((t) => t.command),
+    ["POST /v1/emergency-stop"],
+  );
+});
+
+test("notices and sound are off by default, and come once for each need", async () => {
+  await page.addInitScript(() => {
+    const said: string[] = [];
+    Object.assign(window, { said });
+    class Recorded {
+      static permission = "default";
+      static async requestPermission() {
+        return (Recorded.permission = "granted");
+      }
+      constructor(title: string, { body }: { body: string }) {
+        said.push(`${title}: ${body}`);
+      }
+    }
+    Object.assign(window, { Notification: Recorded });
+    const start = OscillatorNode.prototype.start;
+    OscillatorNode.prototype.start = function (...when) {
+      said.push("sound");
+      start.apply(this, when);
+    };
+  });
+  const said = () => page.evaluate(() => (window as unknown as { said: string[] }).said);
+  await page.goto(server.url);
+  await until("state", /^Running$/i);
+  server.publish(held);
+  await until("state", /^Held$/i);
+  assert.deepEqual(await said(), [], "nobody has asked for notices");
+  server.publish(running);
+  await until("state", /^Running$/i);
+  await page.getByText("Display", { exact: true }).click();
+  await page.getByLabel("Notices when somebody is needed").check();
+  await page.getByLabel("Sound with them").check();
+  assert.deepEqual((await said()).splice(0), ["sound"], "how it sounds");
+  server.publish(held);
+  await until("state", /^Held$/i);
+  server.publish({ ...held, uptime_s: 999 });
+  await until("rig", /16 min/);
+  assert.deepEqual((await said()).slice(1), ["carved: Held: Check the camera's cable.", "sound"]);
+});
+
+/** Breaches that axe finds, one line each. */
+async function breaches(): Promise<string[]> {
+  // The page's policy permits no script from elsewhere; the test's own runs outside of it.
+  return page.evaluate(async (source) => {
+    const module = { exports: {} as { run: (d: Document) => Promise<{ violations: Violation[] }> } };
+    type Violation = { id: string; help: string; nodes: { target: string[]; failureSummary?: string }[] };
+    new Function("module", "exports", source)(module, module.exports);
+    const { violations } = await module.exports.run(document);
+    return violations.flatMap((v) =>
+      v.nodes.map((n) => `${v.id}: ${v.help}: ${n.target.join(" ")} ${n.failureSummary}`),
+    );
+  }, axe);
+}
+
+const SCREENS = [
+  { name: "idle", at: "", status: status() },
+  { name: "running", at: "", status: running },
+  { name: "held", at: "", status: held },
+  { name: "stored run", at: "?run=P-9-old", status: running },
+  { name: "wall", at: "?wall", status: held },
+];
+
+for (const theme of ["light", "dark"] as const) {
+  for (const width of [390, 768, 1440, 3840]) {
+    test(`every screen fits ${width} px, ${theme}, and axe finds nothing`, async () => {
+      await page.context().close();
+      ({ page, complaints } = await openPage(browser, { width, height: 1000 }));
+      await page.emulateMedia({ colorScheme: theme });
+      for (const screen of SCREENS) {
+        server.publish(screen.status);
+        await page.goto(`${server.url}/${screen.at}`);
+        await until("link", /^Live$/);
+        if (screen.name === "stored run") await until("opened-words", /^Stored run/);
+        // Everything that can be unfolded is looked at, too.
+        if (screen.name !== "wall") {
+          for (const fold of await page.locator("main details:visible > summary").all()) await fold.click();
+          await page.locator("#display > summary").click();
+        }
+        const beyond = await page.evaluate(() => document.documentElement.scrollWidth - window.innerWidth);
+        const wide = await page.evaluate(() =>
+          [...document.querySelectorAll("*")]
+            .filter((e) => e.getBoundingClientRect().right > innerWidth + 1)
+            .map((e) => `${e.tagName}#${e.id}.${e.className}`),
+        );
+        assert.ok(beyond <= 0, `${screen.name}: ${beyond} px beyond the right edge: ${wide.join(" ")}`);
+        assert.equal(await page.evaluate(() => document.documentElement.dataset["theme"]), theme);
+        assert.deepEqual(await breaches(), [], screen.name);
+        await shoot(page, `${screen.name.replace(" ", "-")}-${width}-${theme}`);
+      }
+    });
+  }
+}
