@@ -25,6 +25,7 @@ mod run;
 mod schema;
 mod segment;
 mod serve;
+mod setup;
 #[cfg(feature = "simulate")]
 mod simulate;
 mod stored;
@@ -80,6 +81,8 @@ enum Command {
     Index(index::Command),
     /// Show which devices are connected, which of them answer and what to configure; nothing is moved.
     Doctor(doctor::Args),
+    /// Set up a rig step by step: asks, measures with a bead, and writes its configuration.
+    Setup(setup::Args),
     /// Start, follow and control runs on a daemon that serves.
     #[command(subcommand, after_help = run::EXIT_CODES)]
     Run(run::Command),
@@ -152,6 +155,7 @@ fn run() -> anyhow::Result<ExitCode> {
         Command::Prune(args) => archive::prune(&args),
         Command::Index(command) => index::run(&command),
         Command::Doctor(args) => doctor::run(&args),
+        Command::Setup(args) => setup::run(&args),
         Command::Run(command) => return run::run(&command),
         Command::Plate(command) => return plate::run(&command),
         Command::Config(ConfigCommand::Check(args)) => check::run(&args),

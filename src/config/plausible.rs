@@ -21,6 +21,8 @@ const MOST_TILT_DEG: f64 = 30.0;
 const DOUBTFUL_TILT_DEG: f64 = 3.0;
 /// Play above this share of a turn is no play.
 const MOST_BACKLASH_TURNS: f64 = 0.125;
+/// Bores of capillaries for larvae, um.
+const USUAL_BORE_UM: [f64; 2] = [300.0, 1500.0];
 /// Few sensors have more columns or rows.
 const USUAL_SENSOR_PX: u32 = 4096;
 /// The rates that serial adapters and controllers share.
@@ -53,6 +55,9 @@ pub(super) fn implausible(raw: &Raw, drivers: &Drivers, in_range: impl Fn(&str) 
             size: [o.width_px, o.height_px],
         };
         found.optics("optics", &view);
+        if let Some(bore_um) = o.bore_um {
+            found.bore(bore_um);
+        }
     }
     let second = drivers.camera_second.as_ref().and_then(CameraDriver::aravis);
     if let (Some(o), Some(camera), true) = (&raw.optics_second, second, in_range("optics_second")) {
@@ -163,6 +168,15 @@ impl Implausible {
                      a picture; if it is in another unit, convert it"
                 ));
             }
+        }
+    }
+
+    fn bore(&mut self, bore_um: f64) {
+        let [least, most] = USUAL_BORE_UM;
+        if !(least..=most).contains(&bore_um) {
+            self.doubts.push(format!(
+                "optics.bore_um = {bore_um} um; {least} to {most} um are usual for a larva. If it is in mm or a radius, convert it"
+            ));
         }
     }
 

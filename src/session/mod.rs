@@ -12,7 +12,7 @@ mod gate;
 mod halt;
 mod handle;
 mod heartbeat;
-mod live;
+pub mod live;
 pub mod numbers;
 mod offer;
 mod placing;

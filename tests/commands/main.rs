@@ -17,5 +17,6 @@ mod reconstruct;
 mod reference;
 mod references;
 mod segment;
+mod setup;
 mod store;
 mod validate;

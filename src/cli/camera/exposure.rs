@@ -16,22 +16,24 @@ pub struct Args {
     #[command(flatten)]
     configured: Configured,
     /// Target level of the brightest half per cent of the pixels, 0 to 255.
-    #[arg(long, default_value_t = 240.0)]
+    #[arg(long, default_value_t = TARGET)]
     target: f64,
 }
 
 /// The printed result.
 #[derive(serde::Serialize)]
-struct Found {
+pub struct FoundExposure {
     camera: String,
     /// The value for `[camera] exposure_us`.
-    exposure_us: f64,
+    pub exposure_us: f64,
     /// Level of the brightest half per cent.
-    top: f64,
+    pub top: f64,
     light: Light,
     looks: u32,
 }
 
+/// The usual target level, 0 to 255.
+pub const TARGET: f64 = 240.0;
 /// Maximum number of frames: four decades of light take seven.
 const LOOKS: u32 = 15;
 /// Tolerance of the level: flicker of the lamp and noise of the sensor change it by about as much.
@@ -39,19 +41,27 @@ const NEAR: f64 = 3.0;
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     ensure!((50.0..=250.0).contains(&args.target), "--target is {}; from 50 to 250 is just under saturation", args.target);
-    let (_, mut settings) = args.configured.load()?;
+    let (_, settings) = args.configured.load()?;
+    let found = find(settings, args.target)?;
+    say!("{}", serde_json::to_string(&found)?);
+    note!("put this into [camera]:  exposure_us = {:.1}", found.exposure_us);
+    Ok(())
+}
+
+/// Finds the exposure at which the brightest half per cent of the pixels has the level `target`.
+///
+/// # Errors
+/// The camera's, too little light, and light that does not follow the exposure.
+pub fn find(mut settings: AravisSettings, target: f64) -> anyhow::Result<FoundExposure> {
     let longest_us = f64::from(settings.frame_timeout_ms) * 500.0;
     for looks in 1..=LOOKS {
         let (camera, frames) = average::take(&settings, 1)?;
         let Some(frame) = frames.first() else { bail!("the camera gave no frame") };
         let top = top(frame);
-        if (top - args.target).abs() <= NEAR {
-            let found = Found { camera, exposure_us: settings.exposure_us, top, light: Light::of(frame), looks };
-            say!("{}", serde_json::to_string(&found)?);
-            note!("put this into [camera]:  exposure_us = {:.1}", settings.exposure_us);
-            return Ok(());
+        if (top - target).abs() <= NEAR {
+            return Ok(FoundExposure { camera, exposure_us: settings.exposure_us, top, light: Light::of(frame), looks });
         }
-        let next_us = next(&settings, top, args.target);
+        let next_us = next(&settings, top, target);
         ensure!(
             next_us <= longest_us,
             "too little light: {next_us:.0} us of exposure would do, half of frame_timeout_ms is {longest_us:.0} us; turn the lamp or the gain up"
@@ -60,7 +70,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     }
     bail!(
         "no exposure holds the background at {} within {NEAR}: after {LOOKS} looks it is at {} us; is the lamp steady?",
-        args.target,
+        target,
         settings.exposure_us
     )
 }
@@ -73,7 +83,7 @@ fn next(settings: &AravisSettings, top: f64, target: f64) -> f64 {
 }
 
 /// Level that is exceeded by half a per cent of the pixels.
-fn top(frame: &RawFrame) -> f64 {
+pub fn top(frame: &RawFrame) -> f64 {
     let mut histogram = [0usize; 256];
     frame.bytes().iter().for_each(|b| histogram[usize::from(*b)] += 1);
     let mut above = 0;

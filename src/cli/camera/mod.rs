@@ -1,7 +1,7 @@
 //! `carved camera`: light and reference frames, taken with the configured camera while no daemon controls it.
 
-mod average;
-mod exposure;
+pub mod average;
+pub mod exposure;
 mod reference;
 
 use super::serve::NO_DEVICES;

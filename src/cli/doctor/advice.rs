@@ -1,6 +1,7 @@
 //! Turns the answer of a device into lines of the configuration.
 
 use carved_devices::rotation::{Answer, Port, UsbAdapter};
+use std::collections::BTreeMap;
 use std::fmt::Write;
 
 /// The identity of the controller, and the lines for `[rotation]`.
@@ -14,16 +15,11 @@ pub fn of(answer: &Answer, port: &Port, baud: u32) -> String {
     match answer {
         Answer::Grbl { is_hal, version, settings } => {
             let mut text = format!("{}: {version}\n{}", if *is_hal { "grblHAL" } else { "Grbl" }, table("grbl"));
-            for (number, key) in [(100, "steps_per_unit"), (110, "max_rate_units_per_min"), (120, "acceleration_units_per_s2")] {
-                if let Some(value) = settings.get(&number) {
-                    let value = if number == 100 { ratio(*value) } else { format!("{value:?}") };
-                    let _ = writeln!(text, "{key} = {value}   # its ${number}, for axis X; Y has ${}", number + 1);
-                }
+            for GrblKey { key, value, number } in of_grbl(settings) {
+                let _ = writeln!(text, "{key} = {value}   # its ${number}, for axis X; Y has ${}", number + 1);
             }
-            // grblHAL may instead list the motors that stay powered.
-            let kept = *is_hal && settings.get(&37).is_some_and(|mask| *mask != 0.0);
-            if let Some(ms) = settings.get(&1).filter(|ms| **ms as u32 != 255 && !kept) {
-                let _ = writeln!(text, "# set $1=255 in the controller: now its motors lose their current {ms} ms after each move");
+            if let Some(idle) = idle(*is_hal, settings) {
+                let _ = writeln!(text, "# {idle}");
             }
             let homing = settings.get(&22).map(|on| *on as u32 & 1 == 1);
             match homing {
@@ -39,6 +35,35 @@ pub fn of(answer: &Answer, port: &Port, baud: u32) -> String {
         }
         Answer::Tmcl { module, version } => format!("Trinamic {module}, firmware {version}\n{}", example("tmcl", "vast-tmcl.toml")),
     }
+}
+
+/// A key of `[rotation]` that follows from a setting of a Grbl controller.
+pub struct GrblKey {
+    pub key: &'static str,
+    /// As TOML.
+    pub value: String,
+    /// Number of the setting.
+    pub number: u16,
+}
+
+/// The keys that follow from the settings of axis X.
+pub fn of_grbl(settings: &BTreeMap<u16, f64>) -> Vec<GrblKey> {
+    [(100, "steps_per_unit"), (110, "max_rate_units_per_min"), (120, "acceleration_units_per_s2")]
+        .into_iter()
+        .filter_map(|(number, key)| {
+            let value = settings.get(&number)?;
+            let value = if number == 100 { ratio(*value) } else { format!("{value:?}") };
+            Some(GrblKey { key, value, number })
+        })
+        .collect()
+}
+
+/// What to change where the motors lose their current after each move. `None` where they keep it.
+pub fn idle(is_hal: bool, settings: &BTreeMap<u16, f64>) -> Option<String> {
+    // grblHAL may instead list the motors that stay powered.
+    let kept = is_hal && settings.get(&37).is_some_and(|mask| *mask != 0.0);
+    let ms = settings.get(&1).filter(|ms| **ms as u32 != 255 && !kept)?;
+    Some(format!("set $1=255 in the controller: now its motors lose their current {ms} ms after each move"))
 }
 
 /// The exact ratio of a value that was printed with three decimals, if a fraction with a small denominator matches.

@@ -9,10 +9,10 @@
 //! Nothing is moved, and no camera is opened. A port that another program holds is not opened, because opening it could restart its
 //! controller.
 
-mod advice;
+pub mod advice;
 mod cameras;
 mod computer;
-mod holders;
+pub mod holders;
 
 use carved_devices::rotation::{Port, UsbAdapter, identify, serial_ports};
 use serialport::{SerialPortInfo, SerialPortType, UsbPortInfo};
@@ -71,7 +71,8 @@ fn usb(port: &SerialPortInfo) -> Option<&UsbPortInfo> {
     }
 }
 
-fn heading(port: &SerialPortInfo) -> String {
+/// Name of the port and its adapter.
+pub fn heading(port: &SerialPortInfo) -> String {
     let Some(usb) = usb(port) else { return port.port_name.clone() };
     let word = |text: &Option<String>| text.clone().unwrap_or_default();
     let names = [word(&usb.manufacturer), word(&usb.product)].join(" ");

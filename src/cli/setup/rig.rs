@@ -1,0 +1,380 @@
+//! The real instrument behind [`Bench`]. Devices are open only while an action needs them.
+
+use super::bench::{Action, Bead, Bench, Controller, Empty, Exposure, Listed, Mark, Outcome, Request, Turn, Written};
+use super::period::orbit;
+use super::question::ratio_f64;
+use crate::cli::camera::{average, exposure};
+use crate::cli::doctor::{self, advice};
+use crate::cli::serve::{self, NO_DEVICES};
+use crate::cli::told;
+use crate::config::Config;
+use crate::session::live;
+use anyhow::{Context, bail, ensure};
+use carved_core::calibration::mark::{Depth, Edge, End, MarkSighting, MarkView, judge, track};
+use carved_core::frame::RawFrame;
+use carved_core::pipeline::{Pipeline, SegmentedFrame};
+use carved_core::profile::{EmptyCapillary, Moving, Picture};
+use carved_core::units::StepsPerRevolution;
+use carved_devices::acquisition::{Next, RevolutionPlan, revolve};
+use carved_devices::cancel::CancelToken;
+use carved_devices::rotation::{Answer, Port, identify, serial_ports};
+use carved_devices::{Rig, StopHandle, camera};
+use carved_records::{LedgerEntry, Method, ViewOrder};
+use carved_store::{durable, frames};
+use rayon::prelude::*;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+const BAUD: u32 = 115_200;
+/// Frames in the mean of the empty capillary.
+const FRAMES: u32 = 8;
+/// Views of a turn while its steps are measured; a dot of ink needs 8.
+const VIEWS: u32 = 16;
+/// Views in the first part of the turn, so that a turn of few steps is not taken for one of many.
+const FINE_VIEWS: u32 = 8;
+/// Levels at which a picture is usable although its exposure cannot be found, 0 to 255.
+const USABLE_TOP: std::ops::RangeInclusive<f64> = 120.0..=254.0;
+
+/// Stops whatever moves, from any thread, and keeps it from moving again.
+#[derive(Clone, Default)]
+pub struct Stopper {
+    cancel: CancelToken,
+    moving: Arc<Mutex<Option<StopHandle>>>,
+}
+
+impl Stopper {
+    /// Stops the motors, and every later motion of this set-up.
+    pub fn stop(&self) {
+        self.cancel.cancel();
+        if let Some(handle) = self.moving.lock().unwrap_or_else(PoisonError::into_inner).as_ref() {
+            handle.stop();
+        }
+    }
+
+    pub fn is_stopped(&self) -> bool {
+        self.cancel.is_cancelled()
+    }
+
+    /// Whether devices are open that may move.
+    pub fn may_move(&self) -> bool {
+        self.moving.lock().unwrap_or_else(PoisonError::into_inner).is_some()
+    }
+
+    fn hold(&self, handle: Option<StopHandle>) {
+        *self.moving.lock().unwrap_or_else(PoisonError::into_inner) = handle;
+    }
+}
+
+/// The newest picture as a JPEG file, for a page.
+pub type Shown = Arc<Mutex<Option<Arc<Vec<u8>>>>>;
+
+/// The instrument that the draft describes.
+pub struct RealBench {
+    file: PathBuf,
+    stopper: Stopper,
+    shown: Shown,
+}
+
+impl RealBench {
+    /// `file`: the configuration to be written. It is also the origin of relative paths.
+    pub fn new(file: PathBuf, stopper: Stopper, shown: Shown) -> Self {
+        Self { file, stopper, shown }
+    }
+
+    fn beside(&self, name: &str) -> PathBuf {
+        self.file.with_file_name(name)
+    }
+
+    fn show(&self, picture: &Picture) {
+        *self.shown.lock().unwrap_or_else(PoisonError::into_inner) = live::jpeg(picture);
+    }
+
+    fn outcome(&self, request: &Request) -> anyhow::Result<Outcome> {
+        let config = Config::parse(request.draft, &self.file)?;
+        Ok(match request.action {
+            Action::ListPorts => Outcome::Ports(ports()),
+            Action::Identify => Outcome::Controller(controller(request.controller)?),
+            Action::ListCameras => Outcome::Cameras(cameras()),
+            Action::Expose => Outcome::Exposure(self.exposure(&config)?),
+            Action::LookAtEmpty => Outcome::Empty(self.empty(&config)?),
+            Action::Home => {
+                self.with_rig(&config, |_| Ok(()))?;
+                Outcome::Home
+            }
+            Action::Turn => Outcome::Turn(self.turn(&config, request.mark)?),
+            Action::Measure => Outcome::Bead(self.measure(&config)?),
+            Action::Write => Outcome::Written(self.write(request)?),
+        })
+    }
+
+    fn exposure(&self, config: &Config) -> anyhow::Result<Exposure> {
+        let settings = config.camera.aravis().context(NO_DEVICES)?;
+        let (_, frames) = average::take(settings, 1)?;
+        let first = frames.first().context("the camera gave no frame")?;
+        self.show(&Picture::from_frame(first));
+        match exposure::find(settings.clone(), exposure::TARGET) {
+            Ok(found) => Ok(Exposure { exposure_us: found.exposure_us, top: found.top, follows: true }),
+            Err(error) => {
+                let top = exposure::top(first);
+                ensure!(USABLE_TOP.contains(&top), "{}", told(&error));
+                Ok(Exposure { exposure_us: settings.exposure_us, top, follows: false })
+            }
+        }
+    }
+
+    fn empty(&self, config: &Config) -> anyhow::Result<Empty> {
+        let settings = config.camera.aravis().context(NO_DEVICES)?;
+        let (_, taken) = average::take(settings, FRAMES)?;
+        let frame = average::mean(&taken)?;
+        let picture = Picture::from_frame(&frame);
+        self.show(&picture);
+        let method = method(config)?;
+        let walls = EmptyCapillary::new(picture, &method.segment.walls)
+            .context("No walls of a capillary are seen. Bring the capillary into the picture, along its rows, and look at focus and light")?
+            .walls();
+        let looked = Pipeline::new(method.pipeline(&config.optics, false)?)?.look(&frame)?;
+        if let Ok(profile) = &looked.profile {
+            let reason = profile.detection.skip_reason();
+            ensure!(reason == Some("empty"), "The capillary is not empty. Flush it, and confirm again");
+        }
+        let file = format!("empty-{}.png", jiff::Timestamp::now().strftime("%Y-%m-%dT%H-%M-%SZ"));
+        durable::write(&self.beside(&file), &frames::encode(&frame)?)?;
+        let middle = config.optics.ux;
+        Ok(Empty { bore_px: walls.bore_px(middle), middle_px: walls.middle_v(middle), tilt_deg: walls.tilt_deg(), file })
+    }
+
+    /// Opens the rig, homes it, lets `work` use it, and leaves it at rest.
+    fn with_rig<T>(&self, config: &Config, work: impl FnOnce(&mut Rig) -> anyhow::Result<T>) -> anyhow::Result<T> {
+        let mut rig = serve::open_rig(config)?;
+        let _at_rest = AtRest(self);
+        self.stopper.hold(Some(rig.rotation.stop_handle()));
+        rig.camera.arm()?;
+        rig.rotation.reference(&self.stopper.cancel)?;
+        let done = work(&mut rig);
+        // The camera's error is not the one to report.
+        let _ended = rig.camera.disarm();
+        ensure!(!self.stopper.is_stopped(), "stopped");
+        done
+    }
+
+    /// The views of a plan.
+    fn views(&self, rig: &mut Rig, config: &Config, plan: &RevolutionPlan) -> anyhow::Result<Vec<(LedgerEntry, RawFrame)>> {
+        let mut views = Vec::new();
+        revolve(rig, plan, &config.acquisition, &self.stopper.cancel, |entry, frame| {
+            self.show(&Picture::from_frame(&frame));
+            views.push((entry, frame));
+            Ok(Next::View)
+        })?;
+        Ok(views)
+    }
+
+    fn turn(&self, config: &Config, mark: Option<&str>) -> anyhow::Result<Turn> {
+        let per_turn = config.steps_per_revolution;
+        let [num, den] = <[u32; 2]>::from(per_turn);
+        let part = |num: u64, den: u64, views: u32| -> anyhow::Result<RevolutionPlan> {
+            let ratio = StepsPerRevolution::new(u32::try_from(num)?, u32::try_from(den)?)?;
+            Ok(RevolutionPlan::new(views, ratio, ViewOrder::Sequential)?)
+        };
+        let fine = part(num.into(), u64::from(den) * 8, FINE_VIEWS)?;
+        let two_turns = part(u64::from(num) * 2, den.into(), 2 * VIEWS)?;
+        let (fine, views) = self.with_rig(config, |rig| {
+            let fine = self.views(rig, config, &fine)?;
+            Ok((fine, self.views(rig, config, &two_turns)?))
+        })?;
+        let pipeline = pipeline(config)?;
+        let all: Vec<_> = fine.iter().chain(&views).collect();
+        let looked = look(&pipeline, all.iter().map(|(_, frame)| frame))?;
+        let row = |seen: &SegmentedFrame| seen.profile.as_ref().ok().filter(|p| p.mask.area_px() > 0).and_then(|p| p.mask.centroid());
+        let places: Vec<[f64; 2]> = all
+            .iter()
+            .zip(&looked)
+            .filter_map(|((entry, _), seen)| Some([entry.achieved_steps.0 as f64, row(seen)?[1]]))
+            .collect();
+        let commanded_steps = ratio_f64(per_turn);
+        // Both parts begin at step 0.
+        let still = difference(&fine[0].1, &views[0].1);
+        let change = views.iter().map(|(_, frame)| difference(&views[0].1, frame)).fold(0.0, f64::max);
+        let one_turn = &views[..=VIEWS as usize];
+        Ok(Turn {
+            commanded_steps,
+            orbit: orbit(&places, commanded_steps),
+            seen: [places.len(), all.len()],
+            change_grey: [change, still],
+            mark: mark.map(|said| self::mark(config, one_turn, said).map_err(|error| told(&error))),
+        })
+    }
+
+    fn measure(&self, config: &Config) -> anyhow::Result<Bead> {
+        let method = method(config)?;
+        let plan = RevolutionPlan::new(method.asd, config.steps_per_revolution, ViewOrder::Sequential)?;
+        let views = self.with_rig(config, |rig| self.views(rig, config, &plan))?;
+        let mut pipeline = pipeline(config)?;
+        let looked = look(&pipeline, views.iter().map(|(_, frame)| frame))?;
+        for ((entry, _), seen) in views.iter().zip(&looked) {
+            if entry.closure {
+                pipeline.observe_closure(seen);
+            } else {
+                pipeline.observe(entry.view, entry.omega, seen)?;
+            }
+        }
+        let (_, record) = pipeline.finish().context("The bead cannot be measured. It must be in the middle of the picture, and alone")?;
+        let m = &record.measurement;
+        let mut blurs: Vec<f64> = record.views.iter().filter_map(|v| v.quality?.blur_px).collect();
+        blurs.sort_by(f64::total_cmp);
+        let psi = record.calibration.as_ref().map_or(&config.optics, |c| &c.psi);
+        Ok(Bead {
+            diameter_um: m.diameter_um.context("No sphere fits: is it a bead?")?,
+            aspect: m.aspect_ratio.context("No sphere fits: is it a bead?")?,
+            volume_um3: m.volume_um3,
+            closure_iou: record.closure.as_ref().map(|c| c.iou),
+            closure_px: record.closure.as_ref().map(|c| c.shift_px),
+            uy_px: psi.uy,
+            gamma_deg: psi.gamma.to_degrees(),
+            blur_px: blurs.get(blurs.len() / 2).map(|blur| [*blur, method.segment.edge.blur_px]),
+            flags: record.flags,
+        })
+    }
+
+    fn write(&self, request: &Request) -> anyhow::Result<Written> {
+        let exists = self.file.exists();
+        ensure!(!exists || request.replaces, "{} exists already", self.file.display());
+        let backup = exists.then(|| PathBuf::from(format!("{}.bak", self.file.display())));
+        if let Some(backup) = &backup {
+            ensure!(!backup.exists(), "{} exists already, and older files are not overwritten: rename it", backup.display());
+            durable::rename(&self.file, backup)?;
+        }
+        let now = jiff::Timestamp::now().strftime("%Y-%m-%d");
+        let head = format!(
+            "# Written by carved setup on {now}. Every key, with its unit, default, range and meaning: docs/configuration.md, or\n\
+             # `carved config schema`. `carved config check FILE` lists everything that is wrong with a file.\n\n"
+        );
+        durable::write(&self.file, format!("{head}{}", request.draft).as_bytes())?;
+        let doubts = Config::load(&self.file)?.doubts;
+        Ok(Written { file: self.file.display().to_string(), backup: backup.map(|b| b.display().to_string()), doubts })
+    }
+}
+
+impl Bench for RealBench {
+    fn perform(&mut self, request: &Request) -> Result<Outcome, String> {
+        self.outcome(request).map_err(|error| told(&error))
+    }
+
+    fn check(&self, draft: &str) -> Result<Vec<String>, String> {
+        Config::parse(draft, &self.file).map(|config| config.doubts).map_err(|error| told(&error.into()))
+    }
+
+    fn exists(&self) -> bool {
+        self.file.exists()
+    }
+}
+
+/// Ends any motion when it is dropped, also in a panic.
+struct AtRest<'a>(&'a RealBench);
+
+impl Drop for AtRest<'_> {
+    fn drop(&mut self) {
+        let handle = self.0.stopper.moving.lock().unwrap_or_else(PoisonError::into_inner).take();
+        if let Some(handle) = handle {
+            handle.end_motion();
+        }
+    }
+}
+
+fn method(config: &Config) -> anyhow::Result<&Method> {
+    config.methods.values().next().context("the shipped configuration has no method")
+}
+
+fn pipeline(config: &Config) -> anyhow::Result<Pipeline> {
+    Ok(Pipeline::new(method(config)?.pipeline(&config.optics, true)?.compared_with(config.empty_capillary.as_deref())?)?)
+}
+
+fn look<'a>(pipeline: &Pipeline, frames: impl Iterator<Item = &'a RawFrame>) -> anyhow::Result<Vec<SegmentedFrame>> {
+    frames.collect::<Vec<_>>().into_par_iter().map(|frame| Ok(pipeline.look(frame)?)).collect()
+}
+
+/// Mean difference of two frames, grey values.
+fn difference(a: &RawFrame, b: &RawFrame) -> f64 {
+    let sum: u64 = a.bytes().iter().zip(b.bytes()).map(|(a, b)| u64::from(a.abs_diff(*b))).sum();
+    sum as f64 / a.bytes().len().max(1) as f64
+}
+
+fn ports() -> Vec<Listed> {
+    serial_ports().into_iter().map(|port| Listed { label: doctor::heading(&port), name: port.port_name }).collect()
+}
+
+fn cameras() -> Vec<Listed> {
+    let listed = |found: camera::Listed| {
+        let word = |text: Option<String>| text.unwrap_or_default();
+        let label = format!("{} {}, serial number {}", word(found.vendor), word(found.model), word(found.serial));
+        Some(Listed { name: found.address?, label: label.trim().to_owned() })
+    };
+    camera::discover().into_iter().filter_map(listed).collect()
+}
+
+/// Asks what answers on a port, or takes an address of a relay.
+fn controller(named: &str) -> anyhow::Result<Controller> {
+    let quoted = |text: &str| toml::Value::from(text).to_string();
+    let is_relay = !named.starts_with('/') && named.rsplit_once(':').is_some_and(|(_, port)| port.parse::<u16>().is_ok());
+    if is_relay {
+        let keys = vec![("address".into(), quoted(named))];
+        return Ok(Controller { driver: "relay".into(), name: format!("relay at {named}, which is asked when it moves"), keys, homes: None, remark: None });
+    }
+    let holders = doctor::holders::of(named);
+    ensure!(holders.is_empty(), "{named} is held by {}: end that program, then choose the port again", holders.join(", "));
+    let answer = identify(&Port::Path(named.into()), BAUD)?.with_context(|| {
+        format!(
+            "Nobody answers at {named} with {BAUD} baud: no Grbl, grblHAL, Zaber or TMCL. Check the port and the controller's power. For another \
+             rate, and to see all ports, use carved doctor --baud"
+        )
+    })?;
+    let mut keys = vec![("port".to_owned(), quoted(named))];
+    let plain = |driver: &str, name: String| (driver.to_owned(), name, None, None);
+    let (driver, name, homes, remark) = match &answer {
+        Answer::Grbl { is_hal, version, settings } => {
+            keys.extend(advice::of_grbl(settings).into_iter().map(|line| (line.key.to_owned(), line.value)));
+            let homes = settings.get(&22).map(|on| *on as u32 & 1 == 1);
+            ("grbl".to_owned(), version.clone(), homes, advice::idle(*is_hal, settings))
+        }
+        Answer::Zaber { status } => plain("zaber", format!("Zaber, @{status}")),
+        Answer::Tmcl { module, version } => plain("tmcl", format!("Trinamic {module}, firmware {version}")),
+        Answer::VastBridge { .. } => bail!(
+            "{named} is the trigger bridge of a stock VAST, which only steps through VAST's own list. Set it up by docs/vast.md, or choose another \
+             port"
+        ),
+    };
+    Ok(Controller { driver, name, keys, homes, remark })
+}
+
+/// What a dot of ink shows, seen by a person at the first view.
+fn mark(config: &Config, views: &[(LedgerEntry, RawFrame)], said: &str) -> anyhow::Result<Mark> {
+    let word = |word: &str| said.split(' ').any(|part| part == word);
+    let sighting = MarkSighting {
+        depth: if word("near") { Depth::Near } else { Depth::Far },
+        edge: if word("top") { Edge::Top } else { Edge::Bottom },
+        end: if word("left") { End::Left } else { End::Right },
+    };
+    let moving = Moving::new(views.iter().map(|(_, frame)| Picture::from_frame(frame)))?;
+    let walls = moving.walls(&method(config)?.segment.walls)?;
+    let spots = moving.spots();
+    let omega = |entry: &LedgerEntry| config.acquisition.sense.omega(entry.achieved_steps, config.steps_per_revolution);
+    let all: Vec<MarkView> = views.iter().zip(&spots).map(|((entry, _), spots)| MarkView { omega: omega(entry), spots }).collect();
+    let (last, turn) = all.split_last().context("0 views; a turn is expected")?;
+    let glass = |u: f64| {
+        let (upper, lower) = (walls.upper.outer.at(u), walls.lower.outer.at(u));
+        [f64::midpoint(upper, lower), (lower - upper) / 2.0]
+    };
+    let found = track(turn, glass)?;
+    let closure = found.nearest(&turn[0]).zip(found.nearest(last)).map(|(a, b)| (a.u_px - b.u_px).hypot(a.v_px - b.v_px));
+    let verdict = judge(&found, &config.optics, turn[0].omega, sighting, closure)?;
+    let sense = i8::from(config.acquisition.sense);
+    let sense = if verdict.sense_agrees { sense } else { -sense };
+    Ok(Mark { sense, left_for_right: verdict.left_for_right, upside_down: verdict.upside_down })
+}
+
+/// Reads a stored state. `None` if there is none.
+pub fn stored<T: serde::de::DeserializeOwned>(file: &Path) -> anyhow::Result<Option<T>> {
+    if !file.exists() {
+        return Ok(None);
+    }
+    Ok(Some(durable::read_json(file, "what carved setup leaves")?))
+}
