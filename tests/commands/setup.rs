@@ -2,7 +2,7 @@
 #![cfg(feature = "aravis")]
 
 use crate::common::{carved, run, stderr};
-use hardware_sim::scene::{Camera, Capillary, Exposure, InkDot, Placement, Scene, SceneSettings, Specimen};
+use hardware_sim::scene::{Camera, Exposure, Placement, Scene, SceneSettings, Specimen};
 use hardware_sim::{PixelFormat, Pixels, Rig, RigSettings, Sight};
 use std::path::{Path, PathBuf};
 use std::process::Output;
@@ -11,24 +11,12 @@ use std::sync::Arc;
 /// Diameter of the bead, um.
 const BEAD_UM: f64 = 500.0;
 
-/// How the rig is really built.
-#[derive(Clone, Copy)]
-struct Built {
-    /// The capillary turns the other way.
-    reversed: bool,
-    /// The picture is upside down.
-    upside_down: bool,
-    /// A capillary is in the picture.
-    capillary: bool,
-}
-
-const USUAL: Built = Built { reversed: false, upside_down: false, capillary: true };
-
 /// The capillary is empty until the person says that the bead is loaded. The stored answers show when.
 struct Person {
     scene: Scene,
     state: PathBuf,
-    built: Built,
+    /// A capillary is in the picture.
+    has_capillary: bool,
 }
 
 impl Sight for Person {
@@ -37,21 +25,16 @@ impl Sight for Person {
     }
 
     fn look(&self, exposure: &Exposure, format: PixelFormat) -> Pixels {
-        if self.scene.contents().specimens.is_empty() && std::fs::read_to_string(&self.state).is_ok_and(|text| text.contains("\"loaded\":")) {
+        if self.scene.contents().specimens.is_empty() && std::fs::read_to_string(&self.state).is_ok_and(|text| text.contains("\"loaded\":"))
+        {
             let placement = Placement { y_um: 40.0, ..Placement::default() };
             self.scene.load(Specimen::bead(BEAD_UM).unwrap().placed(placement)).unwrap();
         }
-        if !self.built.capillary {
+        if !self.has_capillary {
             let (width, height) = self.size();
             return Pixels::filled(width, height, format, 190);
         }
-        let angle_rad = if self.built.reversed { -exposure.angle_rad } else { exposure.angle_rad };
-        let mut seen = self.scene.look(&Exposure { angle_rad, ..exposure.clone() }, format);
-        if self.built.upside_down {
-            let row = seen.bytes.len() / seen.height as usize;
-            seen.bytes = seen.bytes.chunks(row).rev().flatten().copied().collect();
-        }
-        seen
+        self.scene.look(exposure, format)
     }
 }
 
@@ -61,15 +44,13 @@ struct Bench {
 }
 
 impl Bench {
-    fn new(built: Built) -> Self {
+    fn new(has_capillary: bool) -> Self {
         let dir = tempfile::tempdir().unwrap();
-        // Near, in the upper half, at the right end.
-        let ink = InkDot { x_um: 2100.0, angle_rad: -0.8, radius_um: 55.0, opacity: 0.9 };
         // The scale and the axis are not those that a shipped configuration names.
         let k = 1.0 / 5.2;
         let camera = Camera { kx_px_per_um: k, ky_px_per_um: k, uy_px: 498.0, gamma_rad: 0.006, ..Camera::default() };
-        let settings = SceneSettings { camera, capillary: Capillary { ink: Some(ink), ..Capillary::default() }, ..SceneSettings::default() };
-        let person = Person { scene: Scene::new(settings), state: dir.path().join("rig.setup.json"), built };
+        let settings = SceneSettings { camera, ..SceneSettings::default() };
+        let person = Person { scene: Scene::new(settings), state: dir.path().join("rig.setup.json"), has_capillary };
         let rig = Rig::start(RigSettings { time_scale: 10.0, ..RigSettings::default() }, Arc::new(person)).unwrap();
         Self { rig, dir }
     }
@@ -91,7 +72,8 @@ impl Bench {
             ("bead_um", format!("{BEAD_UM}")),
             ("loaded", "\"yes\"".into()),
             ("motion", "\"yes\"".into()),
-            ("mark", "\"near top right\"".into()),
+            ("mark", "\"none\"".into()),
+            ("sense", "\"down\"".into()),
         ];
         let changed = |key: &str| changes.iter().find(|(k, _)| *k == key).map(|(_, v)| (*v).to_owned());
         let lines = usual.map(|(key, value)| format!("{key} = {}\n", changed(key).unwrap_or(value)));
@@ -121,7 +103,7 @@ fn number(config: &Path, table: &str, key: &str) -> f64 {
 
 #[test]
 fn a_rig_is_set_up_from_nothing_and_its_bead_is_right() {
-    let bench = Bench::new(USUAL);
+    let bench = Bench::new(true);
     let output = bench.setup(&[]);
     let said = String::from_utf8_lossy(&output.stdout).into_owned();
     assert!(output.status.success(), "{said}\n{}", stderr(&output));
@@ -141,4 +123,43 @@ fn a_rig_is_set_up_from_nothing_and_its_bead_is_right() {
     assert!(checked.status.success(), "{}", stderr(&checked));
     assert!(said.contains("The bead is right") && said.contains("carved serve --config"), "{said}");
     assert!(!bench.path("rig.setup.json").exists(), "the answers are not needed any more");
+}
+
+#[test]
+fn a_wrong_number_of_steps_is_found_and_the_right_one_proposed() {
+    Bench::new(true).refused(&[("steps", "400")], &["The steps per turn are wrong", "400 are configured", "500 is likely"]);
+    // The same person takes the proposal.
+    let bench = Bench::new(true);
+    let output = bench.setup(&[("steps", "[400, 500]"), ("loaded", "\"yes\""), ("motion", "[\"yes\", \"yes\"]")]);
+    assert!(output.status.success(), "{}\n{}", String::from_utf8_lossy(&output.stdout), stderr(&output));
+}
+
+#[test]
+fn numbers_that_cannot_be_meant_are_refused_at_their_question() {
+    let bench = Bench::new(true);
+    bench.refused(&[("bore_um", "60")], &["bore_um: 60 um; expected 100 to 5000 um"]);
+    let bench = Bench::new(true);
+    bench.refused(&[("bead_um", "5000")], &["bead_um: 5000 um; expected 20 to 4500 um"]);
+    let bench = Bench::new(true);
+    bench.refused(&[("bead_um", "50")], &["A bead of 50 um in a bore of 650 um; usual are 130 to"]);
+    // Said twice, it is believed until the bead is measured.
+    let bench = Bench::new(true);
+    bench.refused(&[("bead_um", "[50, 50]")], &["but 50 um are stated", "One of both numbers is wrong"]);
+}
+
+#[test]
+fn a_picture_without_walls_and_a_port_without_controller_are_named() {
+    Bench::new(false).refused(&[], &["No walls of a capillary are seen"]);
+    let (_master, slave) = serialport::TTYPort::pair().unwrap();
+    let silent = format!("{:?}", serialport::SerialPort::name(&slave).unwrap());
+    drop(slave);
+    Bench::new(true).refused(&[("controller", &silent)], &["Nobody answers at", "carved doctor"]);
+    Bench::new(true).refused(&[("controller", "\"/dev/no-such-port\"")], &["/dev/no-such-port"]);
+}
+
+#[test]
+fn nobody_is_asked_where_nobody_can_answer() {
+    let dir = tempfile::tempdir().unwrap();
+    let output = carved().arg("setup").arg("--out").arg(dir.path().join("rig.toml")).stdin(std::process::Stdio::null()).output().unwrap();
+    assert!(!output.status.success() && stderr(&output).contains("--answers"), "{}", stderr(&output));
 }

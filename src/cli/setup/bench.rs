@@ -42,10 +42,6 @@ impl Action {
             Self::Write => "Writing and checking the configuration.",
         }
     }
-
-    pub fn moves(self) -> bool {
-        matches!(self, Self::Home | Self::Turn | Self::Measure)
-    }
 }
 
 /// The answers that an action needs beside the draft of the configuration.

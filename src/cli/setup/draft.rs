@@ -23,7 +23,10 @@ impl Draft {
     /// Replaces the value of a key, or adds the key as the first of its table. `value` is TOML.
     pub fn set(&mut self, table: &str, key: &str, value: &str) {
         let is_header = |line: &String| line.trim_start().starts_with('[');
-        let header = self.0.iter().position(|line| line.trim_start().strip_prefix('[').and_then(|l| l.strip_prefix(table)).is_some_and(|l| l.starts_with(']')));
+        let header = self
+            .0
+            .iter()
+            .position(|line| line.trim_start().strip_prefix('[').and_then(|l| l.strip_prefix(table)).is_some_and(|l| l.starts_with(']')));
         let Some(header) = header else {
             return self.0.extend([String::new(), format!("[{table}]"), format!("{key} = {value}")]);
         };

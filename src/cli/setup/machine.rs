@@ -176,7 +176,6 @@ impl Machine {
         Step::Ask(Box::new(Question { id, text, kind, default, problem: problem.map(|p| p.text.clone()) }))
     }
 
-
     /// Text, form and default of a question.
     fn words(&self, id: &str) -> (String, Kind, Option<String>) {
         let s = &self.state;
@@ -196,7 +195,8 @@ impl Machine {
                 (text.into(), Kind::Choice { options, open: true }, default)
             }
             "steps" => (
-                "Motor steps of one turn of the capillary: motor steps x microsteps x gear, such as 500, 200 x 16 or 200 x 32 x 5/2.".into(),
+                "Motor steps of one turn of the capillary: motor steps x microsteps x gear, such as 500, 200 x 16 or 200 x 32 x 5/2."
+                    .into(),
                 Kind::Steps,
                 some(if s.controller.as_ref().is_some_and(|c| ["zaber", "tmcl"].contains(&c.driver.as_str())) { "6400" } else { "500" }),
             ),
@@ -223,11 +223,7 @@ impl Machine {
                 Kind::Number { unit: "%", range: [0.1, 10.0] },
                 some("1"),
             ),
-            REPLACE => (
-                "Write the configuration? A file of that name is kept with the ending .bak.".into(),
-                Kind::Confirm,
-                None,
-            ),
+            REPLACE => ("Write the configuration? A file of that name is kept with the ending .bak.".into(), Kind::Confirm, None),
             "name" => ("Name of this instrument. It is written into every recording.".into(), Kind::Text, some("vast-1")),
             _ => self.words_of_specimens(id),
         }
@@ -643,7 +639,9 @@ impl Machine {
 fn out_of_focus(bead: &Bead) -> String {
     match bead.blur_px {
         Some([found, expected]) if found > MOST_BLUR * expected => {
-            format!(". The edges are blurred over {found:.1} px, {expected:.1} px are expected: focus the lens on the axis of the capillary")
+            format!(
+                ". The edges are blurred over {found:.1} px, {expected:.1} px are expected: focus the lens on the axis of the capillary"
+            )
         }
         _ => String::new(),
     }

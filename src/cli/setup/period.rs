@@ -82,7 +82,8 @@ mod tests {
 
     #[test]
     fn the_true_steps_are_found_from_a_wrong_number() {
-        for (true_steps, commanded) in [(500.0, 500.0), (500.0, 400.0), (500.0, 1000.0), (6400.0, 3200.0), (500.0, 6400.0), (200.0, 400.0)] {
+        for (true_steps, commanded) in [(500.0, 500.0), (500.0, 400.0), (500.0, 1000.0), (6400.0, 3200.0), (500.0, 6400.0), (200.0, 400.0)]
+        {
             let found = seen(true_steps, 6.0, commanded).unwrap();
             assert!((found.period_steps / true_steps - 1.0).abs() < 0.005, "{true_steps} as {commanded}: {found:?}");
             assert!((found.axis_px - 511.0).abs() < 0.2 && (found.radius_px - 6.0).abs() < 0.2, "{found:?}");

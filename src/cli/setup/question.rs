@@ -97,7 +97,10 @@ pub fn steps(typed: &str) -> Result<StepsPerRevolution, String> {
     let ratio = StepsPerRevolution::new(num?, den?).map_err(|error| error.to_string())?;
     let [num, den] = <[u32; 2]>::from(ratio);
     if u64::from(num) < 64 * u64::from(den) {
-        return Err(format!("{typed} are {:.1} steps per turn; expected 64 or more: fewer cannot be placed evenly around a turn", ratio_f64(ratio)));
+        return Err(format!(
+            "{typed} are {:.1} steps per turn; expected 64 or more: fewer cannot be placed evenly around a turn",
+            ratio_f64(ratio)
+        ));
     }
     Ok(ratio)
 }

@@ -185,11 +185,8 @@ impl RealBench {
         let all: Vec<_> = fine.iter().chain(&views).collect();
         let looked = look(&pipeline, all.iter().map(|(_, frame)| frame))?;
         let row = |seen: &SegmentedFrame| seen.profile.as_ref().ok().filter(|p| p.mask.area_px() > 0).and_then(|p| p.mask.centroid());
-        let places: Vec<[f64; 2]> = all
-            .iter()
-            .zip(&looked)
-            .filter_map(|((entry, _), seen)| Some([entry.achieved_steps.0 as f64, row(seen)?[1]]))
-            .collect();
+        let places: Vec<[f64; 2]> =
+            all.iter().zip(&looked).filter_map(|((entry, _), seen)| Some([entry.achieved_steps.0 as f64, row(seen)?[1]])).collect();
         let commanded_steps = ratio_f64(per_turn);
         // Both parts begin at step 0.
         let still = difference(&fine[0].1, &views[0].1);
@@ -317,7 +314,13 @@ fn controller(named: &str) -> anyhow::Result<Controller> {
     let is_relay = !named.starts_with('/') && named.rsplit_once(':').is_some_and(|(_, port)| port.parse::<u16>().is_ok());
     if is_relay {
         let keys = vec![("address".into(), quoted(named))];
-        return Ok(Controller { driver: "relay".into(), name: format!("relay at {named}, which is asked when it moves"), keys, homes: None, remark: None });
+        return Ok(Controller {
+            driver: "relay".into(),
+            name: format!("relay at {named}, which is asked when it moves"),
+            keys,
+            homes: None,
+            remark: None,
+        });
     }
     let holders = doctor::holders::of(named);
     ensure!(holders.is_empty(), "{named} is held by {}: end that program, then choose the port again", holders.join(", "));

@@ -68,7 +68,8 @@ impl Answers {
                 let text = carved_files::read_to_string(file).with_context(|| format!("{}: cannot be read", file.display()))?;
                 let table: toml::Table = text.parse().with_context(|| format!("{}: is no TOML", file.display()))?;
                 let word = |value: &toml::Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
-                let list = |value: &toml::Value| value.as_array().map_or_else(|| [word(value)].into(), |all| all.iter().map(word).collect());
+                let list =
+                    |value: &toml::Value| value.as_array().map_or_else(|| [word(value)].into(), |all| all.iter().map(word).collect());
                 Ok(Self::File(table.iter().map(|(id, value)| (id.clone(), list(value))).collect()))
             }
             None => {
