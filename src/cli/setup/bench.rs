@@ -141,8 +141,6 @@ pub struct Turn {
     pub orbit: Option<Orbit>,
     /// Pictures that show a bead, and all pictures.
     pub seen: [usize; 2],
-    /// Largest mean difference of a picture from the first one, grey values, and that of two pictures of one position.
-    pub change_grey: [f64; 2],
     /// What the dot of ink shows, or why it shows nothing. `None` where no dot was named.
     pub mark: Option<Result<Mark, String>>,
 }

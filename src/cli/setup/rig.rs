@@ -188,15 +188,11 @@ impl RealBench {
         let places: Vec<[f64; 2]> =
             all.iter().zip(&looked).filter_map(|((entry, _), seen)| Some([entry.achieved_steps.0 as f64, row(seen)?[1]])).collect();
         let commanded_steps = ratio_f64(per_turn);
-        // Both parts begin at step 0.
-        let still = difference(&fine[0].1, &views[0].1);
-        let change = views.iter().map(|(_, frame)| difference(&views[0].1, frame)).fold(0.0, f64::max);
         let one_turn = &views[..=VIEWS as usize];
         Ok(Turn {
             commanded_steps,
             orbit: orbit(&places, commanded_steps),
             seen: [places.len(), all.len()],
-            change_grey: [change, still],
             mark: mark.map(|said| self::mark(config, one_turn, said).map_err(|error| told(&error))),
         })
     }
@@ -287,12 +283,6 @@ fn pipeline(config: &Config) -> anyhow::Result<Pipeline> {
 
 fn look<'a>(pipeline: &Pipeline, frames: impl Iterator<Item = &'a RawFrame>) -> anyhow::Result<Vec<SegmentedFrame>> {
     frames.collect::<Vec<_>>().into_par_iter().map(|frame| Ok(pipeline.look(frame)?)).collect()
-}
-
-/// Mean difference of two frames, grey values.
-fn difference(a: &RawFrame, b: &RawFrame) -> f64 {
-    let sum: u64 = a.bytes().iter().zip(b.bytes()).map(|(a, b)| u64::from(a.abs_diff(*b))).sum();
-    sum as f64 / a.bytes().len().max(1) as f64
 }
 
 fn ports() -> Vec<Listed> {
