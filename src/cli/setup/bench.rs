@@ -79,7 +79,7 @@ pub enum Outcome {
     Ports(Vec<Listed>),
     Controller(Controller),
     Cameras(Vec<Listed>),
-    Exposure(Exposure),
+    Exposure(FoundExposure),
     Empty(Empty),
     Home,
     Turn(Turn),
@@ -111,7 +111,7 @@ pub struct Controller {
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Exposure {
+pub struct FoundExposure {
     pub exposure_us: f64,
     /// Level of the brightest half per cent, 0 to 255.
     pub top: f64,

@@ -9,7 +9,7 @@
 //! `next` looks for the first thing that is missing. So an interrupted set-up goes on where it was, and a wrong value is corrected by
 //! removing it together with what follows from it.
 
-use super::bench::{Action, Bead, Bench, Controller, Empty, Exposure, Listed, Outcome, Request, Turn, Written};
+use super::bench::{Action, Bead, Bench, Controller, Empty, FoundExposure, Listed, Outcome, Request, Turn, Written};
 use super::draft::{Draft, shipped};
 use super::period::likely;
 use super::question::{Choice, Kind, Question, steps};
@@ -55,7 +55,7 @@ pub struct State {
     ports: Option<Vec<Listed>>,
     controller: Option<Controller>,
     cameras: Option<Vec<Listed>>,
-    exposure: Option<Exposure>,
+    exposure: Option<FoundExposure>,
     empty: Option<Empty>,
     is_home: bool,
     turn: Option<Turn>,

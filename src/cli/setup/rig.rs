@@ -1,6 +1,6 @@
 //! The real instrument behind [`Bench`]. Devices are open only while an action needs them.
 
-use super::bench::{Action, Bead, Bench, Controller, Empty, Exposure, Listed, Mark, Outcome, Request, Turn, Written};
+use super::bench::{Action, Bead, Bench, Controller, Empty, FoundExposure, Listed, Mark, Outcome, Request, Turn, Written};
 use super::period::orbit;
 use super::question::ratio_f64;
 use crate::cli::camera::{average, exposure};
@@ -107,17 +107,17 @@ impl RealBench {
         })
     }
 
-    fn exposure(&self, config: &Config) -> anyhow::Result<Exposure> {
+    fn exposure(&self, config: &Config) -> anyhow::Result<FoundExposure> {
         let settings = config.camera.aravis().context(NO_DEVICES)?;
         let (_, frames) = average::take(settings, 1)?;
         let first = frames.first().context("the camera gave no frame")?;
         self.show(&Picture::from_frame(first));
         match exposure::find(settings.clone(), exposure::TARGET) {
-            Ok(found) => Ok(Exposure { exposure_us: found.exposure_us, top: found.top, follows: true }),
+            Ok(found) => Ok(FoundExposure { exposure_us: found.exposure_us, top: found.top, follows: true }),
             Err(error) => {
                 let top = exposure::top(first);
                 ensure!(USABLE_TOP.contains(&top), "{}", told(&error));
-                Ok(Exposure { exposure_us: settings.exposure_us, top, follows: false })
+                Ok(FoundExposure { exposure_us: settings.exposure_us, top, follows: false })
             }
         }
     }
