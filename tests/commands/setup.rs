@@ -63,10 +63,10 @@ impl Bench {
     fn answers(&self, changes: &[(&str, &str)]) -> PathBuf {
         let usual = [
             ("name", "\"bench\"".to_owned()),
-            ("controller", format!("{:?}", self.rig.serial_path())),
+            ("controller", format!("{:?}", self.rig.serial_path().to_str().unwrap())),
             ("steps", "500".into()),
             ("camera", format!("\"{}\"", self.rig.camera_address())),
-            ("data_dir", format!("{:?}", self.path("data"))),
+            ("data_dir", format!("{:?}", self.path("data").to_str().unwrap())),
             ("empty", "\"yes\"".into()),
             ("bore_um", "650".into()),
             ("bead_um", format!("{BEAD_UM}")),
