@@ -72,7 +72,6 @@ impl Bench {
             ("bead_um", format!("{BEAD_UM}")),
             ("loaded", "\"yes\"".into()),
             ("motion", "\"yes\"".into()),
-            ("mark", "\"none\"".into()),
             ("sense", "\"down\"".into()),
         ];
         let changed = |key: &str| changes.iter().find(|(k, _)| *k == key).map(|(_, v)| (*v).to_owned());

@@ -51,8 +51,6 @@ pub struct Request<'a> {
     pub draft: &'a str,
     /// The port or address of [`Action::Identify`].
     pub controller: &'a str,
-    /// Where the person sees the dot of ink: near or far, top or bottom, left or right. `None` without a dot.
-    pub mark: Option<&'a str>,
     /// Whether an older configuration may be replaced.
     pub replaces: bool,
 }
@@ -141,17 +139,6 @@ pub struct Turn {
     pub orbit: Option<Orbit>,
     /// Pictures that show a bead, and all pictures.
     pub seen: [usize; 2],
-    /// What the dot of ink shows, or why it shows nothing. `None` where no dot was named.
-    pub mark: Option<Result<Mark, String>>,
-}
-
-/// What a dot of ink shows.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Mark {
-    /// The value for `acquisition.sense`.
-    pub sense: i8,
-    pub left_for_right: bool,
-    pub upside_down: bool,
 }
 
 /// A measured bead.
@@ -230,11 +217,7 @@ impl fmt::Display for Turn {
                 o.axis_px, o.radius_px, o.period_steps, self.commanded_steps
             )?;
         }
-        match &self.mark {
-            Some(Ok(mark)) => write!(f, " The dot of ink shows that the sense is {}.", mark.sense),
-            Some(Err(why)) => write!(f, " The dot of ink shows nothing: {why}."),
-            None => Ok(()),
-        }
+        Ok(())
     }
 }
 

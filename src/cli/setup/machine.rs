@@ -147,9 +147,8 @@ impl Machine {
             (missing("loaded"), self.ask("loaded")),
             (missing("motion"), self.ask("motion")),
             (!s.is_home && s.proof.is_none(), Step::Act(Action::Home)),
-            (missing("mark"), self.ask("mark")),
             (s.turn.is_none(), Step::Act(Action::Turn)),
-            (missing("sense") && !self.sense_is_measured(), self.ask("sense")),
+            (missing("sense"), self.ask("sense")),
             (s.bead.is_none(), Step::Act(Action::Measure)),
             (missing("ruler"), self.ask("ruler")),
             (s.proof.is_none(), Step::Act(Action::Measure)),
@@ -161,10 +160,6 @@ impl Machine {
 
     fn can_home(&self) -> bool {
         self.state.controller.as_ref().is_some_and(|c| ["grbl", "zaber", "tmcl"].contains(&c.driver.as_str()))
-    }
-
-    fn sense_is_measured(&self) -> bool {
-        matches!(&self.state.turn, Some(Turn { mark: Some(Ok(_)), .. }))
     }
 
     fn ask(&self, id: &'static str) -> Step {
@@ -229,11 +224,6 @@ impl Machine {
 
     /// As `words`, for the questions about what is in the capillary.
     fn words_of_specimens(&self, id: &str) -> (String, Kind, Option<String>) {
-        let corners = ["near", "far"].into_iter().flat_map(|depth| {
-            ["top", "bottom"].into_iter().flat_map(move |edge| ["left", "right"].map(|end| format!("{depth} {edge} {end}")))
-        });
-        let marks = std::iter::once(Choice::new("none", "There is no dot of ink on the glass"))
-            .chain(corners.map(|corner| Choice::new(corner.clone(), format!("The dot is {corner}"))));
         match id {
             "empty" => ("Flush the capillary, so that it is empty and full of water. Is it empty?".into(), Kind::Confirm, None),
             "bore_um" => (
@@ -249,13 +239,6 @@ impl Machine {
                     .into(),
                 Kind::Confirm,
                 None,
-            ),
-            "mark" => (
-                "The motors are at rest. Look from the position of the camera. Where is the dot of ink on the outside of the glass: near or \
-                 far, top or bottom, left or right?"
-                    .into(),
-                Kind::Choice { options: marks.collect(), open: false },
-                Some("none".into()),
             ),
             "sense" => (
                 "While the capillary turned forwards, did its near side go down or up in the picture? A wrong answer makes the models mirror \
@@ -361,7 +344,7 @@ impl Machine {
         }
         if !["name", "data_dir", "bore_um", "bead_um", "tolerance_percent", "sense", "ruler"].contains(&id) {
             s.turn = None;
-            s.is_home &= id == "mark";
+            s.is_home = false;
         }
         if !["name", "data_dir", "bead_um", "tolerance_percent", "sense", "ruler"].contains(&id) {
             s.bead = None;
@@ -388,13 +371,7 @@ impl Machine {
 
     /// The answers that an action needs.
     pub fn request<'a>(&'a self, action: Action, draft: &'a str) -> Request<'a> {
-        Request {
-            action,
-            draft,
-            controller: self.answered("controller").unwrap_or_default(),
-            mark: self.answered("mark").filter(|mark| *mark != "none"),
-            replaces: self.answered(REPLACE).is_some(),
-        }
+        Request { action, draft, controller: self.answered("controller").unwrap_or_default(), replaces: self.answered(REPLACE).is_some() }
     }
 
     /// Takes the result of an action.
@@ -460,18 +437,7 @@ impl Machine {
                             and hold the capillary. Let the bead rest on the glass: one on the axis does not show the turn";
                 self.again("loaded", text.into(), None);
             }
-            Some(_) => {
-                if let Some(Err(why)) = &turn.mark {
-                    let why = why.clone();
-                    self.again("mark", format!("The dot of ink does not show the sense of rotation: {why}"), None);
-                } else if let Some(Ok(mark)) = turn.mark
-                    && mark.left_for_right != mark.upside_down
-                {
-                    let text = "The picture is a mirror image. Turn the camera's mirroring off (its feature ReverseX or ReverseY), or remove one \
-                                mirror in front of it. Then say again where the dot is";
-                    self.again("mark", text.into(), None);
-                }
-            }
+            Some(_) => {}
         }
     }
 
@@ -595,9 +561,6 @@ impl Machine {
     }
 
     fn sense(&self) -> Option<i8> {
-        if let Some(Turn { mark: Some(Ok(mark)), .. }) = &self.state.turn {
-            return Some(mark.sense);
-        }
         Some(if self.answered("sense")? == "up" { -1 } else { 1 })
     }
 
@@ -615,7 +578,7 @@ impl Machine {
             proof.volume_um3,
             PI / 6.0 * stated.powi(3)
         );
-        if !self.sense_is_measured() && self.answered("sense") == Some("unknown") {
+        if self.answered("sense") == Some("unknown") {
             text += "The sense of rotation is not measured: models may be mirror images. Measure it with carved calibrate marked.\n";
         }
         for word in [out_of_focus(proof)].iter().filter(|word| !word.is_empty()) {

@@ -1,6 +1,6 @@
 //! The real instrument behind [`Bench`]. Devices are open only while an action needs them.
 
-use super::bench::{Action, Bead, Bench, Controller, Empty, FoundExposure, Listed, Mark, Outcome, Request, Turn, Written};
+use super::bench::{Action, Bead, Bench, Controller, Empty, FoundExposure, Listed, Outcome, Request, Turn, Written};
 use super::period::orbit;
 use super::question::ratio_f64;
 use crate::cli::camera::{average, exposure};
@@ -10,10 +10,9 @@ use crate::cli::told;
 use crate::config::Config;
 use crate::session::live;
 use anyhow::{Context, bail, ensure};
-use carved_core::calibration::mark::{Depth, Edge, End, MarkSighting, MarkView, judge, track};
 use carved_core::frame::RawFrame;
 use carved_core::pipeline::{Pipeline, SegmentedFrame};
-use carved_core::profile::{EmptyCapillary, Moving, Picture};
+use carved_core::profile::{EmptyCapillary, Picture};
 use carved_core::units::StepsPerRevolution;
 use carved_devices::acquisition::{Next, RevolutionPlan, revolve};
 use carved_devices::cancel::CancelToken;
@@ -28,7 +27,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 const BAUD: u32 = 115_200;
 /// Frames in the mean of the empty capillary.
 const FRAMES: u32 = 8;
-/// Views of a turn while its steps are measured; a dot of ink needs 8.
+/// Views of a turn while its steps are measured.
 const VIEWS: u32 = 16;
 /// Views in the first part of the turn, so that a turn of few steps is not taken for one of many.
 const FINE_VIEWS: u32 = 8;
@@ -101,7 +100,7 @@ impl RealBench {
                 self.with_rig(&config, |_| Ok(()))?;
                 Outcome::Home
             }
-            Action::Turn => Outcome::Turn(self.turn(&config, request.mark)?),
+            Action::Turn => Outcome::Turn(self.turn(&config)?),
             Action::Measure => Outcome::Bead(self.measure(&config)?),
             Action::Write => Outcome::Written(self.write(request)?),
         })
@@ -168,7 +167,7 @@ impl RealBench {
         Ok(views)
     }
 
-    fn turn(&self, config: &Config, mark: Option<&str>) -> anyhow::Result<Turn> {
+    fn turn(&self, config: &Config) -> anyhow::Result<Turn> {
         let per_turn = config.steps_per_revolution;
         let [num, den] = <[u32; 2]>::from(per_turn);
         let part = |num: u64, den: u64, views: u32| -> anyhow::Result<RevolutionPlan> {
@@ -188,13 +187,7 @@ impl RealBench {
         let places: Vec<[f64; 2]> =
             all.iter().zip(&looked).filter_map(|((entry, _), seen)| Some([entry.achieved_steps.0 as f64, row(seen)?[1]])).collect();
         let commanded_steps = ratio_f64(per_turn);
-        let one_turn = &views[..=VIEWS as usize];
-        Ok(Turn {
-            commanded_steps,
-            orbit: orbit(&places, commanded_steps),
-            seen: [places.len(), all.len()],
-            mark: mark.map(|said| self::mark(config, one_turn, said).map_err(|error| told(&error))),
-        })
+        Ok(Turn { commanded_steps, orbit: orbit(&places, commanded_steps), seen: [places.len(), all.len()] })
     }
 
     fn measure(&self, config: &Config) -> anyhow::Result<Bead> {
@@ -336,32 +329,6 @@ fn controller(named: &str) -> anyhow::Result<Controller> {
         ),
     };
     Ok(Controller { driver, name, keys, homes, remark })
-}
-
-/// What a dot of ink shows, seen by a person at the first view.
-fn mark(config: &Config, views: &[(LedgerEntry, RawFrame)], said: &str) -> anyhow::Result<Mark> {
-    let word = |word: &str| said.split(' ').any(|part| part == word);
-    let sighting = MarkSighting {
-        depth: if word("near") { Depth::Near } else { Depth::Far },
-        edge: if word("top") { Edge::Top } else { Edge::Bottom },
-        end: if word("left") { End::Left } else { End::Right },
-    };
-    let moving = Moving::new(views.iter().map(|(_, frame)| Picture::from_frame(frame)))?;
-    let walls = moving.walls(&method(config)?.segment.walls)?;
-    let spots = moving.spots();
-    let omega = |entry: &LedgerEntry| config.acquisition.sense.omega(entry.achieved_steps, config.steps_per_revolution);
-    let all: Vec<MarkView> = views.iter().zip(&spots).map(|((entry, _), spots)| MarkView { omega: omega(entry), spots }).collect();
-    let (last, turn) = all.split_last().context("0 views; a turn is expected")?;
-    let glass = |u: f64| {
-        let (upper, lower) = (walls.upper.outer.at(u), walls.lower.outer.at(u));
-        [f64::midpoint(upper, lower), (lower - upper) / 2.0]
-    };
-    let found = track(turn, glass)?;
-    let closure = found.nearest(&turn[0]).zip(found.nearest(last)).map(|(a, b)| (a.u_px - b.u_px).hypot(a.v_px - b.v_px));
-    let verdict = judge(&found, &config.optics, turn[0].omega, sighting, closure)?;
-    let sense = i8::from(config.acquisition.sense);
-    let sense = if verdict.sense_agrees { sense } else { -sense };
-    Ok(Mark { sense, left_for_right: verdict.left_for_right, upside_down: verdict.upside_down })
 }
 
 /// Reads a stored state. `None` if there is none.
