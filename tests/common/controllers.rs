@@ -21,5 +21,6 @@ pub fn grbl(port: Port, reference: Reference) -> GrblSettings {
         dialect: Dialect::Auto,
         answer_timeout_ms: 2000,
         homing_timeout_ms: 60_000,
+        outputs: std::collections::BTreeMap::new(),
     }
 }

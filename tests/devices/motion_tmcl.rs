@@ -40,6 +40,7 @@ pub fn settings_at(port: Port) -> TmclSettings {
         reference: Reference::Home,
         answer_timeout_ms: 200,
         homing_timeout_ms: 30_000,
+        outputs: std::collections::BTreeMap::new(),
     }
 }
 

@@ -27,6 +27,7 @@ fn settings(rig: &Rig) -> ZaberSettings {
         reference: Reference::Home,
         answer_timeout_ms: 200,
         homing_timeout_ms: 30_000,
+        outputs: std::collections::BTreeMap::new(),
     }
 }
 

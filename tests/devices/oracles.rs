@@ -92,6 +92,7 @@ fn a_module_of_pytrinamics_frames_understands_the_driver() {
         // The module is another process on a machine that may be busy.
         answer_timeout_ms: 5000,
         homing_timeout_ms: 5000,
+        outputs: std::collections::BTreeMap::new(),
         ..motion_tmcl::settings_at(Port::Path(port))
     };
     let mut axis = Tmcl::open(settings).unwrap();

@@ -81,6 +81,12 @@ pub enum DeviceError {
     /// The axis along the capillary refuses or has lost its position.
     #[error("translation axis: {why}. Reference the axes again")]
     Translation { why: String },
+    /// An output of the controller, such as that of the light, does not switch.
+    #[error(
+        "{device}: the output {name:?} was not switched {}: {why}. Check its pin in the configuration, and what is wired to it",
+        if *on { "on" } else { "off" }
+    )]
+    Output { device: &'static str, name: String, on: bool, why: String },
     /// A stop was requested.
     #[error("rotation axis: stopped")]
     Stopped,

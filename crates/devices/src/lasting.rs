@@ -9,6 +9,7 @@
 
 use super::{Achieved, Capabilities, DeviceError, LinearAxis, Position, RotationAxis, SpecimenInput, StopHandle};
 use crate::cancel::CancelToken;
+use crate::outputs::Outputs;
 use carved_core::units::Steps;
 
 type Open = Box<dyn FnMut() -> Result<Box<dyn RotationAxis>, DeviceError> + Send>;
@@ -100,6 +101,10 @@ impl RotationAxis for Lasting {
 
     fn specimen_input(&mut self) -> Option<&mut dyn SpecimenInput> {
         self.axis.as_mut()?.specimen_input()
+    }
+
+    fn outputs(&mut self) -> Option<&mut dyn Outputs> {
+        self.axis.as_mut()?.outputs()
     }
 
     /// Opens a lost axis again, and closes one that does not answer.

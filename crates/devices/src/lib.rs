@@ -3,7 +3,8 @@
 //! ```text
 //!             ┌─ RotationAxis ── (Watched) ── Lasting ── one_sided ── Grbl, Tmcl, Zaber, VastBridge, Relay ── link ── serial port, TCP
 //! acquisition ┤     ├─ LinearAxis      a second axis of the same controller
-//!             │     └─ SpecimenInput   the sampler's two wires at the same controller ◄── TriggerSampler
+//!             │     ├─ SpecimenInput   the sampler's two wires at the same controller ◄── TriggerSampler
+//!             │     └─ Outputs         light and valves at the same controller
 //!             └─ Camera ──────── AravisCamera ── libaravis ── GigE Vision
 //!
 //! any thread ── StopHandle ──► the stop on the wire, also while a move is waited for
@@ -16,6 +17,7 @@
 pub mod acquisition;
 pub mod camera;
 pub mod cancel;
+pub mod outputs;
 pub mod rotation;
 pub mod sampler;
 #[cfg(any(test, feature = "testing"))]
@@ -33,6 +35,7 @@ pub use lasting::Lasting;
 pub use rig::Rig;
 
 use crate::cancel::CancelToken;
+use crate::outputs::Outputs;
 use carved_core::frame::RawFrame;
 use carved_core::units::Steps;
 use std::time::Duration;
@@ -89,7 +92,7 @@ pub struct Capabilities {
 /// The axis that turns the capillary.
 ///
 /// Only functions that most axes do not have come with a default: the list of stops (`announce`, `let_go`), a second axis, a
-/// wire from the sampler. A wrapper must forward all of them.
+/// wire from the sampler, outputs. A wrapper must forward all of them.
 pub trait RotationAxis: Send {
     /// Name and version of the controller, for the record. It may become longer once a controller could be asked.
     fn identity(&self) -> &str;
@@ -129,6 +132,10 @@ pub trait RotationAxis: Send {
     }
     /// The input that tells whether a specimen is in the capillary, if it is wired to this controller.
     fn specimen_input(&mut self) -> Option<&mut dyn SpecimenInput> {
+        None
+    }
+    /// The outputs of this controller, if any are configured. `None` also while the controller is lost.
+    fn outputs(&mut self) -> Option<&mut dyn Outputs> {
         None
     }
     /// Asks the controller whether it is there, between runs and while a run is held. Nothing moves. A stopped controller is asked

@@ -41,6 +41,8 @@ pub(super) struct Link {
     reader: Transport,
     /// Received bytes that were not read yet.
     pending: Vec<u8>,
+    /// Requests pass a latched stop.
+    passes_latch: bool,
     transmitter: Arc<Transmitter>,
 }
 
@@ -179,7 +181,7 @@ impl Link {
         })?;
         let state = Mutex::new(State { transport: Some(twin), latched: false, moving: false });
         let transmitter = Transmitter { device, stop, state };
-        Ok(Self { device, reader, pending: Vec::new(), transmitter: Arc::new(transmitter) })
+        Ok(Self { device, reader, pending: Vec::new(), passes_latch: false, transmitter: Arc::new(transmitter) })
     }
 
     pub fn stopper(&self) -> Stopper {
@@ -189,10 +191,20 @@ impl Link {
     /// Sends bytes, unless the stop is latched.
     pub fn send(&mut self, bytes: &[u8]) -> Result<(), DeviceError> {
         let mut state = self.transmitter.lock();
-        if state.latched {
+        if state.latched && !self.passes_latch {
             return Err(DeviceError::Stopped);
         }
         self.transmitter.write(&mut state, bytes)
+    }
+
+    /// Lets requests pass a latched stop, or not. Only for requests that move nothing: a light is switched off after a stop too.
+    pub fn pass_latch(&mut self, passes: bool) {
+        self.passes_latch = passes;
+    }
+
+    /// Whether a stop is latched that ends requests.
+    fn is_ended(&self) -> bool {
+        self.is_stopped() && !self.passes_latch
     }
 
     /// Stops the motor without latching, as the owner's reaction to a fault.
@@ -268,7 +280,7 @@ impl Link {
     fn await_some<T>(&mut self, until: Instant, mut take: impl FnMut(&mut Self) -> Option<T>) -> Result<Option<T>, DeviceError> {
         loop {
             // Checked first: an answer that comes after a stop is of no use to the request that the stop has ended.
-            if self.transmitter.lock().latched {
+            if self.is_ended() {
                 return Err(DeviceError::Stopped);
             }
             if let Some(taken) = take(self) {
@@ -284,7 +296,7 @@ impl Link {
 
     /// A line that has already arrived; `None` without one. Does not wait.
     pub fn line_now(&mut self) -> Result<Option<String>, DeviceError> {
-        if self.transmitter.lock().latched {
+        if self.is_ended() {
             return Err(DeviceError::Stopped);
         }
         self.receive(Duration::ZERO)?;

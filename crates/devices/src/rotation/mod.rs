@@ -24,11 +24,11 @@ mod transport;
 mod zaber;
 
 pub use bridge::{VastBridge, VastBridgeSettings};
-pub use grbl::{AxisLetter, Dialect, Grbl, GrblSettings, TranslationSettings};
+pub use grbl::{AxisLetter, Dialect, Grbl, GrblPin, GrblSettings, TranslationSettings};
 pub use identify::{Answer, identify};
 pub use one_sided::{OneSided, one_sided};
 pub use port::{Port, UsbAdapter, list as serial_ports};
 pub use reference::Reference;
 pub use relay::{Relay, RelaySettings};
-pub use tmcl::{ClockDivisors, Tmcl, TmclSettings};
-pub use zaber::{Zaber, ZaberSettings};
+pub use tmcl::{ClockDivisors, Tmcl, TmclPin, TmclSettings};
+pub use zaber::{Zaber, ZaberPin, ZaberSettings};

@@ -8,6 +8,7 @@
 //! This wraps any driver. The play of the gear is then always on the same side, and the angles between views are right.
 
 use crate::cancel::CancelToken;
+use crate::outputs::Outputs;
 use crate::{Achieved, Capabilities, DeviceError, LinearAxis, Position, RotationAxis, SpecimenInput, StopHandle};
 use carved_core::units::Steps;
 
@@ -80,6 +81,10 @@ impl RotationAxis for OneSided {
 
     fn specimen_input(&mut self) -> Option<&mut dyn SpecimenInput> {
         self.axis.specimen_input()
+    }
+
+    fn outputs(&mut self) -> Option<&mut dyn Outputs> {
+        self.axis.outputs()
     }
 
     fn position(&self) -> Position {

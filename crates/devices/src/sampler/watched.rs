@@ -9,6 +9,7 @@
 use super::trigger::{POLL, gone};
 use crate::cancel::CancelToken;
 use crate::clock::Clock;
+use crate::outputs::Outputs;
 use crate::{Achieved, Capabilities, DeviceError, LinearAxis, Position, RotationAxis, SpecimenInput, StopHandle};
 use carved_core::units::Steps;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -89,6 +90,10 @@ impl RotationAxis for Watched {
 
     fn specimen_input(&mut self) -> Option<&mut dyn SpecimenInput> {
         self.axis.specimen_input()
+    }
+
+    fn outputs(&mut self) -> Option<&mut dyn Outputs> {
+        self.axis.outputs()
     }
 
     fn check(&mut self) -> Result<(), DeviceError> {

@@ -2,7 +2,7 @@
 
 use super::geometry::Geometry;
 use super::report::Line;
-use super::{DEVICE, Grbl, Reference};
+use super::{DEVICE, Grbl, GrblPin, Reference};
 use crate::{DeviceError, Difference};
 use std::collections::BTreeMap;
 
@@ -17,6 +17,8 @@ const KEPT_POWERED: u16 = 37;
 const STATUS_MASK: u16 = 10;
 const INCHES: u16 = 13;
 const HOMING: u16 = 22;
+const LASER_MODE: u16 = 32;
+pub(super) const FULL_SPEED: u16 = 30;
 const HOMING_DIRECTIONS: u16 = 23;
 const PULL_OFF: u16 = 27;
 const STEPS_PER_UNIT: u16 = 100;
@@ -76,6 +78,10 @@ impl Grbl {
         hold(INCHES, "report in inches", "0".into(), &|inches| inches == 0.0);
         if self.settings.reference == Reference::Home || self.slide.is_some() {
             hold(HOMING, "homing", "on (odd)".into(), &|homing| homing as u32 & 1 == 1);
+        }
+        if self.settings.outputs.values().any(|output| output.pin == GrblPin::Spindle) {
+            hold(LASER_MODE, "laser mode", "0: in laser mode the spindle output is off unless a G1 is executed".into(), &|mode| mode == 0.0);
+            hold(FULL_SPEED, "spindle speed at full output", "more than 0".into(), &|speed| speed > 0.0);
         }
         for axis in self.axes() {
             let n = axis.letter.index();

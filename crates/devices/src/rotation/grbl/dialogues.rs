@@ -1,5 +1,6 @@
 //! Tests with a scripted controller: the exact bytes that the driver sends, and its reaction to each answer.
 
+use std::collections::BTreeMap;
 use super::*;
 use crate::cancel::CancelToken;
 use proptest::prelude::*;
@@ -61,6 +62,7 @@ fn settings(port: &str) -> GrblSettings {
         dialect: Dialect::Auto,
         answer_timeout_ms: 400,
         homing_timeout_ms: 400,
+        outputs: BTreeMap::new(),
     }
 }
 

@@ -25,18 +25,20 @@ mod agree;
 mod geometry;
 mod intervention;
 mod linear;
+mod outputs;
 mod report;
 mod settings;
 mod specimen;
 mod talk;
 
 pub use linear::TranslationSettings;
-pub use settings::{AxisLetter, Dialect, GrblSettings};
+pub use settings::{AxisLetter, Dialect, GrblPin, GrblSettings};
 
 use super::Reference;
 use super::knowledge::Knowledge;
 use super::link::{Link, Stop};
 use crate::cancel::CancelToken;
+use crate::outputs::{Bank, Outputs};
 use crate::{Achieved, Capabilities, DeviceError, Position, RotationAxis, StopHandle};
 use agree::ControllerSettings;
 use carved_core::units::Steps;
@@ -81,6 +83,7 @@ pub struct Grbl {
     slide: Option<Slide>,
     /// Its settings when they were last equal to the configuration.
     controller_settings: ControllerSettings,
+    outputs: Bank<GrblPin>,
 }
 
 impl Grbl {
@@ -105,8 +108,10 @@ impl Grbl {
             translation.check()?;
         }
         let link = Link::serial(DEVICE, &settings.port, settings.baud, Stop::of(STOP))?;
+        let outputs = Bank::new(&settings.outputs);
         let mut grbl = Self {
             link,
+            outputs,
             settings,
             identity: "Grbl controller whose version was not read yet".into(),
             is_identified: false,
@@ -195,6 +200,7 @@ impl Grbl {
             self.link.halt();
         }
         self.link.set_moving(false);
+        self.outputs.forget();
         if let Some(slide) = &mut self.slide {
             slide.knowledge.doubt(error);
         }
@@ -342,6 +348,10 @@ impl RotationAxis for Grbl {
         Some(self)
     }
 
+    fn outputs(&mut self) -> Option<&mut dyn Outputs> {
+        if self.outputs.is_empty() { None } else { Some(self) }
+    }
+
     fn position(&self) -> Position {
         self.knowledge.position()
     }
@@ -357,6 +367,9 @@ impl Drop for Grbl {
     fn drop(&mut self) {
         if self.link.is_moving() {
             self.link.halt();
+        }
+        for name in self.outputs.left_on() {
+            let _switched = self.switch(&name, false);
         }
     }
 }

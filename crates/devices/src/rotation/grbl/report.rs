@@ -171,6 +171,7 @@ pub(super) fn error_text(number: u16) -> String {
         9 => "locked by an alarm",
         11 => "the line was too long",
         15 => "the target is beyond the soft limits",
+        20 => "this build of the firmware does not have the command; Grbl has M7 only if it was built with ENABLE_M7",
         _ => "see Grbl's list of errors",
     };
     format!("error:{number} ({meaning})")

@@ -1,9 +1,10 @@
 //! The `[rotation]` table of a Grbl controller.
 
 use crate::DeviceError;
+use crate::outputs::{self, OutputSettings, OutputTable, SETTLE_MOST_MS};
 use crate::rotation::{Port, Reference};
 use crate::setting::{ANSWER_MOST_MS, BAUD_LEAST, BAUD_MOST, HOMING_MOST_MS, in_range};
-use carved_core::range::{Range, Ranged};
+use carved_core::range::{OutOfRange, Range, Ranged};
 use carved_core::ranges;
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
@@ -41,6 +42,26 @@ pub struct GrblSettings {
     #[serde(default = "default_homing_timeout_ms")]
     #[cfg_attr(feature = "schema", schemars(extend("x-level" = "expert")))]
     pub homing_timeout_ms: u32,
+    /// Outputs that switch a light or a valve, by name: lower-case letters, digits and `_`.
+    #[serde(default, skip_serializing_if = "OutputTable::is_empty")]
+    pub outputs: OutputTable<GrblPin>,
+}
+
+/// An output of a Grbl controller.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "snake_case")]
+pub enum GrblPin {
+    /// M7. Grbl 1.1 has it only if it was built with `ENABLE_M7`.
+    MistCoolant,
+    /// M8. Not with a sampler on wires, whose output "the specimen is done" it is.
+    FloodCoolant,
+    /// M3 at full speed (`$30`), and M5. Laser mode (`$32`) must be off.
+    Spindle,
+}
+
+impl Ranged for OutputSettings<GrblPin> {
+    const RANGES: &'static [Range<Self>] = ranges![settle_ms: 0.0, SETTLE_MOST_MS, "ms";];
 }
 
 fn default_baud() -> u32 {
@@ -111,6 +132,10 @@ impl Ranged for GrblSettings {
         answer_timeout_ms: 1.0, ANSWER_MOST_MS, "ms";
         homing_timeout_ms: 1.0, HOMING_MOST_MS, "ms";
     ];
+
+    fn outside_below(&self) -> Vec<OutOfRange> {
+        outputs::outside(&self.outputs)
+    }
 }
 
 impl GrblSettings {
@@ -120,6 +145,7 @@ impl GrblSettings {
     /// The first value that is out of range.
     pub fn check(&self) -> Result<(), DeviceError> {
         in_range(super::DEVICE, self)?;
+        outputs::check(super::DEVICE, &self.outputs)?;
         let [num, den] = self.steps_per_unit;
         if f64::from(num) / f64::from(den) > MOST_STEPS_PER_UNIT {
             let (name, found) = ("steps_per_unit".into(), format!("[{num}, {den}]"));

@@ -7,7 +7,7 @@
 //! Neither has another use here: nothing probes, and nothing cools. While a person holds the controller it is not reset, and no
 //! output is switched, because the command would be executed at the end of the hold.
 
-use super::Grbl;
+use super::{Grbl, GrblPin};
 use super::report::State;
 use crate::cancel::CancelToken;
 use crate::{DeviceError, SpecimenInput};
@@ -66,7 +66,10 @@ impl SpecimenInput for Grbl {
         let line = if done { "M8" } else { "M9" };
         self.alive(|grbl| {
             grbl.is_free()?;
-            grbl.code(line)
+            // M9 switches both coolant outputs off.
+            let mist = grbl.outputs.is_on(GrblPin::MistCoolant);
+            grbl.code(line)?;
+            if mist && !done { grbl.code("M7") } else { Ok(()) }
         })
     }
 }

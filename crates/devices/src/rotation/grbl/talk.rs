@@ -35,6 +35,7 @@ impl Grbl {
     pub(super) fn wake(&mut self) -> Result<String, DeviceError> {
         for _ in 0..WAKE_ATTEMPTS {
             self.link.send(SOFT_RESET)?;
+            self.outputs.forget();
             let until = Instant::now() + WAKE_WAIT;
             while let Some(text) = self.link.line(until)? {
                 let greeting = match Line::parse(&text) {
@@ -155,7 +156,7 @@ impl Grbl {
     }
 
     /// A report of a controller that no person holds. An intervention must be read twice.
-    fn free_status(&mut self) -> Result<Status, DeviceError> {
+    pub(super) fn free_status(&mut self) -> Result<Status, DeviceError> {
         let status = self.status()?;
         if intervention::of(&status, true).is_none() {
             return Ok(status);

@@ -2,6 +2,7 @@
 
 #![allow(clippy::decimal_bitwise_operands, reason = "the tests flip bits of positions")]
 
+use std::collections::BTreeMap;
 use super::frame::BYTES;
 use super::*;
 use crate::rotation::Port;
@@ -29,6 +30,7 @@ fn settings(port: &str) -> TmclSettings {
         reference: Reference::Here,
         answer_timeout_ms: 1000,
         homing_timeout_ms: 5000,
+        outputs: BTreeMap::new(),
     }
 }
 

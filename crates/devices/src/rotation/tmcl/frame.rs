@@ -16,6 +16,8 @@ mod command {
     pub const SET_GLOBAL: u8 = 9;
     pub const GET_GLOBAL: u8 = 10;
     pub const SEARCH: u8 = 13;
+    pub const SET_OUTPUT: u8 = 14;
+    pub const GET_OUTPUT: u8 = 15;
     pub const VERSION: u8 = 136;
 }
 
@@ -37,6 +39,9 @@ pub(super) mod parameter {
 /// The bank of the user variables, and the last one of them. It is in RAM, so it is 0 after a reset.
 const USER_BANK: u8 = 2;
 const MARK: u8 = 55;
+
+/// The bank of the digital outputs, in `SIO` and `GIO`.
+const OUTPUT_BANK: u8 = 2;
 
 /// A request to the module.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -85,6 +90,16 @@ impl Request {
     /// Asks for type and version as numbers. The other variant of this command answers in letters without a checksum.
     pub fn version() -> Self {
         Self::new(command::VERSION, 1, 0, 0)
+    }
+
+    /// `SIO`: switches a digital output.
+    pub fn set_output(port: u8, on: bool) -> Self {
+        Self::new(command::SET_OUTPUT, port, OUTPUT_BANK, on.into())
+    }
+
+    /// `GIO`: reads a digital output back, 0 or 1.
+    pub fn output(port: u8) -> Self {
+        Self::new(command::GET_OUTPUT, port, OUTPUT_BANK, 0)
     }
 
     pub fn set_mark(mark: i32) -> Self {

@@ -28,12 +28,13 @@ mod settings;
 mod travel;
 mod wire;
 
-pub use settings::{ClockDivisors, TmclSettings};
+pub use settings::{ClockDivisors, TmclPin, TmclSettings};
 
 use super::Reference;
 use super::knowledge::Knowledge;
 use super::link::{Link, Stop};
 use crate::cancel::CancelToken;
+use crate::outputs::{Bank, OutputStatus, Outputs};
 use crate::{Achieved, Capabilities, DeviceError, Difference, Position, RotationAxis, StopHandle};
 use carved_core::units::Steps;
 use frame::{Request, Version, parameter, stop_pieces};
@@ -54,6 +55,7 @@ pub struct Tmcl {
     in_flight: bool,
     /// Too much skew was reported, and no reference was found since.
     skew_reported: bool,
+    outputs: Bank<TmclPin>,
 }
 
 impl Tmcl {
@@ -70,7 +72,8 @@ impl Tmcl {
         let version = Version::of(version);
         let identity = format!("TMCM-{} {}", version.module, version.firmware());
         let knowledge = Knowledge::none_of("rotation axis");
-        let mut tmcl = Self { wire, settings, identity, knowledge, mark: 0, in_flight: false, skew_reported: false };
+        let outputs = Bank::new(&settings.outputs);
+        let mut tmcl = Self { wire, settings, identity, knowledge, mark: 0, in_flight: false, skew_reported: false, outputs };
         tmcl.compare_settings()?;
         tracing::info!(identity = tmcl.identity, port = %tmcl.settings.port, "rotation axis opened");
         Ok(tmcl)
@@ -132,6 +135,7 @@ impl Tmcl {
             self.wire.halt();
             self.in_flight = false;
         }
+        self.outputs.forget();
         self.skew_reported |= matches!(error, DeviceError::Skew { .. });
         self.knowledge.doubt(error);
     }
@@ -182,7 +186,18 @@ impl RotationAxis for Tmcl {
         if self.wire.is_stopped() {
             return self.wire.sign_of_life();
         }
-        self.wire.ask(Request::get(parameter::ACTUAL_POSITION, self.settings.motors[0])).map(|_position| ())
+        self.wire.ask(Request::get(parameter::ACTUAL_POSITION, self.settings.motors[0]))?;
+        // A module that was reset says nothing, and has switched its outputs off.
+        for TmclPin(port) in self.outputs.pins_on() {
+            if self.wire.ask(Request::output(port))? != 1 {
+                self.outputs.forget();
+            }
+        }
+        Ok(())
+    }
+
+    fn outputs(&mut self) -> Option<&mut dyn Outputs> {
+        if self.outputs.is_empty() { None } else { Some(self) }
     }
 
     fn position(&self) -> Position {
@@ -195,10 +210,36 @@ impl RotationAxis for Tmcl {
     }
 }
 
+impl Outputs for Tmcl {
+    fn statuses(&self) -> Vec<OutputStatus> {
+        self.outputs.statuses()
+    }
+
+    /// `SIO`, and `GIO` for proof. A module that was reset has switched all outputs off; the reference finds that out by the mark.
+    fn switch(&mut self, name: &str, on: bool) -> Result<(), DeviceError> {
+        let TmclPin(port) = self.outputs.pin(DEVICE, name)?;
+        self.wire.pass_latch(!on);
+        let answers = self.wire.ask_all([Request::set_output(port, on), Request::output(port)]);
+        self.wire.pass_latch(false);
+        let switched = match answers.map(|answers| answers.values[1]) {
+            Ok(found) if found == i32::from(on) => Ok(()),
+            Ok(found) => {
+                let expected = format!("output {port} to read {}", u8::from(on));
+                Err(DeviceError::Unexpected { device: DEVICE, expected, found: found.to_string() })
+            }
+            Err(error) => Err(error),
+        };
+        self.outputs.note(DEVICE, name, on, switched)
+    }
+}
+
 impl Drop for Tmcl {
     fn drop(&mut self) {
         if self.in_flight {
             self.wire.halt();
+        }
+        for name in self.outputs.left_on() {
+            let _switched = self.switch(&name, false);
         }
     }
 }

@@ -1,6 +1,7 @@
 //! The `[rotation]` table of a Trinamic module with a pair of motors.
 
 use crate::DeviceError;
+use crate::outputs::{self, OutputSettings, OutputTable, SETTLE_MOST_MS};
 use crate::rotation::knowledge::travel_time;
 use crate::rotation::{Port, Reference};
 use crate::setting::{ANSWER_MOST_MS, BAUD_LEAST, BAUD_MOST, HOMING_MOST_MS, in_range};
@@ -53,6 +54,28 @@ pub struct TmclSettings {
     #[serde(default = "default_homing_timeout_ms")]
     #[cfg_attr(feature = "schema", schemars(extend("x-level" = "expert")))]
     pub homing_timeout_ms: u32,
+    /// Outputs that switch a light or a valve, by name: lower-case letters, digits and `_`.
+    #[serde(default, skip_serializing_if = "OutputTable::is_empty")]
+    pub outputs: OutputTable<TmclPin>,
+}
+
+/// The number of a digital output in bank 2 (`SIO`, `GIO`): 0 is `OUT_0`. The modules have up to 8; a module refuses one that it lacks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(transparent)]
+pub struct TmclPin(pub u8);
+
+impl carved_core::range::Numbers for TmclPin {
+    fn numbers(&self) -> Vec<f64> {
+        vec![self.0.into()]
+    }
+}
+
+impl Ranged for OutputSettings<TmclPin> {
+    const RANGES: &'static [Range<Self>] = ranges![
+        pin: 0.0, 7.0, "(number of the output)";
+        settle_ms: 0.0, SETTLE_MOST_MS, "ms";
+    ];
 }
 
 /// The divisors of the 16 MHz clock in a module of the TMC428/429 family.
@@ -118,7 +141,8 @@ impl Ranged for TmclSettings {
     ];
 
     fn outside_below(&self) -> Vec<OutOfRange> {
-        self.clock_divisors.iter().flat_map(|divisors| outside_in("clock_divisors", divisors)).collect()
+        let divisors = self.clock_divisors.iter().flat_map(|divisors| outside_in("clock_divisors", divisors));
+        divisors.chain(outputs::outside(&self.outputs)).collect()
     }
 }
 
@@ -136,6 +160,7 @@ impl TmclSettings {
     /// The first value that is out of range, or a skew that one motor exceeds before both can be started.
     pub fn check(&self) -> Result<(), DeviceError> {
         in_range(super::DEVICE, self)?;
+        outputs::check(super::DEVICE, &self.outputs)?;
         let bad = |name: &str, found, rule| Err(DeviceError::Setting { device: super::DEVICE, name: name.into(), found, rule });
         if self.motors[0] == self.motors[1] {
             return bad("motors", format!("{:?}", self.motors), "each end of the capillary has its own motor".into());

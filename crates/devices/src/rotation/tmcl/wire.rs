@@ -100,6 +100,10 @@ impl Wire {
         self.link.release(cancel)
     }
 
+    pub fn pass_latch(&mut self, passes: bool) {
+        self.link.pass_latch(passes);
+    }
+
     pub fn halt(&mut self) {
         self.link.halt();
     }

@@ -19,12 +19,13 @@ mod packet;
 mod settings;
 mod wire;
 
-pub use settings::ZaberSettings;
+pub use settings::{ZaberPin, ZaberSettings};
 
 use super::Reference;
 use super::knowledge::Knowledge;
 use super::link::{Link, Stop};
 use crate::cancel::CancelToken;
+use crate::outputs::{Bank, OutputStatus, Outputs};
 use crate::{Achieved, Capabilities, DeviceError, Difference, Position, RotationAxis, StopHandle};
 use carved_core::units::Steps;
 use packet::Reply;
@@ -51,6 +52,7 @@ pub struct Zaber {
     flags: Vec<String>,
     /// Flags of an intervention that were reported, or that this program's own stop has set.
     reported: Vec<String>,
+    outputs: Bank<ZaberPin>,
 }
 
 impl Zaber {
@@ -64,7 +66,9 @@ impl Zaber {
         let stop = packet::stop(settings.device, settings.axis);
         let link = Link::serial(DEVICE, &settings.port, settings.baud, Stop::of(stop.as_bytes()))?;
         let wire = Wire::new(link, &settings);
+        let outputs = Bank::new(&settings.outputs);
         let mut zaber = Self {
+            outputs,
             wire,
             settings,
             identity: String::new(),
@@ -286,6 +290,7 @@ impl Zaber {
             self.in_flight = false;
             self.reported.push(flags::INTERRUPTED.into());
         }
+        self.outputs.forget();
         self.knowledge.doubt(error);
     }
 
@@ -343,7 +348,12 @@ impl RotationAxis for Zaber {
         if !new.is_empty() {
             self.mark_reported();
         }
+        self.look_at_outputs();
         flags::judge(&new, self.settings.reference)
+    }
+
+    fn outputs(&mut self) -> Option<&mut dyn Outputs> {
+        if self.outputs.is_empty() { None } else { Some(self) }
     }
 
     fn position(&self) -> Position {
@@ -356,10 +366,54 @@ impl RotationAxis for Zaber {
     }
 }
 
+impl Outputs for Zaber {
+    fn statuses(&self) -> Vec<OutputStatus> {
+        self.outputs.statuses()
+    }
+
+    fn switch(&mut self, name: &str, on: bool) -> Result<(), DeviceError> {
+        let ZaberPin(channel) = self.outputs.pin(DEVICE, name)?;
+        self.wire.pass_latch(!on);
+        let switched = self.set_output(channel, on);
+        self.wire.pass_latch(false);
+        self.outputs.note(DEVICE, name, on, switched)
+    }
+}
+
+impl Zaber {
+    /// A restart has switched the outputs off. Its flag may be set for another reason too, so they are read.
+    fn look_at_outputs(&mut self) {
+        self.wire.pass_latch(true);
+        for ZaberPin(channel) in self.outputs.pins_on() {
+            let is_on = self.wire.ask_device(&format!("io get do {channel}")).is_ok_and(|reply| reply.data == "1");
+            if !is_on {
+                self.outputs.forget();
+            }
+        }
+        self.wire.pass_latch(false);
+    }
+
+    fn set_output(&mut self, channel: u8, on: bool) -> Result<(), DeviceError> {
+        // A restart switches checksums off, and all outputs.
+        self.wire.ask_device("set comm.checksum 1")?;
+        let level = if on { "1" } else { "0" };
+        self.wire.ask_device(&format!("io set do {channel} {level}"))?;
+        let found = self.wire.ask_device(&format!("io get do {channel}"))?.data;
+        if found == level {
+            return Ok(());
+        }
+        let expected = format!("output {channel} to read {level}");
+        Err(DeviceError::Unexpected { device: DEVICE, expected, found })
+    }
+}
+
 impl Drop for Zaber {
     fn drop(&mut self) {
         if self.in_flight {
             self.wire.halt();
+        }
+        for name in self.outputs.left_on() {
+            let _switched = self.switch(&name, false);
         }
     }
 }

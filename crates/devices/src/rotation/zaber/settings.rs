@@ -1,10 +1,11 @@
 //! The `[rotation]` table of a Zaber controller.
 
 use crate::DeviceError;
+use crate::outputs::{self, OutputSettings, OutputTable, SETTLE_MOST_MS};
 use crate::rotation::knowledge::travel_time;
 use crate::rotation::{Port, Reference};
 use crate::setting::{ANSWER_MOST_MS, BAUD_LEAST, BAUD_MOST, HOMING_MOST_MS, in_range};
-use carved_core::range::{Range, Ranged};
+use carved_core::range::{OutOfRange, Range, Ranged};
 use carved_core::ranges;
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
@@ -44,6 +45,28 @@ pub struct ZaberSettings {
     #[serde(default = "default_homing_timeout_ms")]
     #[cfg_attr(feature = "schema", schemars(extend("x-level" = "expert")))]
     pub homing_timeout_ms: u32,
+    /// Outputs that switch a light or a valve, by name: lower-case letters, digits and `_`.
+    #[serde(default, skip_serializing_if = "OutputTable::is_empty")]
+    pub outputs: OutputTable<ZaberPin>,
+}
+
+/// The channel of a digital output (`io set do`), counted from 1. A controller refuses one that it lacks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(transparent)]
+pub struct ZaberPin(pub u8);
+
+impl carved_core::range::Numbers for ZaberPin {
+    fn numbers(&self) -> Vec<f64> {
+        vec![self.0.into()]
+    }
+}
+
+impl Ranged for OutputSettings<ZaberPin> {
+    const RANGES: &'static [Range<Self>] = ranges![
+        pin: 1.0, 4.0, "(number of the channel)";
+        settle_ms: 0.0, SETTLE_MOST_MS, "ms";
+    ];
 }
 
 fn default_baud() -> u32 {
@@ -79,6 +102,10 @@ impl Ranged for ZaberSettings {
         answer_timeout_ms: 1.0, ANSWER_MOST_MS, "ms";
         homing_timeout_ms: 1.0, HOMING_MOST_MS, "ms";
     ];
+
+    fn outside_below(&self) -> Vec<OutOfRange> {
+        outputs::outside(&self.outputs)
+    }
 }
 
 impl ZaberSettings {
@@ -87,7 +114,8 @@ impl ZaberSettings {
     /// # Errors
     /// The first value that is out of range.
     pub fn check(&self) -> Result<(), DeviceError> {
-        in_range(super::DEVICE, self)
+        in_range(super::DEVICE, self)?;
+        outputs::check(super::DEVICE, &self.outputs)
     }
 
     /// The longest time that a healthy controller needs for a move.
