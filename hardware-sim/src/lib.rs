@@ -20,6 +20,7 @@ pub mod gige;
 pub mod grbl;
 pub mod motion;
 mod motor_faults;
+pub mod outputs;
 pub mod relay;
 pub mod replay;
 pub mod rig;
@@ -36,6 +37,7 @@ pub mod vast_program;
 pub mod zaber;
 
 pub use motor_faults::MotorFaults;
+pub use outputs::{OutputPin, Outputs};
 pub use replay::{Replay, ReplayError};
 pub use rig::{CameraAddress, Controller, Faults, Rig, RigError, RigSettings};
 pub use sampler::{SamplerSettings, VendorSampler};

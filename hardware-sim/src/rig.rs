@@ -5,6 +5,7 @@ use crate::clock::RigClock;
 use crate::gige::{CameraFaults, GigeCamera};
 use crate::grbl;
 use crate::motor_faults::MotorFaults;
+use crate::outputs::{Lit, OutputPin, Outputs};
 use crate::relay::{self, Relay};
 use crate::sampler::{SamplerSettings, VendorSampler};
 use crate::serial::{Button, Firmware, SerialFaults, SerialPort};
@@ -53,14 +54,20 @@ impl Controller {
         sampler: Option<Arc<VendorSampler>>,
         faults: Arc<SerialFaults>,
         motors: &Arc<MotorFaults>,
+        outputs: &Arc<Outputs>,
     ) -> Box<dyn Firmware> {
-        let grbl = |shaft, settings, dialect| grbl::Firmware::new(shaft, slide, faults, settings, dialect).with_sampler(sampler);
+        let outputs = Arc::clone(outputs);
+        let wired = |outputs| {
+            move |shaft, settings, dialect| {
+                grbl::Firmware::new(shaft, slide, faults, settings, dialect).with_sampler(sampler).with_outputs(outputs)
+            }
+        };
         match self {
             Self::Bridge(settings) => Box::new(bridge::Firmware::new(shaft, settings)),
-            Self::Grbl(settings) => Box::new(grbl(shaft, settings, grbl::Dialect::Grbl)),
-            Self::GrblHal(settings) => Box::new(grbl(shaft, settings, grbl::Dialect::GrblHal)),
-            Self::Tmcl(settings) => Box::new(tmcl::Firmware::new(&shaft, motors, settings)),
-            Self::Zaber(settings) => Box::new(zaber::Firmware::new(shaft, Arc::clone(motors), settings)),
+            Self::Grbl(settings) => Box::new(wired(outputs)(shaft, settings, grbl::Dialect::Grbl)),
+            Self::GrblHal(settings) => Box::new(wired(outputs)(shaft, settings, grbl::Dialect::GrblHal)),
+            Self::Tmcl(settings) => Box::new(tmcl::Firmware::new(&shaft, motors, outputs, settings)),
+            Self::Zaber(settings) => Box::new(zaber::Firmware::new(shaft, Arc::clone(motors), outputs, settings)),
         }
     }
 }
@@ -82,6 +89,8 @@ pub struct RigSettings {
     pub slide: Option<SlideSettings>,
     /// The vendor's sampler at the probe input and the flood output of a Grbl controller. `None`: something else fills the capillary.
     pub sampler: Option<SamplerSettings>,
+    /// The output of the controller that switches the light of the camera. `None`: the light is always on.
+    pub light: Option<OutputPin>,
     /// A relay that also turns the shaft.
     pub relay: Option<relay::Settings>,
     /// A symbolic link that always points to the serial port. `None`: [`Rig::serial_path`] is the device name.
@@ -99,6 +108,7 @@ impl Default for RigSettings {
             controller: Controller::default(),
             slide: None,
             sampler: None,
+            light: None,
             relay: None,
             serial_link: None,
         }
@@ -132,6 +142,7 @@ pub struct Rig {
     port: SerialPort,
     relay: Option<Relay>,
     motors: Arc<MotorFaults>,
+    outputs: Arc<Outputs>,
     camera: GigeCamera,
     second: Option<GigeCamera>,
 }
@@ -163,14 +174,19 @@ impl Rig {
             Some(slide) => Arc::new(OnSlide { sight, slide: Arc::clone(slide) }),
             None => sight,
         };
+        let outputs = Arc::new(Outputs::default());
+        let sight: Arc<dyn Sight> = match settings.light {
+            Some(light) => Arc::new(Lit { sight, outputs: Arc::clone(&outputs), light }),
+            None => sight,
+        };
         let camera = start_camera(&settings, clock, &shaft, &sight)?;
         let link = settings.serial_link;
         let controller = settings.controller;
         let motors = Arc::new(MotorFaults::default());
-        let firmware = |faults| controller.firmware(Arc::clone(&shaft), slide.clone(), sampler.clone(), faults, &motors);
+        let firmware = |faults| controller.firmware(Arc::clone(&shaft), slide.clone(), sampler.clone(), faults, &motors, &outputs);
         let port = SerialPort::start(clock, firmware, link.clone()).map_err(|why| RigError::Serial { link, why })?;
         let relay = settings.relay.map(|relay| Relay::start(clock, Arc::clone(&shaft), relay)).transpose().map_err(RigError::Relay)?;
-        Ok(Self { clock, shaft, slide, sampler, port, relay, motors, camera, second: None })
+        Ok(Self { clock, shaft, slide, sampler, port, relay, motors, outputs, camera, second: None })
     }
 
     /// Adds a second camera that sees the same shaft. Returns its address.
@@ -219,6 +235,11 @@ impl Rig {
     /// The vendor's sampler, with its own faults. `None` if the rig has no sampler.
     pub fn sampler(&self) -> Option<&Arc<VendorSampler>> {
         self.sampler.as_ref()
+    }
+
+    /// The digital outputs of the controller, with their faults.
+    pub fn outputs(&self) -> &Outputs {
+        &self.outputs
     }
 
     /// Sends a pulse on the trigger line of the camera.

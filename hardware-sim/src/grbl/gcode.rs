@@ -31,7 +31,10 @@ pub(super) struct Parser {
     /// Number of the work coordinate system, 54 to 59.
     system: u8,
     spindle: &'static str,
-    /// The flood output, M8 and M9.
+    /// Of the last S word. An output with speed 0 is off.
+    speed: f32,
+    /// M7 and M8. M9 ends both.
+    mist: bool,
     flood: bool,
     /// The position after all accepted moves, in machine coordinates, units.
     pub position: [f32; 3],
@@ -42,6 +45,13 @@ enum Motion {
     Rapid,
     Feed,
     None,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Coolant {
+    Mist,
+    Flood,
+    Off,
 }
 
 const MM_PER_INCH: f32 = 25.4;
@@ -56,6 +66,8 @@ impl Default for Parser {
             g92: [0.0; 3],
             system: 54,
             spindle: "M5",
+            speed: 0.0,
+            mist: false,
             flood: false,
             position: [0.0; 3],
         }
@@ -72,7 +84,8 @@ struct Line {
     inches: Option<bool>,
     system: Option<u8>,
     spindle: Option<&'static str>,
-    flood: Option<bool>,
+    coolant: Option<Coolant>,
+    speed: Option<f32>,
     machine_coordinates: bool,
     dwell: bool,
     set_g92: bool,
@@ -93,10 +106,11 @@ impl Line {
                 b'G' => line.take_g(w.value)?,
                 b'M' => line.take_m(w.value)?,
                 b'X' | b'Y' | b'Z' => once(&mut line.axes[usize::from(w.letter - b'X')], w.value)?,
-                b'F' | b'P' if w.value < 0.0 => return Err(4),
+                b'F' | b'P' | b'S' if w.value < 0.0 => return Err(4),
                 b'F' => once(&mut line.feed, w.value)?,
                 b'P' => once(&mut line.p, w.value)?,
-                b'N' | b'S' | b'T' => {}
+                b'S' => once(&mut line.speed, w.value)?,
+                b'N' | b'T' => {}
                 _ => return Err(20),
             }
         }
@@ -143,8 +157,11 @@ impl Line {
             3 => self.spindle = Some("M3"),
             4 => self.spindle = Some("M4"),
             5 => self.spindle = Some("M5"),
-            8 => self.flood = Some(true),
-            9 => self.flood = Some(false),
+            // One word of a group on a line.
+            7..=9 if self.coolant.is_some() => return Err(21),
+            7 => self.coolant = Some(Coolant::Mist),
+            8 => self.coolant = Some(Coolant::Flood),
+            9 => self.coolant = Some(Coolant::Off),
             _ => return Err(20),
         }
         Ok(())
@@ -205,7 +222,13 @@ impl Parser {
         if let Some(spindle) = line.spindle {
             self.spindle = spindle;
         }
-        self.flood = line.flood.unwrap_or(self.flood);
+        self.speed = line.speed.unwrap_or(self.speed);
+        match line.coolant {
+            Some(Coolant::Mist) => self.mist = true,
+            Some(Coolant::Flood) => self.flood = true,
+            Some(Coolant::Off) => (self.mist, self.flood) = (false, false),
+            None => {}
+        }
         if line.clear_g92 {
             self.g92 = [0.0; 3];
         }
@@ -227,7 +250,7 @@ impl Parser {
             Action::End
         } else if line.pause {
             Action::Pause
-        } else if line.flood.is_some() || line.spindle.is_some() {
+        } else if line.coolant.is_some() || line.spindle.is_some() {
             Action::Synchronise
         } else {
             Action::None
@@ -252,8 +275,27 @@ impl Parser {
         Ok(Action::Move { target, feed: Some(feed * scale) })
     }
 
+    pub fn is_misting(&self) -> bool {
+        self.mist
+    }
+
     pub fn is_flooding(&self) -> bool {
         self.flood
+    }
+
+    /// Whether the spindle's output is on. In laser mode it is off unless the motion is G1.
+    pub fn is_spinning(&self, laser_mode: bool) -> bool {
+        self.spindle != "M5" && self.speed > 0.0 && (!laser_mode || self.rapid == Motion::Feed)
+    }
+
+    /// Letters of what is on, as the status report has them.
+    pub fn accessories(&self) -> String {
+        let spindle = match self.spindle {
+            "M3" => "S",
+            "M4" => "C",
+            _ => "",
+        };
+        [spindle, if self.flood { "F" } else { "" }, if self.mist { "M" } else { "" }].concat()
     }
 
     pub fn offset(&self) -> [f32; 3] {
@@ -279,8 +321,14 @@ impl Parser {
         let units = if self.inches { "G20" } else { "G21" };
         let distance = if self.absolute { "G90" } else { "G91" };
         let feed = if self.inches { self.feed / MM_PER_INCH } else { self.feed };
-        let flood = if self.flood { "M8" } else { "M9" };
-        format!("[GC:{motion} G{} G17 {units} {distance} G94 {} {flood} T0 F{feed:.0} S0]\r\n", self.system, self.spindle)
+        let coolant = match (self.mist, self.flood) {
+            (true, true) => "M7 M8",
+            (true, false) => "M7",
+            (false, true) => "M8",
+            (false, false) => "M9",
+        };
+        let (system, spindle, speed) = (self.system, self.spindle, self.speed);
+        format!("[GC:{motion} G{system} G17 {units} {distance} G94 {spindle} {coolant} T0 F{feed:.0} S{speed:.0}]\r\n")
     }
 
     /// The answer to `$#`.

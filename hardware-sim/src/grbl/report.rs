@@ -26,6 +26,8 @@ pub(super) struct Snapshot<'a> {
     pub feed: f32,
     pub at_limit: bool,
     pub at_probe: bool,
+    /// Letters of the outputs that are on.
+    pub accessories: String,
     /// Letters of the active control inputs.
     pub control: String,
     /// Free planner blocks and receive bytes.
@@ -72,8 +74,9 @@ impl Reporter {
         } else {
             self.overrides = OVERRIDES_EVERY.reload(s.busy);
             text.push_str("|Ov:100,100,100");
-            if s.homed.is_some() {
-                text.push_str("|A:");
+            // grblHAL has the field without a letter too.
+            if s.homed.is_some() || !s.accessories.is_empty() {
+                let _ = write!(text, "|A:{}", s.accessories);
             }
         }
         if let Some(homed) = s.homed {

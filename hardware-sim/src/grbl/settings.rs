@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 /// Settings that Grbl prints as integers.
 const INTEGERS: [u16; 15] = [0, 1, 2, 3, 4, 5, 6, 10, 20, 21, 22, 23, 26, 30, 31];
-const LASER_MODE: u16 = 32;
+pub(super) const LASER_MODE: u16 = 32;
 /// grblHAL: bit mask of the motors that keep their current after the time of `$1`.
 const KEPT_POWERED: u16 = 37;
 

@@ -10,6 +10,7 @@ use super::frame::{BYTES, Request, Status, reply};
 use super::motor::Motor;
 use super::settings::Settings;
 use crate::motor_faults::MotorFaults;
+use crate::outputs::{OutputPin, Outputs};
 use crate::serial;
 use crate::shaft::Shaft;
 use std::sync::Arc;
@@ -17,12 +18,16 @@ use std::sync::Arc;
 /// The bank of the user's variables.
 const USER_BANK: u8 = 2;
 const USER_VARIABLES: usize = 56;
+/// The bank of the digital outputs, and how many there are.
+const OUTPUT_BANK: u8 = 2;
+const OUTPUTS: u8 = 8;
 /// Value of command 255 that resets the module.
 const RESET: i32 = 1234;
 
 pub(crate) struct Firmware {
     settings: Settings,
     motors: [Motor; 2],
+    outputs: Arc<Outputs>,
     user: [i32; USER_VARIABLES],
     received: Vec<u8>,
     out: Vec<u8>,
@@ -37,6 +42,7 @@ impl serial::Firmware for Firmware {
         for motor in &mut self.motors {
             motor.lose_power(self.settings.parameters(), now_s);
         }
+        self.outputs.all_off();
         self.user = [0; USER_VARIABLES];
         self.received.clear();
     }
@@ -69,9 +75,9 @@ impl serial::Firmware for Firmware {
 }
 
 impl Firmware {
-    pub fn new(shaft: &Arc<Shaft>, faults: &Arc<MotorFaults>, settings: Settings) -> Self {
+    pub fn new(shaft: &Arc<Shaft>, faults: &Arc<MotorFaults>, outputs: Arc<Outputs>, settings: Settings) -> Self {
         let motors = [0, 1].map(|number| Motor::new(number, Arc::clone(shaft), Arc::clone(faults), settings.parameters()));
-        Self { settings, motors, user: [0; USER_VARIABLES], received: Vec::new(), out: Vec::new() }
+        Self { settings, motors, outputs, user: [0; USER_VARIABLES], received: Vec::new(), out: Vec::new() }
     }
 
     fn answer(&mut self, request: Request, now_s: f64) {
@@ -91,6 +97,21 @@ impl Firmware {
         self.out.extend(reply(host_address, module_address, status, request.command, value));
     }
 
+    /// `SIO` and `GIO` of the digital outputs.
+    fn output(&self, request: Request) -> Result<i32, Status> {
+        let pin = OutputPin::Number(request.kind);
+        if request.motor != OUTPUT_BANK || request.kind >= OUTPUTS {
+            return Err(Status::WrongType);
+        }
+        if request.command == 14 {
+            if !(0..=1).contains(&request.value) || self.outputs.is_refused(pin) {
+                return Err(Status::InvalidValue);
+            }
+            self.outputs.set(pin, request.value == 1);
+        }
+        Ok(self.outputs.is_on(pin).into())
+    }
+
     fn carry_out(&mut self, request: Request, now_s: f64) -> Result<i32, Status> {
         let Request { command, kind, value, .. } = request;
         match command {
@@ -102,6 +123,7 @@ impl Firmware {
                 }
                 return Ok(*variable);
             }
+            14 | 15 => return self.output(request),
             136 if kind == 1 => return Ok(self.settings.version),
             136 => return Err(Status::WrongType),
             _ => {}

@@ -4,6 +4,7 @@ use super::frame::BYTES;
 use super::{Firmware, Settings};
 use crate::clock::RigClock;
 use crate::motor_faults::MotorFaults;
+use crate::outputs::{OutputPin, Outputs};
 use crate::serial::Firmware as _;
 use crate::shaft::{Shaft, ShaftSettings};
 use std::sync::Arc;
@@ -15,6 +16,7 @@ struct Module {
     firmware: Firmware,
     shaft: Arc<Shaft>,
     faults: Arc<MotorFaults>,
+    outputs: Arc<Outputs>,
 }
 
 impl Module {
@@ -22,7 +24,8 @@ impl Module {
         let shaft = ShaftSettings { steps_per_revolution: (6400, 1), index_steps: 0, power_on_steps: 0 };
         let shaft = Arc::new(Shaft::new(RigClock::new(1.0), shaft).paired());
         let faults = Arc::new(MotorFaults::default());
-        Self { firmware: Firmware::new(&shaft, &faults, settings), shaft, faults }
+        let outputs = Arc::new(Outputs::default());
+        Self { firmware: Firmware::new(&shaft, &faults, Arc::clone(&outputs), settings), shaft, faults, outputs }
     }
 
     fn ask(&mut self, head: [u8; 4], value: i32, now_s: f64) -> (u8, i32) {
@@ -159,4 +162,18 @@ fn unknown_commands_are_refused_by_status() {
     assert_eq!(module.ask([1, 6, 1, 5], 0, 0.0).0, 4);
     module.firmware.receive(&[0; 9], 0.0);
     assert!(module.firmware.take_output().is_empty(), "nine zeros address no module");
+}
+
+#[test]
+fn outputs_are_switched_and_read_in_bank_2_and_a_reset_switches_them_off() {
+    let mut module = Module::new(Settings::default());
+    assert_eq!(module.ask([1, 14, 3, 2], 1, 0.0), (100, 1));
+    assert_eq!((module.ask([1, 15, 3, 2], 0, 0.0), module.ask([1, 15, 4, 2], 0, 0.0)), ((100, 1), (100, 0)));
+    assert!(module.outputs.is_on(OutputPin::Number(3)));
+    assert_eq!((module.ask([1, 14, 8, 2], 1, 0.0).0, module.ask([1, 14, 0, 0], 1, 0.0).0), (3, 3), "neither port nor bank");
+    assert_eq!(module.ask([1, 14, 0, 2], 2, 0.0).0, 4);
+    module.outputs.refuse(OutputPin::Number(0), true);
+    assert_eq!(module.ask([1, 14, 0, 2], 1, 0.0).0, 4);
+    module.firmware.lose_power(0.0);
+    assert_eq!(module.outputs.switched(), [(OutputPin::Number(3), true), (OutputPin::Number(3), false)]);
 }

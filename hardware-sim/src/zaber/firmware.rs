@@ -9,6 +9,7 @@
 use super::Settings;
 use super::axis::Axis;
 use crate::motor_faults::MotorFaults;
+use crate::outputs::{OutputPin, Outputs};
 use crate::serial;
 use crate::shaft::Shaft;
 use std::sync::Arc;
@@ -16,6 +17,7 @@ use std::sync::Arc;
 pub(crate) struct Firmware {
     settings: Settings,
     axis: Axis,
+    outputs: Arc<Outputs>,
     received: Vec<u8>,
     checksums: bool,
     alerts: bool,
@@ -32,6 +34,7 @@ impl serial::Firmware for Firmware {
 
     fn lose_power(&mut self, now_s: f64) {
         self.axis.lose_power(now_s);
+        self.outputs.all_off();
         self.received.clear();
         (self.checksums, self.alerts) = (false, false);
     }
@@ -65,8 +68,8 @@ impl serial::Firmware for Firmware {
 }
 
 impl Firmware {
-    pub fn new(shaft: Arc<Shaft>, faults: Arc<MotorFaults>, settings: Settings) -> Self {
-        Self { settings, axis: Axis::new(shaft, faults), received: Vec::new(), checksums: false, alerts: false, out: Vec::new() }
+    pub fn new(shaft: Arc<Shaft>, faults: Arc<MotorFaults>, outputs: Arc<Outputs>, settings: Settings) -> Self {
+        Self { settings, axis: Axis::new(shaft, faults), outputs, received: Vec::new(), checksums: false, alerts: false, out: Vec::new() }
     }
 
     fn line(&mut self, line: &str, now_s: f64) {
@@ -137,12 +140,35 @@ impl Firmware {
                 self.axis.clear_flags();
                 done
             }
+            ["io", ..] if axis != 0 => Err("DEVICEONLY"),
+            ["io", words @ ..] => self.io(words),
             ["get", name] => self.get(axis, name, now_s),
             ["set", name, value] => self.set(axis, name, value).map(|()| "0".to_owned()),
             ["system", "reset"] if axis == 0 => {
                 serial::Firmware::lose_power(self, now_s);
                 done
             }
+            _ => Err("BADCOMMAND"),
+        }
+    }
+
+    /// The digital outputs, from 1 to 4.
+    fn io(&self, words: &[&str]) -> Result<String, Reason> {
+        let pin = |channel: &str| {
+            let channel = channel.parse().ok().filter(|channel| (1..=4).contains(channel)).ok_or("BADDATA")?;
+            Ok::<_, Reason>(OutputPin::Number(channel))
+        };
+        match words {
+            ["get", "do", channel] => Ok(u8::from(self.outputs.is_on(pin(channel)?)).to_string()),
+            ["set", "do", channel, level @ ("0" | "1")] => {
+                let pin = pin(channel)?;
+                if self.outputs.is_refused(pin) {
+                    return Err("BADDATA");
+                }
+                self.outputs.set(pin, *level == "1");
+                Ok("0".to_owned())
+            }
+            ["set", "do", ..] => Err("BADDATA"),
             _ => Err("BADCOMMAND"),
         }
     }

@@ -3,6 +3,7 @@
 use super::{Firmware, Settings};
 use crate::clock::RigClock;
 use crate::motor_faults::MotorFaults;
+use crate::outputs::{OutputPin, Outputs};
 use crate::serial::Firmware as _;
 use crate::shaft::{Shaft, ShaftSettings};
 use std::sync::Arc;
@@ -14,6 +15,7 @@ struct Bench {
     firmware: Firmware,
     shaft: Arc<Shaft>,
     faults: Arc<MotorFaults>,
+    outputs: Arc<Outputs>,
 }
 
 impl Bench {
@@ -21,7 +23,8 @@ impl Bench {
         let shaft = ShaftSettings { steps_per_revolution: (6400, 1), index_steps: 0, power_on_steps: 137 };
         let shaft = Arc::new(Shaft::new(RigClock::new(1.0), shaft));
         let faults = Arc::new(MotorFaults::default());
-        Self { firmware: Firmware::new(Arc::clone(&shaft), Arc::clone(&faults), settings), shaft, faults }
+        let outputs = Arc::new(Outputs::default());
+        Self { firmware: Firmware::new(Arc::clone(&shaft), Arc::clone(&faults), Arc::clone(&outputs), settings), shaft, faults, outputs }
     }
 
     fn homed() -> Self {
@@ -103,4 +106,20 @@ fn refusals_give_a_reason_and_alerts_are_sent_without_a_request() {
     bench.ask("/1 1 move abs 64", LATER_S);
     assert_eq!(bench.ask("/1 1", 2.0 * LATER_S), "!01 1 IDLE --\r\n@01 1 OK IDLE -- 0");
     assert_eq!(bench.ask("/7 1", 2.0 * LATER_S), "", "for another device");
+}
+
+#[test]
+fn outputs_are_switched_and_read_by_channel_and_a_restart_switches_them_off() {
+    let mut bench = Bench::new(Settings::default());
+    let said = |answer: String| answer.split(' ').skip(2).map(str::to_owned).collect::<Vec<_>>();
+    assert_eq!(said(bench.ask("/1 0 io set do 2 1", 0.0)), ["OK", "IDLE", "WR", "0"]);
+    assert_eq!(said(bench.ask("/1 0 io get do 2", 0.0))[3], "1");
+    assert_eq!(said(bench.ask("/1 0 io get do 1", 0.0))[3], "0");
+    for (refused, reason) in [("/1 0 io set do 5 1", "BADDATA"), ("/1 0 io set do 1 7", "BADDATA"), ("/1 1 io set do 1 1", "DEVICEONLY")] {
+        assert_eq!(said(bench.ask(refused, 0.0)), ["RJ", "IDLE", "WR", reason], "{refused}");
+    }
+    bench.outputs.refuse(OutputPin::Number(1), true);
+    assert_eq!(said(bench.ask("/1 0 io set do 1 1", 0.0))[0], "RJ");
+    bench.ask("/1 0 system reset", 0.0);
+    assert_eq!(bench.outputs.switched(), [(OutputPin::Number(2), true), (OutputPin::Number(2), false)]);
 }

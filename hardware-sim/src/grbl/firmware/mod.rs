@@ -23,7 +23,8 @@ mod stepper;
 use super::dialect::Dialect;
 use super::gcode::{Action, Parser};
 use super::report::{Reporter, Snapshot};
-use super::settings::Settings;
+use super::settings::{LASER_MODE, Settings};
+use crate::outputs::{OutputPin, Outputs};
 use crate::sampler::VendorSampler;
 use crate::serial::{self, Button, SerialFaults};
 use crate::shaft::Shaft;
@@ -80,6 +81,7 @@ pub(crate) struct Firmware {
     faults: Arc<SerialFaults>,
     /// At the probe input and the flood output.
     sampler: Option<Arc<VendorSampler>>,
+    outputs: Arc<Outputs>,
     input: Input,
     parser: Parser,
     wait: Wait,
@@ -183,6 +185,7 @@ impl Firmware {
             settings,
             dialect,
             sampler: None,
+            outputs: Arc::default(),
             input: Input::new(dialect.receive_bytes()),
             wait: Wait::Nothing,
             machine: Machine::new(Stepper::new(shaft, slide), dialect.planner_blocks()),
@@ -196,6 +199,11 @@ impl Firmware {
     /// Wires a sampler to the probe input and the flood output.
     pub fn with_sampler(self, sampler: Option<Arc<VendorSampler>>) -> Self {
         Self { sampler, ..self }
+    }
+
+    /// Uses these outputs.
+    pub fn with_outputs(self, outputs: Arc<Outputs>) -> Self {
+        Self { outputs, ..self }
     }
 
     // ---- the main loop
@@ -264,11 +272,16 @@ impl Firmware {
 
     fn execute_code(&mut self, code: &[u8], now_s: f64) {
         let offset = self.parser.offset();
+        let before = self.parser.clone();
         match self.parser.take(code) {
+            Ok(_) if self.is_refused(&before) => {
+                self.parser = before;
+                self.answers.error(20);
+            }
             Ok(action) => self.act(action, now_s),
             Err(number) => self.answers.error(number),
         }
-        self.update_sampler();
+        self.update_outputs();
         if self.parser.offset().map(f32::to_bits) != offset.map(f32::to_bits) {
             self.reporter.offset_changed();
         }
@@ -399,7 +412,24 @@ impl Firmware {
         self.parser.position = self.settings.to_units(self.machine.stepper().position());
     }
 
-    fn update_sampler(&self) {
+    /// Whether the parser would switch an output that refuses.
+    fn is_refused(&self, before: &Parser) -> bool {
+        let (was, is) = (self.levels(before), self.levels(&self.parser));
+        was.iter().zip(is).any(|((pin, was), (_, is))| *was != is && self.outputs.is_refused(*pin))
+    }
+
+    fn levels(&self, parser: &Parser) -> [(OutputPin, bool); 3] {
+        let spindle = parser.is_spinning(self.settings.is_on(LASER_MODE));
+        [(OutputPin::Mist, parser.is_misting()), (OutputPin::Flood, parser.is_flooding()), (OutputPin::Spindle, spindle)]
+    }
+
+    fn update_outputs(&self) {
+        if self.machine.mode() == Mode::Check {
+            return;
+        }
+        for (pin, on) in self.levels(&self.parser) {
+            self.outputs.set(pin, on);
+        }
         if let Some(sampler) = &self.sampler {
             sampler.done(self.parser.is_flooding());
         }
@@ -471,7 +501,7 @@ impl Firmware {
         self.machine.drop_queued();
         self.wait = Wait::Nothing;
         self.parser = Parser::at(self.settings.to_units(self.machine.stepper().position()));
-        self.update_sampler();
+        self.update_outputs();
         self.reporter = Reporter::default();
         self.answers.reset(self.parser.report());
     }
@@ -501,6 +531,7 @@ impl Firmware {
             offset: self.parser.offset(),
             feed: (stepper.speed(now_s) * 60.0) as f32,
             at_limit: stepper.at_index(now_s),
+            accessories: self.parser.accessories(),
             control: inputs.letters(self.dialect),
             at_probe: self.sampler.as_ref().is_some_and(|sampler| sampler.line()),
             free: (self.machine.free_blocks(), self.input.free()),

@@ -483,3 +483,32 @@ fn motors_that_lose_their_current_let_a_hose_turn_the_capillary() {
         assert_eq!((b.x(), b.shaft_steps()), (1.0, 237.0 + slips), "$1={idle_ms}");
     }
 }
+
+#[test]
+fn m9_ends_both_coolants_and_every_reset_ends_all_outputs() {
+    use OutputPin::{Flood, Mist, Spindle};
+    let mut bench = Bench::unlocked();
+    let outputs = Arc::clone(&bench.firmware.outputs);
+    assert_eq!(bench.say("M7\nM8\nM3S1000\n"), "ok\r\nok\r\nok\r\n");
+    assert!([Mist, Flood, Spindle].iter().all(|pin| outputs.is_on(*pin)));
+    assert!(bench.say("$G\n").contains(" M3 M7 M8 T0 F0 S1000]"));
+    let reports: String = (0..20).map(|_| bench.say("?")).collect();
+    assert!(reports.contains("|Ov:100,100,100|A:SFM"), "{reports}");
+    assert_eq!(bench.say("M9\nM5\n"), "ok\r\nok\r\n");
+    assert!(![Mist, Flood, Spindle].iter().any(|pin| outputs.is_on(*pin)));
+    assert_eq!(bench.say("M7M8\n"), "error:21\r\n", "they are of one group");
+    bench.say("M8\nM3S1000\n");
+    bench.send(b"\x18");
+    assert!(!outputs.is_on(Flood) && !outputs.is_on(Spindle) && bench.say("$G\n").contains(" M5 M9 "));
+}
+
+#[test]
+fn an_output_that_is_not_built_in_refuses_and_a_laser_is_off_without_a_motion() {
+    let mut bench = Bench::unlocked();
+    let outputs = Arc::clone(&bench.firmware.outputs);
+    outputs.refuse(OutputPin::Mist, true);
+    assert_eq!(bench.say("M7\n"), "error:20\r\n");
+    assert!(bench.say("$G\n").contains(" M9 "));
+    bench.say("$32=1\nM3S1000\n");
+    assert!(!outputs.is_on(OutputPin::Spindle));
+}
