@@ -18,8 +18,8 @@ pub use event::Event;
 pub use instrument::{CalibrationStatus, Check, Fault, FaultCode, GateStatus, Handoff, HandoffNeeds, Light, MethodOffer};
 pub use run::{Eta, Mistake, PlaceStatus, PlannedWell, PlateMap, ReferenceStatus, RunPlan, WellCounts, WellStatus};
 pub use status::{
-    CameraStatus, HardwareStatus, Hold, NextCommand, Pending, Plate, RotationStatus, RunStatus, SpecimenStatus, State, Status,
-    TranslationStatus, VolumeEstimate, VolumeWait,
+    CameraStatus, HardwareStatus, Hold, NextCommand, OutputState, OutputStatus, Pending, Plate, RotationStatus, RunStatus, SpecimenStatus,
+    State, Status, TranslationStatus, VolumeEstimate, VolumeWait,
 };
 pub use words::{
     Category, ConcentrationUnit, Control, HandoffIntent, Mode, Phase, RunOutcome, SchedulerAction, SpecimenKind, SpecimenOutcome,

@@ -6,7 +6,7 @@
 
 use super::{CalibrationStatus, Eta, Fault, Light, Mode, Phase, RunOutcome, WellCounts, WellStatus};
 use carved_core::units::Steps;
-use carved_devices::Position;
+use carved_devices::{Position, outputs};
 use carved_records::LiveEstimate;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -271,11 +271,46 @@ impl TranslationStatus {
     }
 }
 
+/// What the controller has confirmed of an output.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum OutputState {
+    On,
+    Off,
+    /// It was not switched since the controller was started, reset or lost, or the last switching failed.
+    Unknown,
+}
+
+/// An output of the controller that turns the capillary, such as that of the light.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct OutputStatus {
+    /// Its name in the configuration.
+    pub name: String,
+    pub state: OutputState,
+    /// Why the last switching failed; `null` where it did not.
+    pub trouble: Option<String>,
+}
+
+impl From<outputs::OutputStatus> for OutputStatus {
+    fn from(found: outputs::OutputStatus) -> Self {
+        let outputs::OutputStatus { name, on: _, settle: _, state, trouble } = found;
+        let state = match state {
+            outputs::OutputState::On => OutputState::On,
+            outputs::OutputState::Off => OutputState::Off,
+            outputs::OutputState::Unknown => OutputState::Unknown,
+        };
+        Self { name, state, trouble }
+    }
+}
+
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, ToSchema)]
 pub struct HardwareStatus {
     pub rotation: RotationStatus,
     /// `null` on a rig without a linear axis.
     pub translation: Option<TranslationStatus>,
+    /// Outputs that the configuration names, such as that of the light.
+    #[serde(default)]
+    pub outputs: Vec<OutputStatus>,
     pub camera: CameraStatus,
     /// `null` on a rig without a second camera.
     #[serde(default)]
@@ -293,6 +328,7 @@ impl HardwareStatus {
         let away =
             RotationStatus { connected: false, referenced: false, position_steps: None, position_deg: None, ..self.rotation.clone() };
         self.rotation = away;
+        self.outputs.iter_mut().for_each(|output| output.state = OutputState::Unknown);
         self.translation = self.translation.take().map(|t| TranslationStatus { identity: t.identity, ..TranslationStatus::default() });
     }
 

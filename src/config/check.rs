@@ -11,7 +11,7 @@ use carved_core::profile::{EmptyCapillary, Picture};
 use carved_core::range::{OutOfRange, Ranged};
 use carved_core::units::StepsPerRevolution;
 use carved_devices::acquisition::{AcquisitionSettings, RevolutionPlan};
-use carved_devices::rotation::TranslationSettings;
+use carved_devices::rotation::{GrblPin, TranslationSettings};
 use carved_records::{Method, ViewOrder};
 use carved_store::frames;
 use std::collections::BTreeMap;
@@ -222,6 +222,16 @@ fn wires(raw: &Raw, drivers: &Drivers, breaches: &mut Vec<String>) {
             wrong("translation.axis", format!("{:?}", translation.axis), "another axis than that of [rotation]");
         }
         _ => {}
+    }
+    if let (SamplerDriver::Trigger(_), RotationDriver::Grbl(grbl)) = (&drivers.sampler, &drivers.rotation)
+        && let Some((name, _)) = grbl.outputs.iter().find(|(_, output)| output.pin == GrblPin::FloodCoolant)
+    {
+        let key = format!("rotation.outputs.{name}.pin");
+        wrong(
+            &key,
+            "\"flood_coolant\"".into(),
+            "another pin: the sampler's wire \"the specimen is done\" has this one (sampler.driver = \"trigger\")",
+        );
     }
     if matches!(drivers.sampler, SamplerDriver::Trigger(_)) && !matches!(drivers.rotation, RotationDriver::Grbl(_)) {
         wrong("sampler.driver", "\"trigger\"".into(), "\"loader\": of the drivers of [rotation] only \"grbl\" has the wire");

@@ -15,6 +15,7 @@ use carved_core::units::StepsPerRevolution;
 use carved_devices::DeviceError;
 use carved_devices::acquisition::AcquisitionSettings;
 use carved_devices::camera::AravisSettings;
+use carved_devices::outputs::{self, OutputStatus};
 use carved_devices::rotation::{GrblSettings, RelaySettings, TmclSettings, TranslationSettings, VastBridgeSettings, ZaberSettings};
 use carved_devices::sampler::TriggerSettings;
 use carved_devices::views::{FolderSettings, PictureKind};
@@ -399,6 +400,16 @@ pub enum RotationDriver {
 }
 
 impl RotationDriver {
+    /// The outputs of the controller, of which nothing is known yet.
+    pub fn outputs(&self) -> Vec<OutputStatus> {
+        match self {
+            Self::Grbl(settings) => outputs::unknown(&settings.outputs),
+            Self::Tmcl(settings) => outputs::unknown(&settings.outputs),
+            Self::Zaber(settings) => outputs::unknown(&settings.outputs),
+            Self::VastBridge(_) | Self::Relay(_) | Self::Folder(_) => Vec::new(),
+        }
+    }
+
     /// # Errors
     /// The first setting that no such controller can have.
     pub(super) fn check(&self, per_revolution: StepsPerRevolution) -> Result<(), DeviceError> {

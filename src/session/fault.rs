@@ -55,6 +55,7 @@ fn code_of_device(error: &DeviceError) -> &'static FaultCode {
         DeviceError::VastList { .. } => &fault_table::VAST_LIST,
         DeviceError::VastProgram { .. } => &fault_table::VAST_PROGRAM,
         DeviceError::Mismatch { .. } => &fault_table::ROTATION_SETTINGS,
+        DeviceError::Output { .. } => &fault_table::OUTPUT_FAILED,
         DeviceError::Gone { .. } | DeviceError::Silent { .. } | DeviceError::Open { .. } => &fault_table::ROTATION_LOST,
         DeviceError::OutOfStep { .. }
         | DeviceError::Late { .. }

@@ -29,6 +29,6 @@ pub use heartbeat::Heartbeat;
 pub use worker::Instrument;
 
 use crate::api::{
-    CameraStatus, Check, HardwareStatus, Hold, MethodOffer, Pending, Plate, RotationStatus, RunStatus, SpecimenStatus, State, Status,
-    TranslationStatus,
+    CameraStatus, Check, HardwareStatus, Hold, MethodOffer, OutputStatus, Pending, Plate, RotationStatus, RunStatus, SpecimenStatus, State,
+    Status, TranslationStatus,
 };

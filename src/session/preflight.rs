@@ -11,6 +11,7 @@ use crate::config::Config;
 use carved_devices::DeviceError;
 use carved_devices::acquisition::grab;
 use carved_devices::cancel::CancelToken;
+use carved_devices::outputs::{self, OutputUse};
 use carved_records::{BeadGate, GateStatus, Light, Method, Mode, PlannedWell, RunPlan, SpecimenKind};
 use carved_store::{Budget, bytes_per_specimen, size};
 use std::time::Duration;
@@ -18,6 +19,8 @@ use std::time::Duration;
 /// What a look at the instrument has found.
 pub struct DeviceReport {
     axis: Result<(), DeviceError>,
+    /// `None` where nothing is switched for the pictures.
+    outputs: Option<Result<(), DeviceError>>,
     /// Nothing where another program takes the pictures.
     light: Result<Option<Light>, DeviceError>,
 }
@@ -34,8 +37,11 @@ pub fn look(mut instrument: Instrument, deadline: Duration) -> (Instrument, Devi
     let rig = &mut instrument.rig;
     let axis = rig.rotation.check();
     if rig.rotation.capabilities().outside {
-        return (instrument, DeviceReport { axis, light: Ok(None) });
+        return (instrument, DeviceReport { axis, outputs: None, light: Ok(None) });
     }
+    let for_views = |outputs: &mut dyn outputs::Outputs| outputs.statuses().iter().any(|output| output.on == OutputUse::Views);
+    let switches = rig.rotation.outputs().is_some_and(for_views);
+    let outputs = switches.then(|| outputs::views_on(rig.rotation.as_mut(), &CancelToken::default()));
     let camera = rig.camera.as_mut();
     let light = camera.arm().and_then(|()| grab(camera, deadline, &CancelToken::default())).map(|seen| Some(Light::of(&seen.frame)));
     if !camera.is_lost()
@@ -43,7 +49,8 @@ pub fn look(mut instrument: Instrument, deadline: Duration) -> (Instrument, Devi
     {
         tracing::warn!(%error, "the camera did not disarm");
     }
-    (instrument, DeviceReport { axis, light })
+    outputs::views_off(rig.rotation.as_mut());
+    (instrument, DeviceReport { axis, outputs, light })
 }
 
 /// Background below which a profile drowns in the sensor's noise, grey levels of 255.
@@ -121,6 +128,10 @@ pub fn checks(config: &Config, plan: &RunPlan, seen: &DeviceReport, known: &Know
             },
         ),
     ];
+    checks.extend(seen.outputs.as_ref().map(|switched| {
+        let found = switched.as_ref().map(|()| "what the pictures need was switched on".to_owned());
+        check("outputs", true, found.map_err(|e| device(e, "check the pin in the configuration, and what is wired to it")))
+    }));
     checks.extend(seen.light.as_ref().ok().and_then(Option::as_ref).map(|seen| check("light", true, light(seen))));
     let stands: Vec<String> = status.faults.iter().filter(|f| f.operator_required).map(|f| f.plainly().to_owned()).collect();
     checks.push(check(
@@ -213,7 +224,8 @@ mod tests {
         let status = &crate::session::driver::Driver::first_status(Mode::Hardware, "b".into());
         let calibration = |specimen| {
             let plan = RunPlan::new("P-1", "standard", "kim", vec![PlannedWell::new("A01", specimen, None)]);
-            let seen = DeviceReport { axis: Ok(()), light: Ok(Some(Light { background: 200.0, saturated: 0.0, focus: 1.0 })) };
+            let seen =
+                DeviceReport { axis: Ok(()), outputs: None, light: Ok(Some(Light { background: 200.0, saturated: 0.0, focus: 1.0 })) };
             let known = Known { status, mode: Mode::Hardware, gate: None, plate_inside: None, free_bytes: Some(u64::MAX), budget: None };
             let checks = checks(&config, &plan, &seen, &known);
             checks.into_iter().find(|c| c.code == "calibration").unwrap()

@@ -9,6 +9,7 @@
 
 use super::worker::Instrument;
 use carved_devices::DeviceError;
+use carved_devices::outputs::{self, OutputStatus};
 use std::time::Duration;
 use tokio::task::JoinHandle;
 
@@ -19,6 +20,8 @@ pub const LOOK: Duration = Duration::from_millis(250);
 pub struct DevicesFound {
     pub rotation: Result<(), DeviceError>,
     pub camera: Result<(), DeviceError>,
+    /// Of the controller, which is none while it is lost.
+    pub outputs: Vec<OutputStatus>,
 }
 
 /// One look at the devices; it owns the instrument meanwhile.
@@ -26,7 +29,13 @@ pub type Search = JoinHandle<(Instrument, DevicesFound)>;
 
 pub fn begin(mut instrument: Instrument) -> Search {
     tokio::task::spawn_blocking(move || {
-        let found = DevicesFound { rotation: instrument.rig.rotation.check(), camera: instrument.rig.camera.reopen() };
+        let rotation = instrument.rig.rotation.check();
+        if rotation.is_ok() {
+            // At rest there are no pictures. A controller that was lost or restarted has other outputs than it was told.
+            outputs::views_off(instrument.rig.rotation.as_mut());
+        }
+        let outputs = instrument.rig.rotation.outputs().map(|outputs| outputs.statuses()).unwrap_or_default();
+        let found = DevicesFound { rotation, camera: instrument.rig.camera.reopen(), outputs };
         // The wire is watched also while a person has the axis: specimens may be exchanged by hand then.
         if found.rotation.as_ref().err().is_none_or(DeviceError::is_in_a_persons_hands)
             && let Err(error) = instrument.sampler.look(instrument.rig.rotation.as_mut())

@@ -244,7 +244,7 @@ mod tests {
     fn only_a_device_that_does_not_answer_is_lost() {
         let silent = || DeviceError::Silent { device: "rotation axis", request: "?".into(), waited_ms: 500 };
         let taken = DeviceError::Intervention { device: "axis", what: "feed hold".into(), way_out: "Release it." };
-        let of = |rotation| findings(DevicesFound { rotation, camera: Err(DeviceError::ControlLost) });
+        let of = |rotation| findings(DevicesFound { rotation, camera: Err(DeviceError::ControlLost), outputs: Vec::new() });
         assert!(matches!(of(Ok(()))[..], [Finding::There(Device::Rotation), Finding::There(Device::Pictures)]));
         let gone = || DeviceError::from(ViewsError::FolderLost { path: "/mnt/vast".into(), why: "stale".into() });
         assert!(matches!(of(Err(gone()))[..], [Finding::Lost(Device::Pictures, _)]));

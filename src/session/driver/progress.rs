@@ -1,6 +1,6 @@
 //! How a worker's progress shows in the status.
 
-use super::super::{RotationStatus, RunStatus, SpecimenStatus, Status, TranslationStatus};
+use super::super::{OutputStatus, RotationStatus, RunStatus, SpecimenStatus, Status, TranslationStatus};
 use crate::api::{VolumeEstimate, VolumeWait};
 use carved_devices::StreamCounters;
 use carved_records::Light;
@@ -65,6 +65,7 @@ pub(super) fn show_done(s: &mut Status, run: RunStatus, well: &str, next: Option
 pub(super) struct Hardware {
     pub rotation: RotationStatus,
     pub translation: Option<TranslationStatus>,
+    pub outputs: Vec<OutputStatus>,
     pub counters: StreamCounters,
     /// Of the second camera.
     pub second: Option<StreamCounters>,
@@ -75,6 +76,7 @@ pub(super) struct Hardware {
 pub(super) fn show_hardware(s: &mut Status, found: Hardware) {
     s.hardware.rotation = found.rotation;
     s.hardware.translation = found.translation;
+    s.hardware.outputs = found.outputs;
     s.hardware.disk_free_bytes = found.disk_free_bytes;
     s.hardware.camera.count(&found.counters);
     if let (Some(camera), Some(counters)) = (&mut s.hardware.camera_second, found.second) {

@@ -14,7 +14,7 @@ use super::super::preflight;
 use super::super::search::DevicesFound;
 use super::super::state::{self, HOLDABLE, Trigger};
 use super::super::worker::{self, Instrument, Progress, RunContext, RunEnd, RunError};
-use super::super::{CameraStatus, Live, Plate, Shown, SpecimenStatus, State, Status, TranslationStatus, fault, gate};
+use super::super::{CameraStatus, Live, OutputStatus, Plate, Shown, SpecimenStatus, State, Status, TranslationStatus, fault, gate};
 use super::devices::{Devices, Done, Finding, PreflightRequest, findings, intervention};
 use super::handling::Waited;
 use super::interrupt::{Course, Fate, interruptions};
@@ -94,6 +94,7 @@ impl Running {
         let second = self.devices.at_rest().and_then(|i| i.second.as_ref()).map(|second| second.identity().to_owned());
         let identities = self.devices.at_rest().map(|i| (i.rig.rotation.identity().to_owned(), i.rig.camera.identity().to_owned()));
         let has_translation = self.config.translation.is_some();
+        let outputs: Vec<OutputStatus> = self.config.rotation.outputs().into_iter().map(Into::into).collect();
         let disk_free_bytes = self.outbox.store().free_bytes();
         let calibration = gate::calibration(&self.config, self.mode);
         let inside = self.state().plate.inside().map(str::to_owned);
@@ -104,6 +105,7 @@ impl Running {
             if let Some((rotation, camera)) = identities {
                 s.hardware.translation = has_translation.then(TranslationStatus::default);
                 s.hardware.find_axes(&rotation);
+                s.hardware.outputs = outputs;
                 s.hardware.camera.identity = Some(camera);
                 s.hardware.camera.connected = true;
             }
@@ -542,8 +544,12 @@ impl Running {
 
     pub fn searched(&mut self, found: DevicesFound) {
         let was_lost = self.devices.lost().is_some();
+        let outputs = found.outputs.iter().cloned().map(OutputStatus::from).collect::<Vec<_>>();
         for finding in findings(found) {
             self.find(finding);
+        }
+        if !outputs.is_empty() && outputs != self.publisher.status().hardware.outputs {
+            self.publish(|s| s.hardware.outputs = outputs);
         }
         let seen = self.devices.at_rest().and_then(|instrument| instrument.sampler.sees_specimen());
         self.read_wire(seen);
@@ -1249,9 +1255,9 @@ impl Running {
                 });
                 self.publish(|s| show_estimate(s, &well, end));
             }
-            Progress::Hardware { rotation, translation, counters, second } => {
+            Progress::Hardware { rotation, translation, outputs, counters, second } => {
                 let disk_free_bytes = self.outbox.store().free_bytes();
-                self.publish(|s| show_hardware(s, Hardware { rotation, translation, counters, second, disk_free_bytes }));
+                self.publish(|s| show_hardware(s, Hardware { rotation, translation, outputs, counters, second, disk_free_bytes }));
             }
             Progress::WellDone { result, seconds, times } => self.well_done(result, seconds, times),
         }

@@ -23,7 +23,7 @@ pub use retry::keeps_specimen;
 pub use science::CLOSING;
 pub use watch::Overrun;
 
-use super::{Live, RotationStatus, TranslationStatus, placing};
+use super::{Live, OutputStatus, RotationStatus, TranslationStatus, placing};
 use crate::api::VolumeWait;
 use crate::config::Config;
 use carved_core::pipeline::{Pipeline, PipelineError};
@@ -103,6 +103,7 @@ pub enum Progress {
     Hardware {
         rotation: RotationStatus,
         translation: Option<TranslationStatus>,
+        outputs: Vec<OutputStatus>,
         counters: StreamCounters,
         second: Option<StreamCounters>,
     },
@@ -319,6 +320,7 @@ impl RunContext {
                 position_deg: position_steps.map(|s| self.config.steps_per_revolution.angle(s).to_degrees()),
             },
             translation: self.translation(rig),
+            outputs: self.outputs(rig),
             counters: rig.camera.counters(),
             second: instrument.second.as_ref().map(|second| second.counters()),
         });
@@ -329,6 +331,12 @@ impl RunContext {
         let settings = self.config.translation.as_ref()?;
         let position = rig.rotation.linear().map(|axis| axis.position());
         Some(TranslationStatus::new(rig.rotation.identity(), position, |steps| settings.um(steps)))
+    }
+
+    /// Of the controller's outputs, and unknown while it is lost.
+    fn outputs(&self, rig: &mut Rig) -> Vec<OutputStatus> {
+        let known = rig.rotation.outputs().map(|outputs| outputs.statuses());
+        known.unwrap_or_else(|| self.config.rotation.outputs()).into_iter().map(Into::into).collect()
     }
 
     fn plan(&self, planned: &PlannedWell) -> Result<RevolutionPlan, RunError> {

@@ -12,6 +12,7 @@
 //! a stored picture that is missing or
 //! cannot be used                                     the well fails          -
 //! pictures late, unfit, their folder lost            the run is held         its pictures are read again
+//! an output that is not switched on                 the run is held         stays: the run goes on with it
 //! setup that measures no specimen                    the run is held         stays: the run goes on with it
 //! a person's or a safety circuit's hand              the run is held         stays: the run goes on with it
 //! alarm, lost device, disk,
@@ -80,9 +81,14 @@ pub fn is_intervention(error: &RunError) -> bool {
     }
 }
 
+/// Whether what the pictures need was not switched on, which says nothing against the specimen.
+fn is_output(error: &RunError) -> bool {
+    matches!(error, RunError::Device(DeviceError::Output { .. }))
+}
+
 /// Whether the specimen stays in the capillary, and the run goes on with it once a person has seen to the cause.
 pub fn keeps_specimen(error: &RunError) -> bool {
-    matches!(error, RunError::Optics { .. }) || is_camera(error) || is_intervention(error)
+    matches!(error, RunError::Optics { .. }) || is_camera(error) || is_output(error) || is_intervention(error)
 }
 
 #[cfg(test)]
@@ -129,7 +135,9 @@ mod tests {
         assert!(may_be_tried_again(&dark) && !may_be_tried_again(&setup));
         let hand = || DeviceError::Intervention { device: "rotation axis", what: "feed hold".into(), way_out: "Release it." };
         let hands = [RunError::from(hand()), RunError::from(AcquisitionError::Device { view: 3, source: hand() })];
-        for error in hands.iter().chain([&dark, &setup]) {
+        let refused = DeviceError::Output { device: "axis", name: "light".into(), on: true, why: "error:20".into() };
+        let refused = RunError::from(refused);
+        for error in hands.iter().chain([&dark, &setup, &refused]) {
             assert!(keeps_specimen(error) && !costs_its_well_only(error), "{error}");
         }
         assert!(hands.iter().all(|e| is_intervention(e) && !may_be_tried_again(e)) && !is_intervention(&dark));

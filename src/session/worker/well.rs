@@ -17,6 +17,7 @@ use crate::session::{Instrument, Live, live, placing};
 use carved_core::frame::RawFrame;
 use carved_core::pipeline::{Pipeline, PipelineError, SegmentedFrame};
 use carved_devices::acquisition;
+use carved_devices::outputs;
 use carved_devices::sampler::Loaded;
 use carved_records::{Light, Phase, PlannedWell, SpecimenOutcome, WellStatus, WellTimes};
 use carved_store::{RecordingWriter, set_aside};
@@ -145,6 +146,38 @@ impl Worker {
         last: bool,
     ) -> Result<Attempt, RunError> {
         self.position(planned, times)?;
+        let ended = self.light_up(times).and_then(|()| self.pictures(planned, truth, times, last));
+        self.light_down();
+        ended
+    }
+
+    /// Switches on what the pictures need. A reference may reset the controller, so this comes after it.
+    fn light_up(&mut self, times: &mut WellTimes) -> Result<(), RunError> {
+        let Self { context, instrument } = self;
+        of_device(times, || outputs::views_on(instrument.rig.rotation.as_mut(), &context.cancel))?;
+        if instrument.rig.rotation.outputs().is_some() {
+            context.hardware(instrument);
+        }
+        Ok(())
+    }
+
+    /// Switches it off again, on every way out of an attempt. What cannot be switched off costs no well: the status shows it, and it is
+    /// tried again at rest.
+    fn light_down(&mut self) {
+        outputs::views_off(self.instrument.rig.rotation.as_mut());
+        if !self.context.config.rotation.outputs().is_empty() {
+            self.context.hardware(&mut self.instrument);
+        }
+    }
+
+    /// Detection and turn.
+    fn pictures(
+        &mut self,
+        planned: &PlannedWell,
+        truth: Option<&serde_json::Value>,
+        times: &mut WellTimes,
+        last: bool,
+    ) -> Result<Attempt, RunError> {
         let pipeline = self.context.pipeline(planned)?;
         set_aside(&self.context.folder, &planned.well)?;
         let folder = self.context.folder.join(&planned.well);

@@ -145,6 +145,9 @@ codes! {
     ROTATION_FAILED = "rotation_failed", Motion, PauseInstrument, operator: true, recoverable: true,
         "The axis could not do what it was asked to, for another reason than those above.",
         "Read the message: it says what was asked and why it was refused.";
+    OUTPUT_FAILED = "output_failed", Motion, EscalateOperator, operator: true, recoverable: true,
+        "The controller did not switch an output on that the pictures need, such as that of the light. The run is held, and the specimen stays in the capillary.",
+        "Check what is wired to the output. If the message says that the controller does not have it, choose another pin in the configuration and start the daemon again.";
     REVOLUTION_FAILED = "revolution_failed", Motion, PauseInstrument, operator: true, recoverable: true,
         "A revolution could not be planned or carried through.",
         "Read the message. If it names the method, end the run and choose another method for the next.";

@@ -80,7 +80,9 @@ impl Grbl {
             hold(HOMING, "homing", "on (odd)".into(), &|homing| homing as u32 & 1 == 1);
         }
         if self.settings.outputs.values().any(|output| output.pin == GrblPin::Spindle) {
-            hold(LASER_MODE, "laser mode", "0: in laser mode the spindle output is off unless a G1 is executed".into(), &|mode| mode == 0.0);
+            hold(LASER_MODE, "laser mode", "0: in laser mode the spindle output is off unless a G1 is executed".into(), &|mode| {
+                mode == 0.0
+            });
             hold(FULL_SPEED, "spindle speed at full output", "more than 0".into(), &|speed| speed > 0.0);
         }
         for axis in self.axes() {

@@ -1,10 +1,10 @@
 //! Tests with a scripted controller: the exact bytes that the driver sends, and its reaction to each answer.
 
-use std::collections::BTreeMap;
 use super::*;
 use crate::cancel::CancelToken;
 use proptest::prelude::*;
 use serialport::{SerialPort, TTYPort};
+use std::collections::BTreeMap;
 use std::io::{ErrorKind, Read, Write};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;

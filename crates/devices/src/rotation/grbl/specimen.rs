@@ -7,8 +7,8 @@
 //! Neither has another use here: nothing probes, and nothing cools. While a person holds the controller it is not reset, and no
 //! output is switched, because the command would be executed at the end of the hold.
 
-use super::{Grbl, GrblPin};
 use super::report::State;
+use super::{Grbl, GrblPin};
 use crate::cancel::CancelToken;
 use crate::{DeviceError, SpecimenInput};
 

@@ -2,11 +2,11 @@
 
 #![allow(clippy::decimal_bitwise_operands, reason = "the tests flip bits of positions")]
 
-use std::collections::BTreeMap;
 use super::frame::BYTES;
 use super::*;
 use crate::rotation::Port;
 use crate::rotation::scripted::{Scripted, Step};
+use std::collections::BTreeMap;
 
 /// So slow that one motor alone takes a second to come apart by what is allowed: scripts have the time that others wait.
 const SPEED: i32 = 20;

@@ -2,10 +2,10 @@
 
 #![allow(clippy::decimal_bitwise_operands, reason = "the tests flip bits of positions")]
 
-use std::collections::BTreeMap;
 use super::*;
 use crate::rotation::Port;
 use crate::rotation::scripted::{Scripted, Step};
+use std::collections::BTreeMap;
 
 fn settings(port: &str) -> ZaberSettings {
     ZaberSettings {
