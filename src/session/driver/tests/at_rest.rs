@@ -14,7 +14,7 @@ fn held() -> DeviceError {
 /// A look that finds this.
 fn look(b: &mut Bench, rotation: Result<(), DeviceError>, wire: Option<bool>) {
     b.d.devices.instrument_mut().sampler = Box::new(Arm { wire, ..Arm::default() });
-    b.d.searched(DevicesFound { rotation, camera: Ok(()) });
+    b.d.searched(DevicesFound { rotation, camera: Ok(()), outputs: Vec::new() });
 }
 
 #[test]

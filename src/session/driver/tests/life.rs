@@ -65,14 +65,14 @@ fn a_run_that_has_to_go_on_without_its_instrument_waits_for_it() {
         b.loaded("A01", true).unwrap();
         b.phase("A01", Phase::Position, true);
         b.ends(RunEnd::Failed(RunError::Device(gone()))).await;
-        b.d.searched(DevicesFound { rotation: Ok(()), camera: Ok(()) });
+        b.d.searched(DevicesFound { rotation: Ok(()), camera: Ok(()), outputs: Vec::new() });
         assert_eq!(b.status().state, State::Suspended, "it goes on to have the specimen taken out");
-        b.d.searched(DevicesFound { rotation: Err(gone()), camera: Ok(()) });
+        b.d.searched(DevicesFound { rotation: Err(gone()), camera: Ok(()), outputs: Vec::new() });
         let instrument = b.d.devices.take().unwrap();
         b.loaded("A01", false).unwrap();
         assert_eq!((b.status().state, b.works()), (State::Held, false));
         b.d.devices.give_back(instrument);
-        b.d.searched(DevicesFound { rotation: Ok(()), camera: Ok(()) });
+        b.d.searched(DevicesFound { rotation: Ok(()), camera: Ok(()), outputs: Vec::new() });
         assert!(b.works(), "{:?}", b.status().state);
     });
 }

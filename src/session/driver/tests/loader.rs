@@ -162,7 +162,7 @@ fn what_an_operator_holds_does_not_go_on_by_itself() {
                 assert_eq!((b.steer(Towards::Hold), b.steer(Towards::Hold)), (Ok(()), Ok(())));
             }
             assert_eq!((b.status().state, b.status().run.unwrap().held_by_operator), (State::Held, held));
-            b.d.searched(DevicesFound { rotation: Ok(()), camera: Ok(()) });
+            b.d.searched(DevicesFound { rotation: Ok(()), camera: Ok(()), outputs: Vec::new() });
             let expected = if held { State::Held } else { State::Suspended };
             assert_eq!((b.status().state, b.status().faults.len()), (expected, 0), "before {before}, after {after}");
             if held {

@@ -139,7 +139,7 @@ fn a_hold_whose_cause_is_over_names_it_and_the_next_action() {
             let hold = status.run.unwrap().hold.unwrap();
             assert_eq!((hold.code.as_str(), hold.times), ("rotation_lost", times));
             assert!(hold.next_action.unwrap().contains("power and cable"), "while it is away");
-            b.d.searched(DevicesFound { rotation: Ok(()), camera: Ok(()) });
+            b.d.searched(DevicesFound { rotation: Ok(()), camera: Ok(()), outputs: Vec::new() });
             assert_eq!(b.works(), times < 4, "{times}: {:?}", b.status().state);
             b.tell(Progress::Ready);
         }
