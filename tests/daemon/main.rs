@@ -17,6 +17,7 @@ mod folder;
 mod live_estimate;
 mod one_well;
 mod optics;
+mod outputs;
 mod replay;
 mod run_life;
 mod second_camera;

@@ -15,5 +15,6 @@ mod motion_relay;
 mod motion_tmcl;
 mod motion_zaber;
 mod oracles;
+mod outputs;
 mod sampler;
 mod wire;

@@ -14,7 +14,7 @@ fn rig(settings: Settings) -> Rig {
     crate::driver::rig(Controller::Zaber(settings), (6400, 1))
 }
 
-fn settings(rig: &Rig) -> ZaberSettings {
+pub fn settings(rig: &Rig) -> ZaberSettings {
     ZaberSettings {
         port: controllers::serial_port(rig),
         baud: 115_200,

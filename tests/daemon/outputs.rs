@@ -1,0 +1,135 @@
+//! A light at an output of the Grbl controller that turns the capillary. The emulated camera sees nothing while it is off.
+#![cfg(feature = "aravis")]
+
+use crate::common::bench::{bead, plan};
+use crate::common::{Daemon, configured, json, port, until};
+use hardware_sim::grbl::Settings;
+use hardware_sim::scene::{Contents, Scene, SceneSettings};
+use hardware_sim::{Controller, OutputPin, Rig, RigSettings};
+use serde_json::{Value, json};
+use std::path::PathBuf;
+use std::sync::Arc;
+
+const LIGHT: &str = "\n[rotation.outputs.light]\npin = \"flood_coolant\"\non = \"views\"\nsettle_ms = 5\n";
+
+/// A rig whose light is switched by the flood output, with a bead in its capillary. The daemon is dropped first.
+struct Lit {
+    daemon: Daemon,
+    rig: Rig,
+    data: PathBuf,
+    _dir: tempfile::TempDir,
+}
+
+impl Lit {
+    /// `asd` views. `acceleration` of the axis in units/s^2: with 0.25 a third of a turn takes 5 s.
+    fn start(time_scale: f64, acceleration: f32, asd: u32) -> Self {
+        let dir = tempfile::tempdir().unwrap();
+        let scene = Arc::new(Scene::new(SceneSettings::default()));
+        scene.load(Contents::from(bead("A01", 400.0).2)).unwrap();
+        let mut firmware = Settings::default();
+        firmware.set(120, acceleration).unwrap();
+        let settings = RigSettings {
+            time_scale,
+            controller: Controller::Grbl(firmware),
+            serial_link: Some(dir.path().join("motor")),
+            light: Some(OutputPin::Flood),
+            ..RigSettings::default()
+        };
+        let rig = Rig::start(settings, scene).unwrap();
+        let changes = [
+            port(&rig),
+            ("acceleration_units_per_s2 = 20.0", format!("acceleration_units_per_s2 = {acceleration:?}")),
+            ("asd = 21", format!("asd = {asd}")),
+            ("settle_ms = 50", "settle_ms = 5".into()),
+            ("exposure_us = 5000.0", "exposure_us = 5000.0\nframe_timeout_ms = 20000".into()),
+            ("grab_deadline_ms = 3000", "grab_deadline_ms = 60000".into()),
+        ];
+        let (config, data) = configured("vast-grbl.toml", dir.path(), &rig, &changes);
+        std::fs::write(&config, std::fs::read_to_string(&config).unwrap() + LIGHT).unwrap();
+        Self { daemon: Daemon::serve(&config, &data), rig, data, _dir: dir }
+    }
+
+    fn is_on(&self) -> bool {
+        self.rig.outputs().is_on(OutputPin::Flood)
+    }
+
+    fn begin(&self, run: &str) {
+        let (code, said) = self.daemon.send("PUT", &format!("/v1/runs/{run}"), &plan("standard", &json!([bead("A01", 400.0).1])));
+        assert_eq!(code, 201, "{said}");
+        self.daemon.wait("the loader to be asked", |s| s["state"] == "Suspended");
+        assert_eq!(self.daemon.put_loaded(run, "A01"), 200);
+    }
+
+    /// Waits until the status has the light in this state, and returns it.
+    fn says(&self, state: &str) -> Value {
+        self.daemon.wait("the light in the status", |s| s["hardware"]["outputs"] == json!([{"name": "light", "state": state, "trouble": null}]))
+    }
+}
+
+#[test]
+fn the_light_is_on_for_every_frame_and_at_no_other_time() {
+    let lit = Lit::start(10.0, 20.0, 21);
+    lit.says("off");
+    assert!(lit.rig.outputs().switched().is_empty());
+    // The frame that checks a plan is lit too.
+    let (code, checks) = lit.daemon.send("POST", "/v1/preflight", &plan("standard", &json!([bead("A01", 400.0).1])));
+    assert_eq!(code, 200, "{checks}");
+    let passed = |code: &str| checks["checks"].as_array().unwrap().iter().find(|c| c["code"] == code).map(|c| c["passed"] == true);
+    assert_eq!((passed("outputs"), passed("light")), (Some(true), Some(true)), "{checks}");
+    assert!(!lit.is_on());
+    lit.begin("r1");
+    lit.daemon.wait("the light on", |s| s["hardware"]["outputs"][0]["state"] == "on");
+    let status = lit.daemon.wait_for_outcome();
+    assert_eq!(status["run"]["outcome"], "succeeded", "{status}");
+    lit.says("off");
+    assert!(!lit.is_on());
+    let recording = json(&lit.data.join("runs/r1/A01/recording.json"));
+    let ledger = recording["ledger"].as_array().unwrap();
+    assert_eq!(ledger.len(), 22);
+    for entry in ledger {
+        assert!(entry["light"]["background"].as_f64().unwrap() > 100.0, "a dark frame: {entry}");
+    }
+    let switched: Vec<bool> = lit.rig.outputs().switched().iter().map(|(_, on)| *on).collect();
+    assert_eq!(switched, [true, false, true, false], "for the check of the plan, and for the specimen");
+}
+
+#[test]
+fn an_abort_in_a_move_switches_the_light_off() {
+    let lit = Lit::start(1.0, 0.25, 3);
+    lit.begin("r1");
+    lit.daemon.wait("the first view", |s| s["specimen"]["view"].as_u64() >= Some(1));
+    until("the axis to turn", || lit.rig.shaft().is_turning());
+    assert!(lit.is_on());
+    assert_eq!(lit.daemon.post("/v1/runs/r1/abort"), 200);
+    lit.daemon.wait("the abort", |s| s["state"] == "Aborted");
+    lit.says("off");
+    assert!(!lit.is_on());
+}
+
+#[test]
+fn the_light_of_a_lost_controller_is_unknown_and_goes_off_when_it_is_back() {
+    let lit = Lit::start(1.0, 0.25, 3);
+    lit.begin("r1");
+    lit.daemon.wait("the first view", |s| s["specimen"]["view"].as_u64() >= Some(1));
+    lit.rig.faults().unplug_serial();
+    lit.says("unknown");
+    assert!(lit.is_on(), "the controller has not lost its power");
+    lit.rig.faults().replug_serial().unwrap();
+    until("the light to go off", || !lit.is_on());
+}
+
+#[test]
+fn a_light_that_is_not_switched_on_holds_the_run_with_the_specimen() {
+    let lit = Lit::start(10.0, 20.0, 21);
+    lit.rig.outputs().refuse(OutputPin::Flood, true);
+    lit.begin("r1");
+    let status = lit.daemon.wait("the hold", |s| s["state"] == "Held");
+    let fault = &status["faults"][0];
+    assert_eq!(fault["code"], "output_failed", "{status}");
+    assert!(fault["message"].as_str().unwrap().contains("\"light\" was not switched on"), "{fault}");
+    assert_eq!(status["plate"]["take_out"], Value::Null, "{status}");
+    lit.rig.outputs().refuse(OutputPin::Flood, false);
+    lit.daemon.go_on("r1", fault);
+    let status = lit.daemon.wait_for_outcome();
+    assert_eq!(status["run"]["outcome"], "succeeded", "{status}");
+}
