@@ -7,6 +7,7 @@ import type {
   CameraStatus,
   GateStatus,
   Light,
+  OutputStatus,
   RotationStatus,
   Status,
   TranslationStatus,
@@ -24,6 +25,7 @@ export class RigView {
     const {
       rotation,
       translation,
+      outputs,
       camera,
       camera_second: second,
       disk_free_bytes: free,
@@ -31,6 +33,7 @@ export class RigView {
     } = status.hardware;
     const rows: [string, string][] = [["Rotation", axis(rotation)]];
     if (translation) rows.push(["Translation", slide(translation)]);
+    if (outputs.length > 0) rows.push(["Outputs", outputs.map(outputWords).join(", ")]);
     rows.push(["Camera", cameraWords(camera)], ["Frames", frames(camera)]);
     if (camera.light) rows.push(["Light", lightWords(camera.light)], ["Focus", focusWords(camera.light)]);
     if (second) rows.push(["Second camera", cameraWords(second)], ["Its frames", frames(second)]);
@@ -57,6 +60,11 @@ function slide(axis: TranslationStatus): string {
   if (!axis.connected) return "✕ not connected";
   if (!axis.referenced) return "reference not found yet";
   return axis.position_um === null ? "✓ referenced" : `✓ at ${micrometres(axis.position_um)}`;
+}
+
+/** Name and state of an output, and why it could not be switched. */
+export function outputWords({ name, state, trouble }: OutputStatus): string {
+  return trouble === null ? `${name} ${state}` : `! ${name} ${state}: ${trouble}`;
 }
 
 /** Background level of the newest view, 0 to 255, and the saturated share of it. */

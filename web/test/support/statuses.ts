@@ -138,6 +138,7 @@ export function status(change: Partial<Status> = {}): Status {
         position_deg: 171.3375,
       },
       translation: null,
+      outputs: [],
       camera: {
         identity: "Prosilica GE1050",
         connected: true,
