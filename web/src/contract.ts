@@ -123,6 +123,7 @@ export interface HardwareStatus {
   camera_second: CameraStatus | null;
   disk_free_bytes: number | null;
   index_trouble: string | null;
+  outputs: OutputStatus[];
   rotation: RotationStatus;
   translation: TranslationStatus | null;
 }
@@ -193,6 +194,14 @@ export type NextCommand = "acknowledge" | "unhold";
 
 export interface Noted {
   revision: number;
+}
+
+export type OutputState = "on" | "off" | "unknown";
+
+export interface OutputStatus {
+  name: string;
+  state: OutputState;
+  trouble: string | null;
 }
 
 export interface Pending {
