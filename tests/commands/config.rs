@@ -270,3 +270,32 @@ fn type_errors_of_the_drivers_tables_name_their_key() {
         assert!(!sound && said.contains(expected), "{to}: {said}");
     }
 }
+
+#[test]
+fn outputs_that_a_controller_does_not_have_are_refused_with_those_that_it_has() {
+    let refused = |file: &str, outputs: &str, from: &str, to: &str| {
+        let text = std::fs::read_to_string(folder().join(file)).unwrap();
+        assert!(text.contains(from), "{from}");
+        let text = text.replacen(from, to, 1) + outputs;
+        Config::parse(&text, Path::new("x.toml")).map(|_| ()).unwrap_err().to_string()
+    };
+    let output = |name: &str, pin: &str| format!("\n[rotation.outputs.{name}]\npin = {pin}\non = \"views\"\n");
+    let said = refused("vast-grbl.toml", &output("light", "\"coolant\""), "", "");
+    assert!(said.contains("rotation.outputs.light.pin") && said.contains("`mist_coolant`, `flood_coolant`, `spindle`"), "{said}");
+    let two = output("light", "\"spindle\"") + &output("valve", "\"spindle\"");
+    assert!(refused("vast-grbl.toml", &two, "", "").contains("another output has this pin"));
+    let said = refused("vast-grbl.toml", &output("light", "\"flood_coolant\""), "driver = \"loader\"", "driver = \"trigger\"");
+    assert!(said.contains("rotation.outputs.light.pin") && said.contains("the specimen is done"), "{said}");
+    let said = refused("vast-grbl.toml", &output("\"Light 1\"", "\"spindle\""), "", "");
+    assert!(said.contains("lower-case letters, digits and _"), "{said}");
+    for (file, pin, range) in [("vast-tmcl.toml", "8", "0 to 7"), ("vast-zaber.toml", "0", "1 to 4")] {
+        let said = refused(file, &output("light", pin), "", "");
+        assert!(said.contains("rotation.outputs.light.pin") && said.contains(range), "{said}");
+    }
+    for file in ["vast-bridge.toml", "vast-relay.toml"] {
+        let said = refused(file, &output("light", "1"), "", "");
+        assert!(said.contains("rotation.outputs") && said.contains("unknown field"), "{said}");
+    }
+    let said = refused("vast-folder.toml", &output("light", "1"), "", "");
+    assert!(said.contains("[rotation]"), "{said}");
+}

@@ -61,6 +61,12 @@ fn dotted(key: &Key) -> String {
     key.path.iter().map(|name| if *name == Key::NAME { "standard" } else { name }).collect::<Vec<_>>().join(".")
 }
 
+/// The required keys of an output.
+fn output_at_a_pin(key: &Key) -> toml::Table {
+    let pin = if key.driver == Some("grbl") { "\"mist_coolant\"" } else { "1" };
+    format!("pin = {pin}\non = \"views\"").parse().unwrap()
+}
+
 /// What is wrong with the configuration where `key` has this value, or nothing.
 fn refusal(key: &Key, value: Toml) -> String {
     let mut table = whole(driver_of(key));
@@ -79,6 +85,7 @@ fn refusal(key: &Key, value: Toml) -> String {
         "rotation.clock_divisors.pulse" | "rotation.clock_divisors.ramp" => {
             at.extend("pulse = 1\nramp = 1".parse::<toml::Table>().unwrap());
         }
+        "rotation.outputs.standard.pin" | "rotation.outputs.standard.settle_ms" => at.extend(output_at_a_pin(key)),
         "methods.standard.box_um.min" | "methods.standard.box_um.max" => {
             at.extend("min = [-2500.0, -500.0, -500.0]\nmax = [2500.0, 500.0, 500.0]".parse::<toml::Table>().unwrap());
         }
@@ -207,6 +214,9 @@ fn what_is_left_out_has_the_default_of_the_schema() {
         let (tables, name) = path.rsplit_once('.').unwrap();
         for table in tables.split('.') {
             at = at.entry(table.to_owned()).or_insert_with(|| Toml::Table(toml::Table::new())).as_table_mut().unwrap();
+        }
+        if path == "rotation.outputs.standard.settle_ms" {
+            at.extend(output_at_a_pin(&key));
         }
         at.remove(name);
         let left_out = parsed(&table);

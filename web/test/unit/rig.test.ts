@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { calibrationWords, focusWords, gateWords, lightWords } from "../../src/rig.ts";
+import { calibrationWords, focusWords, gateWords, lightWords, outputWords } from "../../src/rig.ts";
 
 const beads = {
   id: "0123456789ab",
@@ -42,6 +42,11 @@ test("daily beads say in words what is so, and whether it counts", () => {
   assert.equal(gateWords(passed), "✓ Passed: 5 beads. Next: measure specimens.");
   assert.match(gateWords({ ...passed, stands: false }), /^! Too old: measure beads again\. .*Passed: 5 beads/);
   assert.equal(calibrationWords({ ...beads, kind: "gate", gate: failed }), calibrationWords(null));
+});
+
+test("an output has its state, and the reason where it could not be switched", () => {
+  assert.equal(outputWords({ name: "light", state: "on", trouble: null }), "light on");
+  assert.equal(outputWords({ name: "light", state: "unknown", trouble: "error:20" }), "! light unknown: error:20");
 });
 
 test("light says when the lamp is too bright, focus compares with other views", () => {
