@@ -68,7 +68,9 @@ impl Outputs {
 
     pub(crate) fn all_off(&self) {
         let on: Vec<OutputPin> = self.lock().on.iter().copied().collect();
-        on.into_iter().for_each(|pin| self.set(pin, false));
+        for pin in on {
+            self.set(pin, false);
+        }
     }
 
     fn lock(&self) -> MutexGuard<'_, State> {

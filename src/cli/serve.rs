@@ -70,7 +70,8 @@ pub fn with_sampler(rig: Rig, driver: SamplerDriver, interlock: &LoaderInterlock
     })
 }
 
-fn open_axis(config: &Config) -> Result<Box<dyn RotationAxis>, DeviceError> {
+/// Opens the controller that turns the capillary. Nothing moves.
+pub fn open_axis(config: &Config) -> Result<Box<dyn RotationAxis>, DeviceError> {
     let rotation: Box<dyn RotationAxis> = match &config.rotation {
         RotationDriver::Grbl(settings) => Box::new(rotation::Grbl::with_translation(settings.clone(), config.translation)?),
         RotationDriver::VastBridge(settings) => Box::new(rotation::VastBridge::open(settings.clone(), config.steps_per_revolution)?),

@@ -223,14 +223,15 @@ fn wires(raw: &Raw, drivers: &Drivers, breaches: &mut Vec<String>) {
         }
         _ => {}
     }
-    if let (SamplerDriver::Trigger(_), RotationDriver::Grbl(grbl)) = (&drivers.sampler, &drivers.rotation)
+    if let (SamplerDriver::Trigger(trigger), RotationDriver::Grbl(grbl)) = (&drivers.sampler, &drivers.rotation)
+        && trigger.done_output
         && let Some((name, _)) = grbl.outputs.iter().find(|(_, output)| output.pin == GrblPin::FloodCoolant)
     {
         let key = format!("rotation.outputs.{name}.pin");
         wrong(
             &key,
             "\"flood_coolant\"".into(),
-            "another pin: the sampler's wire \"the specimen is done\" has this one (sampler.driver = \"trigger\")",
+            "another pin: the sampler's wire \"the specimen is done\" has this one (sampler.done_output)",
         );
     }
     if matches!(drivers.sampler, SamplerDriver::Trigger(_)) && !matches!(drivers.rotation, RotationDriver::Grbl(_)) {

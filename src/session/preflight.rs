@@ -104,16 +104,15 @@ pub struct Known<'a> {
     pub budget: Option<Budget>,
 }
 
-/// Every precondition of this plan, passed or not.
-pub fn checks(config: &Config, plan: &RunPlan, seen: &DeviceReport, known: &Known) -> Vec<Check> {
-    let status = known.status;
+/// What the look at the instrument has found.
+fn devices(seen: &DeviceReport, is_referenced: bool) -> Vec<Check> {
     let device = |e: &DeviceError, what_to_do: &'static str| (e.to_string(), what_to_do);
     let mut checks = vec![
         check(
             "rotation",
             true,
             match &seen.axis {
-                Ok(()) if status.hardware.rotation.referenced => Ok("the axis answers and is referenced".into()),
+                Ok(()) if is_referenced => Ok("the axis answers and is referenced".into()),
                 Ok(()) => Ok("the axis answers; its reference is found with the first specimen".into()),
                 Err(e) => Err(device(e, "check the controller's power and cable, and its alarm")),
             },
@@ -133,6 +132,13 @@ pub fn checks(config: &Config, plan: &RunPlan, seen: &DeviceReport, known: &Know
         check("outputs", true, found.map_err(|e| device(e, "check the pin in the configuration, and what is wired to it")))
     }));
     checks.extend(seen.light.as_ref().ok().and_then(Option::as_ref).map(|seen| check("light", true, light(seen))));
+    checks
+}
+
+/// Every precondition of this plan, passed or not.
+pub fn checks(config: &Config, plan: &RunPlan, seen: &DeviceReport, known: &Known) -> Vec<Check> {
+    let status = known.status;
+    let mut checks = devices(seen, status.hardware.rotation.referenced);
     let stands: Vec<String> = status.faults.iter().filter(|f| f.operator_required).map(|f| f.plainly().to_owned()).collect();
     checks.push(check(
         "faults",

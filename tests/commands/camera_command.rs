@@ -1,9 +1,9 @@
 //! `carved camera`: exposure set-up and reference frames on the emulated camera, whose light follows its exposure.
 #![cfg(feature = "aravis")]
 
-use crate::common::{json, run, stderr};
-use hardware_sim::RigSettings;
+use crate::common::{configured, json, port, run, stderr};
 use hardware_sim::scene::{Scene, SceneSettings, Specimen};
+use hardware_sim::{OutputPin, RigSettings};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -97,4 +97,18 @@ fn a_flat_field_is_stored_and_one_that_is_saturated_refused() {
     let config = bench.config(&[("exposure_us = 5000.0", "exposure_us = 9000.0")]);
     let said = carved("flat-field", &config, &["--out", bench.path("bright.png").to_str().unwrap()]).unwrap_err();
     assert!(said.contains("saturated") && said.contains("carved camera exposure"), "{said}");
+}
+
+#[test]
+fn a_light_at_an_output_is_on_for_the_frames_and_off_afterwards() {
+    let settings = RigSettings { time_scale: 10.0, light: Some(OutputPin::Spindle), ..RigSettings::default() };
+    let rig = hardware_sim::Rig::start(settings, Arc::new(Scene::new(SceneSettings::default()))).unwrap();
+    let dir = tempfile::tempdir().unwrap();
+    let (config, _) = configured("vast-grbl.toml", dir.path(), &rig, &[port(&rig)]);
+    let output = "\n[rotation.outputs.light]\npin = \"spindle\"\non = \"views\"\n";
+    std::fs::write(&config, std::fs::read_to_string(&config).unwrap() + output).unwrap();
+    let facts = carved("flat-field", &config, &["--out", dir.path().join("flat.png").to_str().unwrap(), "--frames", "2"]).unwrap();
+    assert!(facts["light"]["background"].as_f64().unwrap() > 100.0, "{facts}");
+    let switched: Vec<bool> = rig.outputs().switched().iter().map(|(_, on)| *on).collect();
+    assert_eq!(switched, [true, false]);
 }

@@ -284,7 +284,8 @@ fn outputs_that_a_controller_does_not_have_are_refused_with_those_that_it_has() 
     assert!(said.contains("rotation.outputs.light.pin") && said.contains("`mist_coolant`, `flood_coolant`, `spindle`"), "{said}");
     let two = output("light", "\"spindle\"") + &output("valve", "\"spindle\"");
     assert!(refused("vast-grbl.toml", &two, "", "").contains("another output has this pin"));
-    let said = refused("vast-grbl.toml", &output("light", "\"flood_coolant\""), "driver = \"loader\"", "driver = \"trigger\"");
+    let said =
+        refused("vast-grbl.toml", &output("light", "\"flood_coolant\""), "driver = \"loader\"", "driver = \"trigger\"\ndone_output = true");
     assert!(said.contains("rotation.outputs.light.pin") && said.contains("the specimen is done"), "{said}");
     let said = refused("vast-grbl.toml", &output("\"Light 1\"", "\"spindle\""), "", "");
     assert!(said.contains("lower-case letters, digits and _"), "{said}");

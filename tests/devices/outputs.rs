@@ -43,8 +43,10 @@ fn zaber_rig() -> (Rig, Box<dyn RotationAxis>) {
     (rig, axis)
 }
 
+type Make = (Rig, Box<dyn RotationAxis>);
+
 /// Every make, with the true pins of the light and the valve.
-fn makes() -> [((Rig, Box<dyn RotationAxis>), [OutputPin; 2]); 4] {
+fn makes() -> [(Make, [OutputPin; 2]); 4] {
     let grbl = [OutputPin::Flood, OutputPin::Mist];
     [
         (grbl_rig(Controller::Grbl), grbl),

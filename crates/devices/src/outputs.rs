@@ -21,8 +21,8 @@ use std::time::Duration;
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum OutputUse {
-    /// On from before the frame on which a specimen is detected until after the last frame of its turn. Also on for the frame of the
-    /// check of a plan. Off at any other time.
+    /// On from before the frame on which a specimen is detected until after the last frame of its turn. Also on for each frame of
+    /// `carved camera` and of the check of a plan. Off at any other time.
     Views,
     /// Only by command. carved does not switch it by itself.
     Manual,

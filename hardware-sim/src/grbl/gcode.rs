@@ -21,6 +21,7 @@ pub(super) enum Action {
 }
 
 #[derive(Debug, Clone, PartialEq)]
+#[allow(clippy::struct_excessive_bools)] // modes that are independent of each other
 pub(super) struct Parser {
     rapid: Motion,
     absolute: bool,

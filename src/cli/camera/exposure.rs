@@ -41,7 +41,8 @@ const NEAR: f64 = 3.0;
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     ensure!((50.0..=250.0).contains(&args.target), "--target is {}; from 50 to 250 is just under saturation", args.target);
-    let (_, settings) = args.configured.load()?;
+    let (config, settings) = args.configured.load()?;
+    let _lamp = super::light(&config)?;
     let found = find(settings, args.target)?;
     say!("{}", serde_json::to_string(&found)?);
     note!("put this into [camera]:  exposure_us = {:.1}", found.exposure_us);

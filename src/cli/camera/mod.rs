@@ -4,10 +4,13 @@ pub mod average;
 pub mod exposure;
 mod reference;
 
-use super::serve::NO_DEVICES;
+use super::serve::{NO_DEVICES, open_axis};
 use crate::config::Config;
 use anyhow::Context;
+use carved_devices::RotationAxis;
 use carved_devices::camera::AravisSettings;
+use carved_devices::cancel::CancelToken;
+use carved_devices::outputs::{OutputUse, views_on};
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Subcommand)]
@@ -33,6 +36,16 @@ impl Configured {
         let settings = config.camera.aravis().context(NO_DEVICES)?.clone();
         Ok((config, settings))
     }
+}
+
+/// The controller that has switched the light on, on a rig with such a light. The light goes off when it is dropped.
+fn light(config: &Config) -> anyhow::Result<Option<Box<dyn RotationAxis>>> {
+    if !config.rotation.outputs().iter().any(|output| output.on == OutputUse::Views) {
+        return Ok(None);
+    }
+    let mut axis = open_axis(config)?;
+    views_on(axis.as_mut(), &CancelToken::new())?;
+    Ok(Some(axis))
 }
 
 pub fn run(command: &Command) -> anyhow::Result<()> {

@@ -67,7 +67,9 @@ pub fn run(args: &Args, kind: Kind) -> anyhow::Result<()> {
             file.display()
         );
     }
+    let lamp = super::light(&config)?;
     let (camera, taken) = average::take(&settings, args.frames)?;
+    drop(lamp);
     let frame = average::mean(&taken)?;
     let light = Light::of(&frame);
     ensure!(
