@@ -1,12 +1,12 @@
 //! carved measures zebrafish larvae in 3D while they turn in the capillary of a VAST BioImager.
 //!
-//! This crate is the daemon and its commands. The science is `carved-core`, what is written down and said is `carved-records`, the
+//! This crate is the daemon and its commands. The science is `carved-core`, the types of records and messages are `carved-records`, the
 //! devices are `carved-devices`, and the data folder is `carved-store`. `hardware-sim` is the emulated rig:
 //!
 //! ```text
 //! carved-core <- carved-records <- carved-devices, carved-store <- config, api, export <- session <- http, cli
 //! ```
-//! Cargo's manifests hold the arrows between the crates, `tests/house.rs` those between the modules of this one. Only
+//! An arrow points to what is used. Cargo's manifests enforce the arrows between the crates, `tests/house.rs` those between the modules of this one. Only
 //! `session` runs specimens.
 
 pub mod api;

@@ -4,8 +4,9 @@
 //! ```text
 //! units, frame, range, statistics
 //!        │
-//!    geometry ──> profile ──> carver ──> calibration ──> surface ──> measure ──> quality ──> reconstruction ──> pipeline
+//!    geometry ──> profile ──> carver ──> calibration ──> fins ──> surface ──> measure ──> quality ──> reconstruction ──> pipeline
 //! ```
+//! Each module uses only modules to its left.
 //!
 //! The crate takes values and returns values. It uses no async runtime, files, network or clock, so the same input gives the
 //! same bytes wherever it runs.

@@ -37,7 +37,7 @@ pub(crate) struct FlagFacts<'a> {
     pub configured_blur_px: f64,
     /// Whether the voxels' numbers are given because slices are not convex.
     pub is_nonconvex: bool,
-    /// Whether the specimen may have fins, and no view shows any.
+    /// Whether the specimen may have fins, and the fins that the views show are shorter than half of it.
     pub misses_fins: bool,
     /// The VRV check of the turn's calibration. `None` where the turn is measured with the rig's camera.
     pub vrv: Option<VrvVerdict>,

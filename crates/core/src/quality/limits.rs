@@ -32,7 +32,7 @@ pub struct QualitySettings {
     pub scatter_px: f64,
     /// Smallest share of any view's profile that the hull that no view misses (VRV) covers, %.
     pub overlap_percent: f64,
-    /// Largest standard deviation of the volume, %: from views, calibration and corners, without the rig's scale and edges.
+    /// Largest standard deviation of the volume, %: from views, calibration, corners and fins, without the rig's scale and edges.
     pub volume_sd_percent: f64,
     /// Largest difference in uy between the turn's camera and the rig's, px.
     pub uy_px: f64,

@@ -381,7 +381,7 @@ impl Reconstruction {
         m.estimators.support = Some(support);
     }
 
-    /// Standard deviations of volume and area: views, calibration and corners, which differ between turns, and the rig's scale
+    /// Standard deviations of volume and area: views, calibration, corners and fins, which differ between turns, and the rig's scale
     /// and edges, which do not.
     pub(super) fn spread(
         &self,
