@@ -1,4 +1,4 @@
-//! Which commands a state accepts. A command that is repeated is answered as the first one was.
+//! Which commands a state accepts. A repeated command gets the same answer as the first one.
 
 use super::super::State;
 use super::super::handle::{Refusal, Towards};
@@ -6,10 +6,10 @@ use super::super::state::{HOLDABLE, STARTABLE, STOPPABLE};
 use carved_records::{FieldError, PlateHandover, RunOutcome, RunPlan, is_plain_name};
 use carved_store::RunRecord;
 
-/// Whether a run that is under way is to be moved now; false where it moves there already.
+/// Whether a command to the current run changes its state. `false` if the run is in that state, or on its way to it.
 ///
 /// # Errors
-/// The state does not accept it.
+/// The state does not accept the command.
 pub(super) fn steer(towards: Towards, now: State) -> Result<bool, Refusal> {
     let accepted = |accepted: bool, accepted_in: &[State]| {
         if accepted { Ok(true) } else { Err(Refusal::WrongState { state: now, accepted_in: accepted_in.to_vec() }) }
@@ -20,17 +20,17 @@ pub(super) fn steer(towards: Towards, now: State) -> Result<bool, Refusal> {
         | (Towards::Unhold, State::Unholding | State::Execute | State::Suspending | State::Suspended | State::Unsuspending) => Ok(false),
         (Towards::Abort, _) => Ok(true),
         (Towards::Stop, state) => accepted(STOPPABLE.contains(&state), &STOPPABLE),
-        // An operator may also hold what a fault holds. It then does not go on by itself.
+        // An operator may also hold a run that a fault holds. It then does not continue by itself.
         (Towards::Hold, state) => accepted(HOLDABLE.contains(&state) || matches!(state, State::Holding | State::Held), &HOLDABLE),
         (Towards::Unhold, state) => accepted(state == State::Held, &[State::Held]),
     }
 }
 
-/// A repeat after the end of a run moves it towards a state that is reached already. `stored`: the run by its name. `newest`: the run that
-/// is shown, `now` the state beside it.
+/// Answers a command to a run that has ended. `Ok` if the run has reached the requested state: then the command is a repeat. `stored`: the
+/// run of this name. `newest` and `now`: the run and the state that the status shows.
 ///
 /// # Errors
-/// The run has ended otherwise, or there is none.
+/// The run has ended in another way, or there is no such run.
 pub(super) fn steer_ended(id: &str, towards: Towards, stored: Option<RunRecord>, newest: Option<&str>, now: State) -> Result<(), Refusal> {
     let Some(run) = stored else {
         return Err(Refusal::UnknownRun { id: id.to_owned(), newest: newest.map(str::to_owned) });
@@ -43,10 +43,10 @@ pub(super) fn steer_ended(id: &str, towards: Towards, stored: Option<RunRecord>,
     if repeated { Ok(()) } else { Err(Refusal::RunEnded { id: run.id, outcome: run.outcome.map(Into::into) }) }
 }
 
-/// Refuses what cannot be the name of a run.
+/// Refuses an invalid name of a run.
 ///
 /// # Errors
-/// The rule for names.
+/// States the rule for names.
 pub(super) fn is_named_well(id: &str) -> Result<(), Refusal> {
     if is_plain_name(id) {
         return Ok(());
@@ -55,23 +55,23 @@ pub(super) fn is_named_well(id: &str) -> Result<(), Refusal> {
     Err(Refusal::InvalidPlan(vec![FieldError { pointer: "/run_id".into(), detail }]))
 }
 
-/// The refusal of a plan whose method the configuration lacks.
+/// The refusal of a plan whose method is not configured.
 pub(super) fn unknown_method(plan: &RunPlan) -> Refusal {
     Refusal::InvalidPlan(vec![FieldError { pointer: "/method".into(), detail: plan.method.clone() }])
 }
 
-/// Refuses a new run while one is under way.
+/// Refuses a new run while another one is in progress.
 ///
 /// # Errors
-/// The states that accept it.
+/// Names the states that accept a run.
 pub(super) fn is_startable(has_run: bool, state: State) -> Result<(), Refusal> {
     if !has_run && STARTABLE.contains(&state) { Ok(()) } else { Err(Refusal::WrongState { state, accepted_in: STARTABLE.to_vec() }) }
 }
 
-/// Refuses a plan while a plate is on its way, or for another plate than the one inside.
+/// Refuses a plan during a plate handover, and a plan for another plate than the one inside.
 ///
 /// # Errors
-/// The plate that is meant.
+/// Names the plate that is expected.
 pub(super) fn is_of_this_plate(plan: &RunPlan, plate: &PlateHandover) -> Result<(), Refusal> {
     if let Some(open) = plate.open() {
         return Err(Refusal::HandoffOpen { barcode: open.barcode.clone() });

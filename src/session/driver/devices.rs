@@ -1,4 +1,4 @@
-//! Who has the instrument, which devices are lost, and what takes the instrument for a moment while no run has it.
+//! Who uses the instrument, which devices are lost, and the background tasks that use the instrument between runs.
 //!
 //! ```text
 //!            begin_look, begin_preflight ──► BackgroundTask ──► done ─┐
@@ -18,18 +18,18 @@ use std::time::Duration;
 use tokio::sync::oneshot;
 use tokio::task::{JoinError, JoinHandle};
 
-/// The instrument, wherever it is now.
+/// The instrument, the background task that uses it, and the lost devices.
 pub(super) struct Devices {
-    /// At rest while there is no worker and no task.
+    /// `None` while a worker or a background task uses it.
     instrument: Option<Instrument>,
     task: Option<BackgroundTask>,
-    /// Devices that do not answer any more, oldest first. Nothing runs without them.
+    /// Devices that no longer answer, oldest loss first. No run can start without them.
     lost: Vec<Device>,
-    /// Whether the camera is there, wherever the instrument is.
+    /// State of the camera connection. It can be read while a worker uses the instrument.
     camera: Link,
 }
 
-/// A plan that is checked on the instrument, and who waits for the answer.
+/// A plan to check on the instrument, and the channel for the answer.
 pub(super) struct PreflightRequest {
     pub plan: RunPlan,
     pub answer: oneshot::Sender<Result<Vec<Check>, Refusal>>,
@@ -40,18 +40,18 @@ enum BackgroundTask {
     Preflight { look: JoinHandle<(Instrument, DeviceReport)>, request: Box<PreflightRequest> },
 }
 
-/// What a background task has found.
+/// The result of a background task.
 pub(super) enum Done {
     Searched(DevicesFound),
     Preflight(DeviceReport, Box<PreflightRequest>),
 }
 
-/// What a look says of a device.
+/// What a device check says about one device.
 #[derive(Debug)]
 pub(super) enum Finding {
     There(Device),
     Lost(Device, DeviceError),
-    /// A fault of this code is open for as long as it is found.
+    /// The device needs a person, or its settings are wrong. The fault of this code stays open until a check no longer finds it.
     Stands(&'static str, DeviceError),
 }
 
@@ -60,52 +60,53 @@ impl Devices {
         Self { camera: instrument.rig.camera.link(), instrument: Some(instrument), task: None, lost: Vec::new() }
     }
 
-    /// The instrument while nobody has it.
+    /// The instrument. `None` while a worker or a background task uses it.
     pub fn at_rest(&self) -> Option<&Instrument> {
         self.instrument.as_ref()
     }
 
-    /// Hands the instrument over, to a worker.
+    /// Takes the instrument for a worker.
     pub fn take(&mut self) -> Option<Instrument> {
         self.instrument.take()
     }
 
-    /// The worker hands the instrument back.
+    /// Returns the instrument of a worker.
     pub fn give_back(&mut self, instrument: Instrument) {
         self.instrument = Some(instrument);
     }
 
-    /// A run begins: its sampler forgets the run before.
+    /// Resets the sampler for a new run.
     pub fn begin_run(&mut self) {
         self.instrument.iter_mut().for_each(|instrument| instrument.sampler.begin_run());
     }
 
-    /// Whether the axis steps through a list of its controller, which takes no specimen up twice.
+    /// Whether the axis follows a position list of its own controller. Such an axis cannot take up a specimen twice.
     pub fn steps_through_a_list(&self) -> bool {
         self.instrument.as_ref().is_some_and(|instrument| instrument.rig.rotation.capabilities().trigger_only)
     }
 
-    /// Whether anything is under way beside a run.
+    /// Whether a background task uses the instrument.
     pub fn are_busy(&self) -> bool {
         self.task.is_some()
     }
 
-    /// Whether commands wait: a look takes milliseconds, unless a device is away.
+    /// Whether commands wait for the device check. They do not wait while a device is lost, because the check then takes long.
     pub fn are_looked_at(&self) -> bool {
         matches!(self.task, Some(BackgroundTask::Search(_))) && self.lost.is_empty()
     }
 
-    /// Whether a plan is checked on the instrument, so that no run can start.
+    /// Whether a plan is being checked on the instrument. No run can start meanwhile.
     pub fn are_checked(&self) -> bool {
         matches!(self.task, Some(BackgroundTask::Preflight { .. }))
     }
 
-    /// Looks whether the devices at rest are still there.
+    /// Begins a check of the devices between runs.
     pub fn begin_look(&mut self) {
         self.task = self.instrument.take().map(|instrument| BackgroundTask::Search(search::begin(instrument)));
     }
 
-    /// Checks a plan on the instrument; `deadline` is that of its frame. Gives the request back where the instrument is away.
+    /// Begins to check a plan on the instrument. `deadline` is the deadline of the frame that the check grabs. Returns the request if the
+    /// instrument is in use.
     pub fn begin_preflight(&mut self, request: Box<PreflightRequest>, deadline: Duration) -> Result<(), Box<PreflightRequest>> {
         let Some(instrument) = self.instrument.take() else { return Err(request) };
         let look = tokio::task::spawn_blocking(move || preflight::look(instrument, deadline));
@@ -113,12 +114,12 @@ impl Devices {
         Ok(())
     }
 
-    /// The end of a background task, with the instrument at rest again; never, where none is under way.
+    /// Waits for the background task and takes back the instrument. Pending forever if no task runs.
     ///
     /// # Errors
-    /// The task has panicked.
+    /// The task panicked.
     pub async fn done(&mut self) -> Result<Done, JoinError> {
-        // Waited for in place: what is given up half way is still there the next time.
+        // Borrows the task: if this future is dropped half-way, the next call waits for the same task.
         enum Brought {
             Search(DevicesFound),
             Preflight(DeviceReport),
@@ -136,7 +137,7 @@ impl Devices {
         }
     }
 
-    /// The device that is lost for the longest time.
+    /// The device that has been lost longest.
     pub fn lost(&self) -> Option<Device> {
         self.lost.first().copied()
     }
@@ -145,21 +146,21 @@ impl Devices {
         self.lost.contains(&device)
     }
 
-    /// Notes that a device does not answer any more.
+    /// Marks a device as lost.
     pub fn lose(&mut self, device: Device) {
         if !self.lost.contains(&device) {
             self.lost.push(device);
         }
     }
 
-    /// Notes that a device answers; returns whether it was lost.
+    /// Marks a device as found. Returns whether it was lost.
     pub fn find(&mut self, device: Device) -> bool {
         let before = self.lost.len();
         self.lost.retain(|lost| *lost != device);
         self.lost.len() < before
     }
 
-    /// Whether the camera is lost, wherever the instrument is.
+    /// Whether the camera is lost. It can be asked while a worker uses the instrument.
     pub fn camera_is_lost(&self) -> bool {
         self.camera.is_lost()
     }
@@ -170,7 +171,7 @@ impl Devices {
     }
 }
 
-/// What a look says, the camera first. Errors that say nothing of a loss are logged.
+/// The findings of a device check, the camera first. Errors that do not show a loss are only logged.
 pub(super) fn findings(found: DevicesFound) -> Vec<Finding> {
     let camera = match found.camera {
         Ok(()) => Some(Finding::There(Device::Camera)),
@@ -190,13 +191,13 @@ pub(super) fn findings(found: DevicesFound) -> Vec<Finding> {
             None
         }
     };
-    // The check of an axis that another program turns is a look at the folder of its pictures.
+    // For an axis that another program turns, the check reads the folder of its pictures.
     let pictures = matches!(rotation, Some(Finding::There(_))).then_some(Finding::There(Device::Pictures));
     camera.into_iter().chain(rotation).chain(pictures).collect()
 }
 
-/// A person or a safety circuit has the axis, or its machine's program waits for a person. The fault is open for as long as that lasts, also where it was acknowledged before it was
-/// over. A lost axis counts as back only once it is free.
+/// The axis is held by a person or a safety circuit, or the program of its machine waits for a person. The fault stays open while this
+/// lasts, even if it was acknowledged. A lost axis counts as found only once it is free.
 pub(super) fn intervention(error: &DeviceError) -> Option<Finding> {
     match error {
         DeviceError::Intervention { device, what, way_out } => Some(Finding::Stands(

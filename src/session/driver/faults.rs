@@ -1,13 +1,13 @@
-//! What open faults keep from happening, and who ends them. The faults themselves are in
-//! [`OpenFaults`](carved_records::OpenFaults); the driver raises them.
+//! What open faults prevent, and how they are acknowledged. The faults are in [`OpenFaults`](carved_records::OpenFaults). The driver raises
+//! them.
 
 use super::super::Refusal;
 use carved_records::{Device, FaultAcknowledged, HoldCause, OpenFaults, fault_table};
 
-/// Refuses what cannot run: a device is lost, or a fault waits for somebody.
+/// Refuses a run while a device is lost or a fault needs an operator.
 ///
 /// # Errors
-/// The lost device first, then the oldest such fault.
+/// Names the lost device, or else the oldest fault that needs an operator.
 pub(super) fn stands_in_the_way(faults: &OpenFaults, lost: Option<Device>) -> Result<(), Refusal> {
     if let Some(lost) = lost {
         return Err(Refusal::DeviceLost { why: lost.way_out().to_owned() });
@@ -19,16 +19,16 @@ pub(super) fn stands_in_the_way(faults: &OpenFaults, lost: Option<Device>) -> Re
     }
 }
 
-/// The refusal of a command that the disk would have to accept, while its fault is open.
+/// The refusal of a command that must be written to disk, while the disk's fault is open.
 pub(super) fn of_the_disk(faults: &OpenFaults) -> Option<Refusal> {
     let fault = faults.open().iter().find(|f| f.is_of_storage())?;
     Some(Refusal::Store { why: fault.message.clone(), full: fault.code == fault_table::DISK_FULL.code })
 }
 
-/// The event of an acknowledgement, and whether the fault ends with it; `None` where it is over already.
+/// The event of an acknowledgement, and whether it clears the fault. `None` if the fault is cleared already.
 ///
 /// # Errors
-/// There has been no such fault.
+/// There was never a fault of this number.
 pub(super) fn acknowledge(faults: &OpenFaults, seq: u64) -> Result<Option<(FaultAcknowledged, bool)>, Refusal> {
     let newest = faults.newest();
     match faults.open().iter().find(|f| f.seq == seq) {
@@ -43,7 +43,7 @@ pub(super) fn is_open(faults: &OpenFaults, code: &str) -> bool {
     faults.open().iter().any(|fault| fault.code == code)
 }
 
-/// What holds a run that comes to rest now: the newest fault, or an operator.
+/// The cause of a hold that begins now: the newest fault, or an operator.
 pub(super) fn cause_of_hold(faults: &OpenFaults, by_fault: bool) -> HoldCause {
     match faults.open().last() {
         _ if !by_fault => HoldCause::operator(),

@@ -1,4 +1,4 @@
-//! Which specimens somebody is to move for the run under way: the plate-loader, or the sampler.
+//! Which specimens the plate-loader or the sampler moves for the current run.
 //!
 //! ```text
 //! await_specimen ──► the loader brings it ──► brought
@@ -8,55 +8,55 @@
 
 use carved_records::Capillary;
 
-/// Requests to move specimens, by well.
+/// Open requests to move specimens. Each names a well.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(super) struct Handling {
-    /// The specimen that the loader is to bring.
+    /// The specimen that the loader brings next.
     awaited: Option<String>,
-    /// The specimen that the loader is to take out before the run goes on.
+    /// The specimen that the loader takes out before the run continues.
     take_out: Option<String>,
-    /// The specimen that a driven sampler takes out before the run goes on.
+    /// The specimen that a driven sampler ejects before the run continues.
     eject_first: Option<String>,
 }
 
-/// What the run was waiting for when a specimen was brought.
+/// What the run was waiting for when a specimen arrived.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Waited {
     /// For this specimen.
     ForIt,
-    /// For the specimen before it to be taken out.
+    /// For the removal of the previous specimen.
     ForTheFormer,
     /// For nothing.
     No,
 }
 
 impl Handling {
-    /// The specimen that the loader is to bring.
+    /// The specimen that the loader brings next.
     pub fn awaited(&self) -> Option<&str> {
         self.awaited.as_deref()
     }
 
-    /// The specimen that the loader is to take out before the run goes on.
+    /// The specimen that the loader takes out before the run continues.
     pub fn take_out(&self) -> Option<&str> {
         self.take_out.as_deref()
     }
 
-    /// The specimen that the sampler takes out before the run goes on.
+    /// The specimen that the sampler ejects before the run continues.
     pub fn eject_first(&self) -> Option<&str> {
         self.eject_first.as_deref()
     }
 
-    /// The loader is asked to bring a specimen.
+    /// Asks the loader to bring a specimen.
     pub fn await_specimen(&mut self, well: &str) {
         self.awaited = Some(well.to_owned());
     }
 
-    /// A specimen has to be out before the run goes on.
+    /// Asks the loader or the sampler to remove a specimen before the run continues.
     pub fn remove(&mut self, well: &str, by_loader: bool) {
         *(if by_loader { &mut self.take_out } else { &mut self.eject_first }) = Some(well.to_owned());
     }
 
-    /// A sampler that could not take a specimen out does so before the run goes on.
+    /// Asks the sampler to eject a specimen that it could not eject before.
     pub fn remove_what_is_stuck(&mut self, capillary: &Capillary) {
         let stuck = capillary.inside().filter(|inside| capillary.brought() != Some(inside));
         if let Some(stuck) = stuck {
@@ -64,7 +64,7 @@ impl Handling {
         }
     }
 
-    /// The loader has brought a specimen, in place of what was inside.
+    /// The loader has brought a specimen. It replaces whatever was in the capillary.
     pub fn brought(&mut self) -> Waited {
         match (self.awaited.take(), self.take_out.take()) {
             (Some(_), _) => Waited::ForIt,
@@ -73,18 +73,18 @@ impl Handling {
         }
     }
 
-    /// A specimen is out; returns whether the loader was asked to take it out.
+    /// The specimen was taken out. Returns whether the loader was asked to do so.
     pub fn taken_out(&mut self, well: &str) -> bool {
         self.eject_first.take_if(|asked| asked == well);
         self.take_out.take_if(|asked| asked == well).is_some()
     }
 
-    /// The specimen that a worker which begins now takes out first.
+    /// The specimen that a new worker ejects first. The worker takes over this request.
     pub fn hand_to_worker(&mut self) -> Option<String> {
         self.eject_first.take()
     }
 
-    /// The worker has ended, and waits for nothing.
+    /// The worker ended. It no longer waits for a specimen.
     pub fn worker_ended(&mut self) {
         self.awaited = None;
     }

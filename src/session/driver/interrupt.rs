@@ -1,11 +1,11 @@
-//! What becomes of the specimens under way when a run is cut short.
+//! What happens to the specimens that were in progress when a run is interrupted.
 //!
 //! ```text
-//! under way ─┬─ accepted ──────────────────────────────► only lacks its numbers: nothing is said of it
-//!            ├─ the instrument is to blame, it stays ──► kept: the run goes on with it
-//!            ├─ cannot or shall not be begun again ────► given up: the well is over
-//!            └─ else ──────────────────────────────────► begun again, once it is brought
-//! inside and not kept ──► taken out first, by the loader or by the sampler
+//! in progress ─┬─ accepted ────────────────────────────────────► its numbers follow from its frames: no event
+//!              ├─ caused by the instrument, the pose is known ─► kept: the run continues with it
+//!              ├─ cannot come again, or the method skips it ───► given up: the well ends
+//!              └─ otherwise ───────────────────────────────────► begun again, once it is brought
+//! in the capillary and not kept ──► removed first, by the loader or by the sampler
 //! ```
 
 use super::run::RunInProgress;
@@ -13,41 +13,41 @@ use carved_records::Interrupted;
 use carved_records::{Capillary, PlannedWell, RunState};
 use std::collections::VecDeque;
 
-/// What an interruption does to the specimen under way.
+/// The effect of an interruption on the specimen in progress.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Fate {
-    /// Its pose is lost: the method's policy says whether it is begun again.
+    /// Its pose is lost. The method's policy decides whether it is begun again.
     PoseLost,
-    /// The instrument is to blame, and the specimen must be brought again.
+    /// The instrument caused the interruption. The specimen must be brought again.
     BroughtAgain,
-    /// The instrument is to blame, and the run goes on with the specimen where it is.
+    /// The instrument caused the interruption. The run continues with the specimen in place.
     Stays,
 }
 
-/// What becomes of one specimen.
+/// The decision for one specimen.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Interruption {
     pub well: String,
-    /// It is inside, and has to be out before the run goes on.
+    /// It is in the capillary and must be removed before the run continues.
     pub remove: bool,
     pub course: Course,
 }
 
-/// What the run does with a specimen that was under way.
+/// What the run does with a specimen that was in progress.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Course {
-    /// It was accepted: it was not interrupted, and only lacks its numbers.
+    /// It was accepted. Only its numbers are missing.
     LacksNumbers,
-    /// The run goes on with it where it is.
+    /// The run continues with it in place.
     Kept,
-    /// Its well is over.
+    /// Its well ends.
     GivenUp,
     /// It is begun again, once it is brought.
     Again,
 }
 
-/// What becomes of each specimen under way, by well. `accepted`: the wells that only lack their numbers. `brings_again`: whether a
-/// specimen that was taken out can be brought again.
+/// The decision for each specimen in progress, sorted by well. `accepted`: the wells of which only the numbers are missing. `brings_again`:
+/// whether a specimen can come again after it was taken out.
 pub(super) fn interruptions(
     run: &RunInProgress,
     state: &RunState,
@@ -56,7 +56,7 @@ pub(super) fn interruptions(
     fate: Fate,
 ) -> Vec<Interruption> {
     let capillary = state.capillary();
-    // What the loader has brought is not begun: it stays, and is used when the run goes on.
+    // A specimen that the loader brought is not begun yet. It stays, and the run uses it when it continues.
     let mut wells: Vec<&String> = state.begun().iter().filter(|well| capillary.brought() != Some(well.as_str())).collect();
     wells.sort_unstable();
     wells.into_iter().map(|well| interruption(run, capillary, well, accepted.iter().any(|a| a.well == *well), brings_again, fate)).collect()
@@ -64,7 +64,7 @@ pub(super) fn interruptions(
 
 fn interruption(run: &RunInProgress, capillary: &Capillary, well: &str, accepted: bool, brings_again: bool, fate: Fate) -> Interruption {
     let inside = capillary.inside() == Some(well);
-    // One that has not come yet is still to come.
+    // A specimen that never arrived can still come.
     let came = inside || capillary.has_held(well);
     let skip = run.record().method.policy.interrupted == Interrupted::Skip && fate == Fate::PoseLost;
     let course = if accepted {
@@ -103,7 +103,7 @@ mod tests {
         skips
     }
 
-    /// What becomes of A01, which is turning, and whether it has to be out.
+    /// The decision for A01, whose turn is interrupted, and whether it must be removed.
     fn of_a01(run: &RunInProgress, brings_again: bool, fate: Fate) -> (Course, bool) {
         let turning = state(&[phase("A01", Phase::Revolve, true)]);
         let found = interruptions(run, &turning, &VecDeque::new(), brings_again, fate);

@@ -1,12 +1,13 @@
-//! What the loader reports of specimens: one is in the capillary, or has been taken out.
+//! Messages of the plate-loader: a specimen is in the capillary, or was taken out.
 //!
 //! ```text
-//! asked for A02 ──► {A02, loaded} ──┬─ the run waits ──────────────► it goes on with A02
-//!     │ (outlasts a hold, a fault,  ├─ held, or about to go on ────► brought: it stays, and is used when the run goes on
-//!     │  a crash and the run's end) └─ the run is over by then ────► inside until {A02, not loaded}: nothing runs, nothing is removable
-//!     └─ A01 is still inside: exchanged in one go, A01 is out
+//! A02 requested ──► {A02, loaded} ──┬─ the run waits ───────────────► the run continues with A02
+//!     │ (the request survives a     ├─ held, or about to continue ──► brought: it stays and is used when the run continues
+//!     │  hold, a fault, a crash     └─ the run has ended ───────────► inside until {A02, not loaded}: no new run, plate not removable
+//!     │  and the end of the run)
+//!     └─ A01 is still inside: the loader exchanges both, so A01 is out
 //! ```
-//! A message counts once it is journalled, whatever has become of the run since the request: the larva is where the loader says.
+//! A message takes effect once it is in the journal, whatever happened to the run since the request: the loader knows where the larva is.
 
 use super::super::Refusal;
 use super::handling::Handling;
@@ -14,21 +15,21 @@ use crate::api::RunOutcome;
 use carved_devices::sampler::{LoaderInterlock, Sampler};
 use carved_records::{Capillary, WellLoaded};
 
-/// Who fills the capillary, and the way to a sampler that waits.
+/// Who fills the capillary, and the channel to a worker that waits for the loader.
 pub(super) struct Loader {
     interlock: LoaderInterlock,
     fills_capillary: bool,
     brings_again: bool,
-    /// A specimen that no run asked for is in the capillary, by the sampler's wire.
+    /// The sampler's sensor shows a specimen that no run requested.
     unexpected: bool,
 }
 
-/// What the sampler's wire shows at rest, in a capillary that is empty as far as is known.
+/// The reading of the sampler's sensor between runs, while the capillary should be empty.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct WireReading {
-    /// A specimen that no run asked for is inside.
+    /// A specimen that no run requested is in the capillary.
     pub unexpected: bool,
-    /// The reading before was another.
+    /// The reading differs from the previous one.
     pub is_news: bool,
 }
 
@@ -37,44 +38,43 @@ impl Loader {
         Self { interlock, fills_capillary: sampler.waits_for_loader(), brings_again: sampler.brings_again(), unexpected: false }
     }
 
-    /// Whether a plate-loader fills the capillary; else a driven sampler does.
+    /// Whether a plate-loader fills the capillary. Otherwise a driven sampler does.
     pub fn fills_capillary(&self) -> bool {
         self.fills_capillary
     }
 
-    /// Whether a specimen that was taken out can be brought again.
+    /// Whether a specimen can be brought again after it was taken out.
     pub fn brings_again(&self) -> bool {
         self.brings_again
     }
 
-    /// Whether a specimen that no run asked for is in the capillary.
+    /// Whether a specimen that no run requested is in the capillary.
     pub fn has_unexpected(&self) -> bool {
         self.unexpected
     }
 
-    /// A run begins. What is in the capillary is the run's from now on.
+    /// A run begins. From now on a specimen in the capillary belongs to the run.
     pub fn begin_run(&mut self) {
         self.unexpected = false;
     }
 
-    /// Where a worker hears the loader; an earlier message is dropped.
+    /// The channel on which a worker receives the loader's messages. Drops an earlier message.
     pub fn cleared_interlock(&self) -> LoaderInterlock {
         self.interlock.clear();
         self.interlock.clone()
     }
 
-    /// Passes on to the worker that a specimen is in the capillary.
+    /// Tells the worker that a specimen is in the capillary.
     pub fn say_loaded(&self, well: &str) {
         self.interlock.say_loaded(well);
     }
 
-    /// The well whose specimen is in the capillary and that nobody but the loader takes out. A driven sampler does so itself, before the
-    /// next one.
+    /// The well whose specimen only the loader can take out. `None` with a driven sampler, which ejects a specimen before the next one.
     pub fn has_to_take_out<'a>(&self, capillary: &'a Capillary) -> Option<&'a str> {
         capillary.inside().filter(|_| self.fills_capillary)
     }
 
-    /// What the loader is asked for: whose specimen to take out, and whose to bring after that.
+    /// The requests to the loader: the specimen to take out, then the specimen to bring.
     pub fn requests(&self, capillary: &Capillary, run: Option<&Handling>) -> (Option<String>, Option<String>) {
         let left = self.has_to_take_out(capillary).map(str::to_owned);
         match run {
@@ -86,7 +86,7 @@ impl Loader {
         }
     }
 
-    /// Takes in what the sampler's wire shows.
+    /// Notes a reading of the sampler's sensor.
     pub fn read_wire(&mut self, unexpected: bool) -> WireReading {
         let before = std::mem::replace(&mut self.unexpected, unexpected);
         WireReading { unexpected, is_news: before != unexpected }
@@ -98,12 +98,12 @@ impl Loader {
     }
 }
 
-/// The refusal of a specimen while another one is inside.
+/// The refusal while another specimen is in the capillary.
 pub(super) fn capillary_full(run: Option<&str>, inside: &str) -> Refusal {
     Refusal::CapillaryFull { run: run.unwrap_or("RUN").to_owned(), well: inside.to_owned() }
 }
 
-/// A message of the loader on the specimen of a well, beside what is known.
+/// A message of the loader about the specimen of a well, together with the known state.
 pub(super) struct LoaderMessage<'a> {
     /// The run that the message names.
     pub run: &'a str,
@@ -111,25 +111,25 @@ pub(super) struct LoaderMessage<'a> {
     /// The newest run and its outcome.
     pub newest: Option<(&'a str, Option<RunOutcome>)>,
     pub capillary: &'a Capillary,
-    /// What the run wants moved; `None` after its end.
+    /// What the run wants moved. `None` after the end of the run.
     pub wanted: Option<&'a Handling>,
 }
 
 impl LoaderMessage<'_> {
-    /// The event of a specimen that was brought; `None` where that is known.
+    /// The event of a specimen that was brought. `None` if this is known already.
     ///
     /// # Errors
-    /// Another run is meant, another specimen is inside, or nobody asked for this one.
+    /// The message names another run, another specimen is inside, or this specimen was not requested.
     pub fn loaded(&self) -> Result<Option<WellLoaded>, Refusal> {
         let outcome = self.outcome_of_run()?;
-        // Reported again: nothing has been done with it since.
+        // A repeated message.
         if self.capillary.brought() == Some(self.well) {
             return Ok(None);
         }
         let asked_for = self.capillary.asked_for() == Some(self.well);
         let waits_for_another = self.wanted.is_some_and(|wanted| wanted.awaited().is_some());
         if let Some(inside) = self.to_be_taken_out()
-            // While the run is there both may be exchanged in one go. After its end each needs a message.
+            // During a run the loader may exchange both specimens at once. After its end each specimen needs its own message.
             && (inside == self.well || if self.wanted.is_none() { asked_for } else { !asked_for && !waits_for_another })
         {
             return Err(capillary_full(Some(self.run), inside));
@@ -141,19 +141,20 @@ impl LoaderMessage<'_> {
             let ended = Refusal::RunEnded { id: self.run.to_owned(), outcome };
             return Err(if self.wanted.is_none() { ended } else { self.unexpected() });
         }
-        // A loader that exchanges specimens in one go reports only what it has brought: the former one is out.
+        // A loader that exchanges specimens reports only the new one. The previous one is out.
         Ok(Some(WellLoaded { in_place_of: self.capillary.inside().map(str::to_owned) }))
     }
 
-    /// Whether the specimen has been taken out now, and not before. `worked_on`: the well whose specimen a worker is at, and not
-    /// about to eject.
+    /// Whether the specimen was taken out just now. `false` if that is known already. `worked_on`: the well whose specimen a worker uses
+    /// and does not eject.
     ///
     /// # Errors
-    /// Another run is meant, this specimen was never inside, or the worker is at it.
+    /// The message names another run, this specimen was never inside, or the worker uses it.
     pub fn unloaded(&self, worked_on: Option<&str>) -> Result<bool, Refusal> {
         self.outcome_of_run()?;
         if self.capillary.inside() != Some(self.well) {
-            // Reported again, or of a specimen that another one has replaced. Of one that was never inside it is a mistake.
+            // `false` for a repeated message, and for a specimen that another one has replaced. A specimen that was never inside is a
+            // mistake.
             return if self.capillary.has_held(self.well) { Ok(false) } else { Err(self.unexpected()) };
         }
         if worked_on == Some(self.well) {
@@ -162,7 +163,7 @@ impl LoaderMessage<'_> {
         Ok(true)
     }
 
-    /// The outcome of the run that is named, which is the newest one.
+    /// The outcome of the run that the message names. It must be the newest run.
     fn outcome_of_run(&self) -> Result<Option<RunOutcome>, Refusal> {
         match self.newest {
             Some((newest, outcome)) if newest == self.run => Ok(outcome),
@@ -170,7 +171,7 @@ impl LoaderMessage<'_> {
         }
     }
 
-    /// The well whose specimen somebody is asked to take out now.
+    /// The well whose specimen must be taken out now.
     fn to_be_taken_out(&self) -> Option<&str> {
         let inside = self.capillary.inside();
         match self.wanted {
@@ -179,7 +180,7 @@ impl LoaderMessage<'_> {
         }
     }
 
-    /// Refuses a message on a well that nobody asked about, with the message that is waited for.
+    /// Refuses a message about the wrong well. The refusal names the expected message.
     fn unexpected(&self) -> Refusal {
         let run = self.run;
         let say = |well: &str, loaded: bool| format!("PUT /v1/runs/{run}/wells/{well} {{\"loaded\": {loaded}}}");

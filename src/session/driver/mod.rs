@@ -1,4 +1,4 @@
-//! The driver: the one place that changes anything. It takes commands and the worker's progress, journals, then publishes.
+//! The driver: the only part that changes state. It takes commands and the worker's progress, writes the journal, then publishes.
 //!
 //! ```text
 //!            commands ─────────┐                    ┌──► Outbox: journal (synced) ──► state, events
@@ -7,23 +7,26 @@
 //!  numbers ────────────────────┤                    │
 //!  look, preflight ────────────┘   asks its parts   └──► a worker for the wells that are left
 //! ```
-//! A part owns its state, and its decisions are tested without threads and without a disk. The `Outbox` is the exception: its work is
-//! the disk.
+//! Each part owns its state. Its decisions are tested without threads and without a disk. The exception is the `Outbox`, whose task is to
+//! write to the disk.
 //!
 //! | part | what it owns or decides |
 //! |---|---|
-//! | `Outbox` | the state that follows from events, and what of it is not on disk yet |
-//! | `RunInProgress` (`run.rs`) | a run's record, its worker, what was asked of it; what follows when the worker ends |
-//! | `Handling` | which specimens the loader or the sampler is to move for the run |
-//! | `Numbers` (`recovery.rs`) | numbers that are made from the frames of specimens that are gone, and what waits for them |
-//! | `Devices` | who has the instrument, which devices are lost, the looks at them between runs |
-//! | `Loader` | who fills the capillary, and the way to a worker that waits; what a message of the loader means |
+//! | `Outbox` | the state that follows from the events; which events and records are not on disk yet |
+//! | `RunInProgress` (`run.rs`) | a run's record, its worker and its highest request; what follows when the worker ends |
+//! | `Handling` | which specimens the loader or the sampler moves for the run |
+//! | `Numbers` (`recovery.rs`) | numbers that are computed from the stored frames of released specimens, and the step that waits for them |
+//! | `Devices` | who uses the instrument, which devices are lost, the device checks between runs |
+//! | `Loader` | who fills the capillary; the channel to a waiting worker; what a message of the loader means |
 //! | `DiskRoom` (`room.rs`) | whether the smallest run would fit |
-//! | `commands`, `faults`, `plates`, `interrupt`, `resume`, `start` | rules: which command is accepted, what stands in the way, what becomes of a specimen, when a held run goes on |
-//! | `snapshot`, `progress` | what a revision shows |
+//! | `commands`, `faults` | rules: which command is accepted, which fault prevents a run |
+//! | `plates`, `interrupt` | rules: plate handovers, what happens to interrupted specimens |
+//! | `resume`, `start` | rules: when a held run continues, what a start restores |
+//! | `snapshot`, `progress` | what a revision of the status shows |
 //!
-//! `running.rs` carries out what the parts decide, in the order in which it is written and shown. A [`RunInProgress`](run::RunInProgress) exists from its acceptance to its outcome. It
-//! has a worker, which has the instrument, or none while it is held.
+//! `running.rs` carries out the decisions of the parts, in the order in which they are written and shown. A
+//! [`RunInProgress`](run::RunInProgress) exists from the acceptance of the run to its outcome. It has a worker, which uses the instrument.
+//! It has no worker while the run is held.
 
 mod commands;
 mod devices;
@@ -60,7 +63,7 @@ use std::future::Future;
 use std::sync::Arc;
 use tokio::sync::mpsc;
 
-/// What the driver is made of; `run` consumes it.
+/// The parts that the driver is made of. `run` consumes it.
 pub struct Driver {
     pub config: Arc<Config>,
     pub mode: Mode,
@@ -68,7 +71,7 @@ pub struct Driver {
     pub journal: Journal,
     pub publisher: Publisher,
     pub instrument: Instrument,
-    /// Where the loader's message goes, on a rig that is loaded from outside.
+    /// Receives the loader's message, on a rig that a plate-loader fills.
     pub interlock: LoaderInterlock,
     pub heartbeat: Heartbeat,
 }
@@ -82,18 +85,18 @@ pub enum DriverError {
     WorkerPanicked,
 }
 
-/// Where the daemon is in its life.
+/// Life cycle of the daemon.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Life {
-    /// What an earlier life left has not been looked at yet.
+    /// The state that the previous process left is not restored yet.
     Starting,
     Up,
-    /// It ends once everything is joined.
+    /// The daemon ends once all threads are joined.
     Stopping,
 }
 
 impl Driver {
-    /// The first snapshot of a boot.
+    /// The first snapshot after a start of the daemon.
     pub fn first_status(mode: Mode, boot_id: String) -> Status {
         Status {
             schema: "carved.status/1".into(),
@@ -117,7 +120,7 @@ impl Driver {
         }
     }
 
-    /// Serves commands until `shutdown`; then the motors are stopped, the record is closed and everything is joined.
+    /// Serves commands until `shutdown`. Then the motors stop, the record is closed and all threads are joined.
     pub async fn run(self, mut mailbox: mpsc::Receiver<Command>, shutdown: impl Future<Output = ()>) -> Result<(), DriverError> {
         let (heartbeat, halt) = (self.heartbeat.clone(), self.publisher.halt().clone());
         let mut d = Running::new(self);
@@ -133,7 +136,7 @@ impl Driver {
             tokio::select! {
                 biased;
                 () = &mut shutdown, if d.life != Life::Stopping => d.shut_down(),
-                // Not only by the mailbox: who pressed it may have hung up before the command was in.
+                // Not only through the mailbox: the client may disconnect before its command is queued.
                 () = halt.pressed(), if d.life != Life::Stopping => d.emergency_pressed(),
                 message = next_message(&mut d.run) => match message {
                     Message::Progress(progress) => d.progress(progress),
@@ -146,11 +149,12 @@ impl Driver {
                     d.beat();
                 }
                 _ = look.tick(), if d.run.is_some() => d.show_camera(),
-                // A look at devices that are there takes milliseconds, and a run needs them; without them there is no run.
+                // Commands wait for a device check: a run needs the instrument. The check takes milliseconds if no device is lost. If one
+                // is lost, commands do not wait, because no run can start.
                 command = mailbox.recv(), if d.life != Life::Stopping && !d.devices.are_looked_at() => {
                     match command {
                         Some(command) => d.command(command),
-                        // Every handle is gone: nobody can ask for anything any more, not even for an end.
+                        // Every handle is dropped. No command can arrive any more, not even one that ends the daemon.
                         None => d.shut_down(),
                     }
                 }

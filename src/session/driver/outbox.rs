@@ -1,13 +1,13 @@
-//! What the driver believes, and its way to the disk.
+//! The driver's state, and the queue of events and records that are not on disk yet.
 //!
 //! ```text
 //! happened, save ──► state ──► waiting ──► flush ──► journal, run.json ──► readers of the event log
 //!                                 ▲           │
 //!                                 └───────────┘ the disk refuses: a fault, and no run; tried again with the next write, with each
-//!                                               beat, and once more before the daemon ends
-//! promise ──► flush ──► journal ──► state, event log; or the command is refused and nothing has happened
+//!                                               heartbeat, and once more before the daemon ends
+//! promise ──► flush ──► journal ──► state, event log; if the disk refuses, the command is refused and has no effect
 //! ```
-//! Nothing else changes the state. A start that reads the journal therefore believes the same.
+//! Nothing else changes the state. A start that reads the journal therefore gets the same state.
 
 use super::super::{EventLog, Refusal};
 use super::faults;
@@ -22,7 +22,7 @@ enum Unwritten {
     Run(Box<RunRecord>),
 }
 
-/// What the driver believes, and what of it is not on disk yet.
+/// The driver's state, and what of it is not on disk yet.
 pub(super) struct Outbox {
     store: Store,
     journal: Journal,
@@ -34,15 +34,15 @@ pub(super) struct Outbox {
 }
 
 impl Outbox {
-    /// `state`: what the journal says. Events that are on disk are appended to `log`.
+    /// `state`: the state that follows from the journal. Events that are on disk are appended to `log`.
     pub fn new(store: Store, journal: Journal, log: Arc<EventLog>, mut state: InstrumentState) -> Self {
         state.faults.number_from(journal.last_fault());
-        // A run is known once it is taken up or shown again, from its own file.
+        // The run is read from its own file when it is taken up or shown again.
         state.run = None;
         Self { store, journal, log, state, waiting: VecDeque::new(), is_failing: false }
     }
 
-    /// What the driver believes.
+    /// The state that follows from all events, written or not.
     pub fn state(&self) -> &InstrumentState {
         &self.state
     }
@@ -52,27 +52,27 @@ impl Outbox {
         &self.store
     }
 
-    /// Makes a run of an earlier life of the daemon the newest one.
+    /// Restores the newest run, from before the restart of the daemon.
     pub fn recall(&mut self, run: RunState) {
         self.state.run = Some(run);
     }
 
-    /// It has happened, whenever the disk accepts it.
+    /// Applies an event that has happened, and queues it for the disk.
     pub fn happened(&mut self, run: Option<&str>, well: Option<&str>, data: EventData) {
         let body = carved_store::now(run, well, data);
         self.state.apply(&body);
         self.waiting.push_back(Unwritten::Event(Box::new(body)));
     }
 
-    /// A run's record is to be written behind all that happened before.
+    /// Queues a run's record, behind all earlier events.
     pub fn save(&mut self, record: RunRecord) {
         self.waiting.push_back(Unwritten::Run(Box::new(record)));
     }
 
-    /// Writes what waits, as far as the disk accepts it.
+    /// Writes the queue, as far as the disk accepts it.
     ///
     /// # Errors
-    /// The first write that the disk refused. It still waits, and all behind it.
+    /// The first write that the disk refused. It stays in the queue, with everything behind it.
     pub fn flush(&mut self) -> Result<(), StoreError> {
         while let Some(next) = self.waiting.front() {
             match next {
@@ -84,10 +84,10 @@ impl Outbox {
         Ok(())
     }
 
-    /// Writes behind all that waits what counts only once it is on disk.
+    /// Writes the queue and then an event that takes effect only once it is on disk.
     ///
     /// # Errors
-    /// What the disk refused: it has not happened.
+    /// The disk refused the write, and the event has no effect.
     pub fn promise(&mut self, run: Option<&str>, well: Option<&str>, data: EventData) -> Result<(), StoreError> {
         self.flush()?;
         let event = self.journal.write(&carved_store::now(run, well, data))?;
@@ -96,22 +96,22 @@ impl Outbox {
         Ok(())
     }
 
-    /// The same for an event of a run, with the run's record in front of it.
+    /// As `promise`, for an event of a run. The run's record is written before the event.
     ///
     /// # Errors
-    /// What the disk refused: the event has not happened.
+    /// The disk refused the write, and the event has no effect.
     pub fn promise_with(&mut self, record: &RunRecord, data: EventData) -> Result<(), StoreError> {
         self.flush()?;
         self.store.save_run(record)?;
         self.promise(Some(&record.id), None, data)
     }
 
-    /// A write failed, and what is shown is not all on disk.
+    /// Whether a write failed and the published state is not all on disk.
     pub fn is_failing(&self) -> bool {
         self.is_failing
     }
 
-    /// Notes whether writes fail; returns whether they did before.
+    /// Sets whether writes fail. Returns whether they failed before.
     pub fn set_failing(&mut self, is_failing: bool) -> bool {
         std::mem::replace(&mut self.is_failing, is_failing)
     }
@@ -121,10 +121,10 @@ impl Outbox {
         self.waiting.len()
     }
 
-    /// The answer to a command that was carried out whatever the disk did.
+    /// The answer to a command that took effect even if the disk failed.
     ///
     /// # Errors
-    /// Something is not on disk yet.
+    /// Some events or records are not on disk yet.
     pub fn on_disk(&self) -> Result<(), Refusal> {
         if self.waiting.is_empty() { Ok(()) } else { Err(faults::of_the_disk(&self.state.faults).unwrap_or(Refusal::Busy)) }
     }

@@ -1,23 +1,23 @@
-//! Plates handed over by the loader. The instrument does not see plates. It checks that the loader does what it has announced.
+//! Plate handovers. The instrument does not see plates. It checks that the loader does what it announced.
 
 use super::super::state::STARTABLE;
 use super::super::{Refusal, State};
 use carved_records::{Capillary, EventData, FieldError, Handoff, HandoffEnd, HandoffIntent, PlateHandover, PlateNamed, is_plain_name};
 
-/// What else decides on a handover.
+/// The state that decides about a handover, beside the handover itself.
 pub(super) struct Surroundings<'a> {
     pub state: State,
-    /// A run has no outcome yet.
+    /// A run exists that has no outcome yet.
     pub has_run: bool,
     /// Barcode of the plate that is shown as present.
     pub plate: Option<&'a str>,
     pub capillary: &'a Capillary,
-    /// Not everything is on disk.
+    /// Some events or records are not on disk yet.
     pub is_failing: bool,
 }
 
 impl Surroundings<'_> {
-    /// What has to happen before a plate is moved.
+    /// What must happen before the plate is moved. `None` if nothing.
     pub fn needs(&self) -> Option<String> {
         if self.has_run {
             return Some("the run to end".into());
@@ -31,7 +31,7 @@ impl Surroundings<'_> {
     /// Whether this announcement is a new one.
     ///
     /// # Errors
-    /// The barcode is no name, another plate is inside, or a run is under way.
+    /// The barcode is not a valid name, another plate is inside, or a run is in progress.
     pub fn announce(&self, known: &PlateHandover, plate: &Handoff) -> Result<bool, Refusal> {
         if !is_plain_name(&plate.barcode) {
             let detail = format!("{:?} is not a barcode: use 1 to 64 letters, digits, '-', '_' or '.', the first not a '.'", plate.barcode);
@@ -46,10 +46,10 @@ impl Surroundings<'_> {
         Ok(known.open() != Some(plate))
     }
 
-    /// The event of the end of the open handover; `None` where the end is known.
+    /// The event that ends the open handover. `None` if it has ended in this way already.
     ///
     /// # Errors
-    /// No handover is open, or it still waits for something.
+    /// No handover is open, or something must happen before the plate is moved.
     pub fn end(&self, known: &PlateHandover, end: HandoffEnd) -> Result<Option<EventData>, Refusal> {
         let Some(plate) = known.open() else {
             return if known.ended() == Some(end) { Ok(None) } else { Err(Refusal::NoHandoff) };
@@ -66,7 +66,7 @@ impl Surroundings<'_> {
     }
 }
 
-/// A request to the loader, in words.
+/// A request to the loader, as text.
 pub(super) fn to_be_taken_out(well: &str) -> String {
     format!("the specimen of well {well} to be taken out of the capillary")
 }

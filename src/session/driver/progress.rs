@@ -1,4 +1,4 @@
-//! How a worker's progress shows in the status.
+//! How the worker's progress appears in the status.
 
 use super::super::{OutputStatus, RotationStatus, RunStatus, SpecimenStatus, Status, TranslationStatus};
 use crate::api::{VolumeEstimate, VolumeWait};
@@ -6,14 +6,14 @@ use carved_devices::StreamCounters;
 use carved_records::Light;
 use carved_records::{LiveEstimate, Phase};
 
-/// A view that was taken, as the status shows it.
+/// A view, as the status shows it.
 pub(super) struct View {
     pub achieved_steps: i64,
     pub position_deg: f64,
-    /// `None` where the view is not part of the model.
+    /// `None` if the view is not part of the model.
     pub hull_volume_um3: Option<f64>,
     pub estimate: LiveEstimate,
-    /// Why there is no estimate.
+    /// Why there is no estimate yet.
     pub wait: Option<VolumeWait>,
     pub light: Option<Light>,
 }
@@ -22,7 +22,7 @@ fn specimen<'a>(s: &'a mut Status, well: &str) -> Option<&'a mut SpecimenStatus>
     s.specimen.as_mut().filter(|specimen| specimen.well == well)
 }
 
-/// Shows a view of the specimen that is shown; one of another specimen came late and changes nothing.
+/// Shows a view of the current specimen. A late view of another specimen changes nothing.
 pub(super) fn show_view(s: &mut Status, well: &str, view: &View) {
     let Some(specimen) = specimen(s, well) else { return };
     specimen.volume_wait = view.wait;
@@ -37,14 +37,14 @@ pub(super) fn show_view(s: &mut Status, well: &str, view: &View) {
     s.hardware.camera.light = view.light.map(Into::into);
 }
 
-/// Shows the numbers of a specimen, unless another one is shown by then.
+/// Shows the numbers of a specimen, unless the status shows another specimen by now.
 pub(super) fn show_estimate(s: &mut Status, well: &str, estimate: LiveEstimate) {
     if let Some(specimen) = specimen(s, well) {
         specimen.tell(estimate);
     }
 }
 
-/// Shows the phase of a specimen. A load begins it anew: what an earlier attempt has shown is over.
+/// Shows the phase of a specimen. A load starts a new attempt and clears what an earlier attempt has shown.
 pub(super) fn show_phase(s: &mut Status, well: &str, phase: Phase, views_planned: u32) {
     match specimen(s, well).filter(|_| phase != Phase::Load) {
         Some(specimen) => specimen.phase = phase.into(),
@@ -52,8 +52,8 @@ pub(super) fn show_phase(s: &mut Status, well: &str, phase: Phase, views_planned
     }
 }
 
-/// Shows the run after a well is done, and the specimen that comes next in its place. Where another one is shown, it was brought while
-/// the numbers of this one were made.
+/// Shows the run after a well is done, and the next specimen. If another specimen is shown already, it arrived while the numbers of this
+/// one were computed.
 pub(super) fn show_done(s: &mut Status, run: RunStatus, well: &str, next: Option<SpecimenStatus>) {
     s.run = Some(run);
     if let Some(next) = next.filter(|_| s.specimen.as_ref().is_none_or(|shown| shown.well == well)) {
@@ -61,18 +61,18 @@ pub(super) fn show_done(s: &mut Status, run: RunStatus, well: &str, next: Option
     }
 }
 
-/// What a worker says of the devices.
+/// What a worker reports about the devices.
 pub(super) struct Hardware {
     pub rotation: RotationStatus,
     pub translation: Option<TranslationStatus>,
     pub outputs: Vec<OutputStatus>,
     pub counters: StreamCounters,
-    /// Of the second camera.
+    /// Counters of the second camera. `None` without one.
     pub second: Option<StreamCounters>,
     pub disk_free_bytes: Option<u64>,
 }
 
-/// Shows the devices.
+/// Shows the state of the devices.
 pub(super) fn show_hardware(s: &mut Status, found: Hardware) {
     s.hardware.rotation = found.rotation;
     s.hardware.translation = found.translation;

@@ -1,13 +1,14 @@
-//! A specimen that was let go and has no numbers yet, by a crash or a fault: its larva is gone and its frames are not, so its numbers
-//! are made from them, off this thread.
+//! Computes the numbers of specimens that were accepted and released, but whose numbers are missing after a crash or a fault. The larva has
+//! left the capillary, and its frames are on disk. A background thread computes the numbers from these frames.
 //!
 //! ```text
 //! take_up, proceed, end_run ──► recover ──► frames ─ numbers ─ files ──► recovered ──► the well's outcome ──┬─► the next such well
 //!                                 │ none       │                                                          └─► finish or end_run, if
-//!                                 │            └─ too long, or for the fourth time: failed                     they waited for it
+//!                                 │            └─ too slow, or 3 attempts failed: the well fails                one of them waits
 //!                                 └─► nothing to wait for
 //! ```
-//! Each attempt is journalled before it is made, where the disk takes it: one on which the daemon dies each time must not be made for ever.
+//! Each attempt is written to the journal before it begins, if the disk accepts it. This limits the number of attempts if the daemon
+//! crashes in each of them.
 
 use super::super::numbers;
 use super::super::worker::{self, Overrun};
@@ -23,38 +24,38 @@ use std::time::Duration;
 use tokio::sync::oneshot;
 use tokio::time::{Instant, timeout_at};
 
-/// Attempts at the numbers of one specimen; who has died of so many is not tried once more.
+/// Maximum number of attempts for one specimen. The daemon crashed in each of them.
 const ATTEMPTS: u32 = 3;
 
-/// What is made of a well's frames, and how long it took.
+/// The result of a well, computed from its frames, and the time that this took.
 pub(super) struct Recovered {
     pub result: WellStatus,
     pub times: WellTimes,
 }
 
-/// How the making of a well's numbers has ended.
+/// How the computation of a well's numbers ended.
 pub(super) enum Made {
     Done(Box<Result<Recovered, StoreError>>),
     Overran(Overrun),
     Panicked,
 }
 
-/// Numbers that are made from the frames of specimens that are gone, and what waits for them.
+/// The computation in progress, and the step that waits for it.
 #[derive(Default)]
 pub(super) struct Numbers {
     making: Option<Recovery>,
     continuation: Option<Continuation>,
 }
 
-/// What is done about a well without numbers.
+/// What happens to a well without numbers.
 pub(super) enum Attempt {
-    /// They are made; the attempt, from 1.
+    /// The numbers are computed. The value is the number of the attempt, from 1.
     Begin(u32),
-    /// It was tried too often. The well ends so.
+    /// There were too many attempts. The well fails.
     GiveUp(Box<Recovered>),
 }
 
-/// The next attempt at the numbers of a well of the run in this folder. `tried`: attempts that the daemon did not survive.
+/// The next attempt for a well. `run`: the run's folder. `tried`: attempts in which the daemon crashed.
 pub(super) fn attempt(run: &Path, planned: &PlannedWell, tried: u32) -> Attempt {
     if tried < ATTEMPTS {
         return Attempt::Begin(tried + 1);
@@ -63,7 +64,7 @@ pub(super) fn attempt(run: &Path, planned: &PlannedWell, tried: u32) -> Attempt 
     Attempt::GiveUp(Box::new(without_numbers(run, planned, &why)))
 }
 
-/// The wells without outcome whose specimens were accepted. Nobody is asked for these specimens again. `run`: the run's folder.
+/// The wells without outcome whose specimens were accepted. These specimens are not requested again. `run`: the run's folder.
 pub(super) fn accepted(run: &Path, record: &RunRecord) -> VecDeque<PlannedWell> {
     let open = record.plan.plate_map.iter().zip(&record.wells).filter(|(_, w)| w.outcome.is_none());
     let is_accepted = |planned: &PlannedWell| RecordingReader::open(&run.join(&planned.well)).is_ok_and(|r| r.is_accepted());
@@ -71,22 +72,22 @@ pub(super) fn accepted(run: &Path, record: &RunRecord) -> VecDeque<PlannedWell> 
 }
 
 impl Numbers {
-    /// Whether the numbers of any well are being made.
+    /// Whether a computation is in progress.
     pub fn are_being_made(&self) -> bool {
         self.making.is_some()
     }
 
-    /// Begins with the first of `wells`. `run`: the run's folder.
+    /// Begins with the first of `wells`. `run`: the run's folder. `allowed`: the time limit for each well.
     pub fn begin(&mut self, wells: VecDeque<PlannedWell>, run: &Path, allowed: Duration) {
         self.making = Recovery::begin(wells, run, allowed);
     }
 
-    /// The wells whose numbers are not there yet.
+    /// The wells whose numbers are missing.
     pub fn wells(&self) -> impl Iterator<Item = &str> {
         self.making.iter().flat_map(|recovery| &recovery.wells).map(|planned| planned.well.as_str())
     }
 
-    /// Whether `then` has to wait for numbers; it is done once they are there.
+    /// Whether `then` must wait for numbers. If so, `then` is kept as the continuation.
     pub fn delay(&mut self, then: Continuation) -> bool {
         if self.making.is_some() {
             self.continuation = Some(then);
@@ -94,17 +95,17 @@ impl Numbers {
         self.making.is_some()
     }
 
-    /// What has waited for the numbers, and does not any more.
+    /// Takes the step that waited for the numbers.
     pub fn take_continuation(&mut self) -> Option<Continuation> {
         self.continuation.take()
     }
 
-    /// Nothing waits for the numbers.
+    /// Drops the step that waits for the numbers.
     pub fn forget_continuation(&mut self) {
         self.continuation = None;
     }
 
-    /// The end of the well that is under way; never, where none is. It may be asked again where it was given up half way.
+    /// Waits for the current well. Pending forever if no computation is in progress. Cancel-safe: after a drop, call it again.
     pub async fn made(&mut self) -> Made {
         match &mut self.making {
             Some(recovery) => recovery.made().await,
@@ -112,7 +113,7 @@ impl Numbers {
         }
     }
 
-    /// Takes what has become of the well under way, and the wells behind it; `None` where nothing is under way.
+    /// Takes the result of the current well, and the wells behind it. `None` if no computation is in progress.
     pub fn take(&mut self, made: Made) -> Option<(Result<Recovered, StoreError>, VecDeque<PlannedWell>)> {
         let Recovery { mut wells, run, .. } = self.making.take()?;
         let planned = wells.pop_front()?;
@@ -130,19 +131,19 @@ impl Numbers {
     }
 }
 
-/// The wells whose numbers are made from their frames, one after the other.
+/// The wells whose numbers are computed from their frames, one after the other.
 pub(super) struct Recovery {
-    /// The first is under way.
+    /// The first one is in progress.
     wells: VecDeque<PlannedWell>,
     run: PathBuf,
     done: oneshot::Receiver<Result<Recovered, StoreError>>,
-    /// Taken once: by the thread that has numbers to keep, or by who does not wait for them any more.
+    /// Set once, by the thread that writes the numbers or by the driver that gives up waiting.
     decided: Arc<AtomicBool>,
     until: Instant,
     allowed: Duration,
 }
 
-/// What waits for the numbers.
+/// The step that waits for the numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Continuation {
     Finish,
@@ -150,7 +151,7 @@ pub(super) enum Continuation {
 }
 
 impl Recovery {
-    /// On a thread of its own: one that is given up is left to itself, and nothing waits for it.
+    /// Starts a thread for the first well. After a timeout the thread is detached, and its result is dropped.
     fn begin(wells: VecDeque<PlannedWell>, run: &Path, allowed: Duration) -> Option<Self> {
         let planned = wells.front()?.clone();
         let folder = run.join(&planned.well);
@@ -160,11 +161,11 @@ impl Recovery {
         let spawned = std::thread::Builder::new().name("numbers".into()).spawn(move || {
             let found = StoredNumbers::of_frames(&folder, &planned);
             if !decided.swap(true, Ordering::AcqRel) {
-                // The driver is gone with the daemon.
+                // The receiver is dropped when the daemon ends.
                 let _nobody = tell.send(found.and_then(StoredNumbers::keep));
             }
         });
-        // Its end of the channel is gone with it, as if it had panicked.
+        // The sender is dropped with the closure. The driver handles this like a panic of the thread.
         if let Err(error) = spawned {
             tracing::error!(%error, "no thread for the numbers of a specimen");
         }
@@ -180,7 +181,7 @@ impl Recovery {
         Self { wells, run: run.to_owned(), done, decided: Arc::default(), until: Instant::now() + allowed, allowed }
     }
 
-    /// Waits for the numbers, as long as they may take.
+    /// Waits for the numbers until the deadline.
     async fn made(&mut self) -> Made {
         let ended = |done: Result<_, _>| done.map_or(Made::Panicked, |made| Made::Done(Box::new(made)));
         if let Ok(done) = timeout_at(self.until, &mut self.done).await {
@@ -189,7 +190,7 @@ impl Recovery {
         if !self.decided.swap(true, Ordering::AcqRel) {
             return Made::Overran(Overrun::new(Phase::Measure, self.allowed, self.allowed));
         }
-        // They are there, and being written.
+        // The thread is writing the numbers. Wait for the end of this write.
         if let Ok(done) = timeout_at(self.until + worker::CLOSING, &mut self.done).await {
             return ended(done);
         }
@@ -198,21 +199,21 @@ impl Recovery {
     }
 }
 
-/// What the frames of a specimen say, before any of it is written.
+/// The result of a specimen, computed from its frames, before anything is written.
 struct StoredNumbers {
     result: WellStatus,
     reader: RecordingReader,
     numbers: Option<Box<(Mesh, MeasurementFile)>>,
     times: WellTimes,
-    /// Its record was closed: the run's alone lacks it.
+    /// The recording was closed before the crash. Only the run's record lacks its numbers.
     closed: bool,
 }
 
 impl StoredNumbers {
-    /// Numbers of a specimen that was accepted, as its live run would have made them.
+    /// Computes the numbers of an accepted specimen in the same way as a live run.
     ///
     /// # Errors
-    /// No record that can be read. Frames that give no number end the well instead.
+    /// The recording cannot be read. If the frames give no number, the well fails and this returns `Ok`.
     fn of_frames(folder: &Path, planned: &PlannedWell) -> Result<Self, StoreError> {
         let began = std::time::Instant::now();
         let reader = RecordingReader::open(folder)?;
@@ -234,10 +235,10 @@ impl StoredNumbers {
         Ok(found)
     }
 
-    /// The files that its live run would have left.
+    /// Writes the files that a live run writes.
     ///
     /// # Errors
-    /// What cannot be written.
+    /// A file cannot be written.
     fn keep(self) -> Result<Recovered, StoreError> {
         let Self { result, reader, numbers: made, times, closed } = self;
         if !closed {
@@ -252,7 +253,7 @@ impl StoredNumbers {
     }
 }
 
-/// The end of a well whose numbers are not made any more, with what a person can do about it.
+/// The outcome of a well whose numbers were given up, with the command that computes them by hand.
 fn without_numbers(run: &Path, planned: &PlannedWell, why: &str) -> Recovered {
     let mut result = WellStatus::pending(planned);
     let why = format!("{why}. Its frames are kept; to measure them by hand: carved measure {}", run.join(&planned.well).display());

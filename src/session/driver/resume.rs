@@ -1,26 +1,26 @@
-//! When a held run goes on, and what holds it.
+//! When a held run continues, and the cause of the hold.
 
 use super::super::Hold;
 use super::run::{Request, RunInProgress};
 use crate::api::NextCommand;
 use carved_records::{Fault, FaultEnd, OpenFaults, Resume, RunState, RunUnderFault};
 
-/// A run that has gone on this often without finishing a well waits for a person: the cause comes back.
+/// Maximum number of automatic continuations without a finished well. After them the run waits for a person, because the cause comes back.
 const RESUMED_BY_ITSELF: u32 = 3;
 
-/// Whether the method of the run lets it go on by itself once what holds it is over.
+/// Whether the method lets the run continue by itself once the cause of the hold is over.
 pub(super) fn is_automatic(run: &RunInProgress, state: Option<&RunState>) -> bool {
     state.map_or(0, RunState::resumed_by_itself) < RESUMED_BY_ITSELF && run.record().method.policy.resume == Resume::Automatic
 }
 
-/// Whether a held run goes on without a person: everything that holds it ends by itself, and its method lets it.
+/// Whether a held run continues without a person: every cause of the hold ends by itself, and the method allows it.
 pub(super) fn goes_on_by_itself(run: &RunInProgress, state: Option<&RunState>, faults: &OpenFaults) -> bool {
     let is_held_by_something = run.may_go_on() || !faults.open().is_empty();
     let by_operator = state.is_some_and(RunState::is_held_by_operator);
     is_held_by_something && !by_operator && is_automatic(run, state) && faults.open().iter().all(Fault::ends_by_itself)
 }
 
-/// What the run under way does about an open fault, by the same rule by which it goes on.
+/// What the current run does about an open fault. It follows the same rule as the continuation.
 pub(super) fn under_fault(run: Option<&RunInProgress>, state: Option<&RunState>, faults: &OpenFaults) -> RunUnderFault {
     match run {
         Some(run) if is_ending(run) => RunUnderFault::None,
@@ -34,13 +34,13 @@ fn is_ending(run: &RunInProgress) -> bool {
     matches!(run.request(), Request::Stop | Request::Abort | Request::ShutDown)
 }
 
-/// Why the run is held, and what to do next, by the same rule by which it goes on.
+/// Why the run is held, and the next action. It follows the same rule as the continuation.
 pub(super) fn hold(run: &RunInProgress, state: Option<&RunState>, faults: &OpenFaults) -> Option<Hold> {
     let known = state?;
     let cause = known.held_by()?;
     let comes_back = known.resumed_by_itself() > 0 && !is_automatic(run, state);
     let under = under_fault(Some(run), state, faults);
-    // What stands in the way comes first: the run does not go on before.
+    // A fault that needs an operator comes first: the run cannot continue before it is acknowledged.
     let fault = faults.open().iter().find(|f| f.operator_required).or_else(|| faults.open().last());
     let (next_action, next_command) = match (fault, under) {
         (Some(fault), _) => {
@@ -68,7 +68,7 @@ mod tests {
     use super::*;
     use carved_records::{EventBody, EventData, HeldBy, InstrumentState, ResumedBy, RunHeld, RunResumed, fault_table};
 
-    /// What events of the run `r1` leave.
+    /// The state after these events of the run `r1`.
     fn after(events: &[EventData]) -> InstrumentState {
         let mut state = InstrumentState { run: Some(RunState::new("r1")), ..InstrumentState::default() };
         for data in events {
@@ -107,7 +107,7 @@ mod tests {
         assert!(!goes_on(&three, &may), "it comes back each time");
     }
 
-    /// Whatever holds the run: the words, who has to act, and the command agree with whether it goes on.
+    /// For every cause of a hold, the text, the person who must act and the command agree with whether the run continues by itself.
     #[test]
     fn the_next_action_agrees_with_the_hold() {
         let three = [held(), resumed(), held(), resumed(), held(), resumed(), held()];

@@ -1,26 +1,26 @@
-//! Room for a run on the disk, and within the disk's budget.
+//! Disk space for a run: free space, and the budget of the data folder.
 
 use super::super::{Refusal, preflight};
 use crate::config::Config;
 use carved_store::{Budget, Store};
 
-/// Free space below which a disk that was full is not tried again, bytes: a few frames and their record.
+/// Minimum free space, in bytes, before a full disk is tried again: room for a few frames and their record.
 const RETRY_BYTES: u64 = 64 << 20;
 
-/// Whether the smallest run would fit, as the newest look has found.
+/// Whether the smallest run would fit, as of the last check.
 #[derive(Debug, Default)]
 pub(super) struct DiskRoom {
     lacking: Option<String>,
 }
 
 impl DiskRoom {
-    /// Why the smallest run would not fit; `None` where it would.
+    /// Why the smallest run would not fit. `None` if it would.
     pub fn lacking(&self) -> Option<&str> {
         self.lacking.as_deref()
     }
 
-    /// Notes what a look has found. Returns whether there is room now and was not before, or the reverse: the numbers in the text change
-    /// all the time.
+    /// Stores the result of a check. Returns whether there is room now and was not before, or the reverse. The numbers in the text change
+    /// all the time, and such a change is not reported.
     pub fn note(&mut self, lacking: Option<String>) -> bool {
         let changes = lacking.is_some() != self.lacking.is_some();
         if changes {
@@ -30,16 +30,16 @@ impl DiskRoom {
     }
 }
 
-/// What runs have taken and may take; a budget that cannot be counted refuses nothing.
+/// The space that runs use and may use. `None` without a budget, or if it cannot be counted. Then it refuses nothing.
 pub(super) fn budget(config: &Config, store: &Store) -> Option<Budget> {
     let counted = store.budget(Some(config.store.budget_gb?));
     counted.inspect_err(|error| tracing::warn!(%error, "the disk's budget is not counted")).ok()
 }
 
-/// Refuses what would not fit on the disk, or into its budget.
+/// Refuses a run that would not fit on the disk or into the budget.
 ///
 /// # Errors
-/// What is needed, and what there is.
+/// Names the space that is needed and the space that is free.
 pub(super) fn fits(config: &Config, store: &Store, needed_bytes: u64) -> Result<(), Refusal> {
     if let Some(free_bytes) = store.free_bytes().filter(|free| *free < needed_bytes) {
         return Err(Refusal::WillNotFit { needed_bytes, free_bytes });
@@ -47,13 +47,13 @@ pub(super) fn fits(config: &Config, store: &Store, needed_bytes: u64) -> Result<
     budget(config, store).and_then(|budget| budget.refuses(needed_bytes)).map_or(Ok(()), |why| Err(Refusal::OverBudget { why }))
 }
 
-/// Why not even the smallest run would be accepted: one well of the method that takes least.
+/// Why even the smallest run would be refused: one well of the method that needs the least space. `None` if it would fit.
 pub(super) fn look(config: &Config, store: &Store) -> Option<String> {
     let least_bytes = config.methods.values().map(|method| preflight::needed_bytes(config, method, 1)).min();
     fits(config, store, least_bytes?).err().map(|refusal| format!("one well: {refusal}"))
 }
 
-/// Whether a disk that was full is worth another try.
+/// Whether there is enough free space to try a full disk again.
 pub(super) fn is_worth_a_retry(store: &Store) -> bool {
     store.free_bytes().is_none_or(|free| free >= RETRY_BYTES)
 }

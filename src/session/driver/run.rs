@@ -1,11 +1,11 @@
-//! A run from its acceptance to its outcome: its record, the work on it, and what becomes of it when the work ends.
+//! A run from its acceptance to its outcome: its record, its worker, and what follows when the worker ends.
 //!
 //! ```text
 //! launch ──► Work (has the instrument) ──► joined ──► AfterWork: finish, end, rest, fault, halted, abort
 //!               ▲
-//! ask ── Request: hold < halt < stop < abort < shut-down; the highest one counts
+//! ask ── Request: hold < halt < stop < abort < shut-down; the highest one wins
 //! ```
-//! What its events say of it is in [`RunState`](carved_records::RunState).
+//! The state of a run that follows from its events is in [`RunState`](carved_records::RunState).
 
 use super::super::gate;
 use super::super::halt::Halt;
@@ -21,53 +21,53 @@ use std::collections::VecDeque;
 use tokio::sync::mpsc;
 use tokio::task::{JoinError, JoinHandle};
 
-/// What becomes of the run once its worker has ended; the later one counts.
+/// A request to pause or end the run, in ascending order of priority. The highest request wins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Request {
     Nothing,
     Hold,
-    /// By a fault.
+    /// A fault interrupts the run.
     Halt,
     Stop,
     Abort,
     ShutDown,
 }
 
-/// What the driver does once a worker has ended.
+/// What the driver does after a worker ended.
 #[derive(Debug)]
 pub(super) enum AfterWork {
     /// All wells are done.
     Finish,
-    /// The run ends as it was asked to; with the error, if the worker met one meanwhile.
+    /// The run ends as requested. Contains the error if the worker failed at the same time.
     End(Option<RunError>),
-    /// An operator holds it, between two specimens.
+    /// The run is held by an operator, between two specimens.
     Rest,
-    /// An error holds it.
+    /// The run is held by an error.
     Fault(RunError),
-    /// A write that failed has cut the specimen short.
+    /// A write failed, and the specimen was interrupted.
     Halted,
-    /// An emergency stop has cancelled it, past the mailbox.
+    /// An emergency stop cancelled the worker directly, not through the mailbox.
     Abort,
 }
 
 /// A run that has no outcome yet.
 pub(super) struct RunInProgress {
     record: RunRecord,
-    /// None while it is held, or waits for a specimen to be taken out.
+    /// `None` while the run is held, or waits for a specimen to be taken out.
     work: Option<Work>,
     numbers: Numbers,
     handling: Handling,
     request: Request,
-    /// A fault has cancelled its worker, whatever else was asked for since.
+    /// A fault has cancelled the worker. It stays set when a higher request follows.
     halted: bool,
-    /// Everything that held it is over: it goes on as soon as the instrument is free.
+    /// Every cause of the hold is over. The run continues as soon as the instrument is free.
     may_go_on: bool,
-    /// Its larvae are measured without a valid bead gate.
+    /// The run measures larvae without a valid bead gate.
     lacks_gate: bool,
 }
 
 impl RunInProgress {
-    /// A run that nothing was asked of.
+    /// A run without requests.
     pub fn new(record: RunRecord) -> Self {
         Self {
             record,
@@ -85,7 +85,7 @@ impl RunInProgress {
         &self.record
     }
 
-    /// Whether a worker has the instrument.
+    /// Whether a worker uses the instrument.
     pub fn works(&self) -> bool {
         self.work.is_some()
     }
@@ -98,12 +98,12 @@ impl RunInProgress {
         self.may_go_on
     }
 
-    /// Notes whether everything that held it is over.
+    /// Sets whether every cause of the hold is over.
     pub fn set_may_go_on(&mut self, may_go_on: bool) {
         self.may_go_on = may_go_on;
     }
 
-    /// Notes whether its larvae are measured without a valid bead gate.
+    /// Sets whether the run measures larvae without a valid bead gate.
     pub fn set_lacks_gate(&mut self, lacks_gate: bool) {
         self.lacks_gate = lacks_gate;
     }
@@ -124,7 +124,7 @@ impl RunInProgress {
         &mut self.numbers
     }
 
-    /// Notes how the run is to end, and passes it to the worker: after its specimen, or at once.
+    /// Notes a request and passes it to the worker. A hold or a stop takes effect after the current specimen, the others at once.
     pub fn ask(&mut self, what: Request) {
         self.request = self.request.max(what);
         self.halted |= what == Request::Halt;
@@ -133,7 +133,7 @@ impl RunInProgress {
         }
     }
 
-    /// Takes up what was asked of it in an earlier life of the daemon.
+    /// Restores a request that was made before the daemon restarted.
     pub fn recall(&mut self, end: Option<EndRequest>) {
         self.request = match end {
             Some(EndRequest::Abort) => Request::Abort,
@@ -142,27 +142,27 @@ impl RunInProgress {
         };
     }
 
-    /// A worker has the instrument from now on. What was asked of an earlier one is over.
+    /// Stores a new worker, which has the instrument. Requests to the previous worker are cleared.
     pub fn launch(&mut self, work: Work) {
         self.request = Request::Nothing;
         self.halted = false;
         self.work = Some(work);
     }
 
-    /// The worker has ended.
+    /// The worker ended. Returns what the driver does next.
     pub fn joined(&mut self, end: RunEnd) -> AfterWork {
         self.work = None;
         self.handling.worker_ended();
         after_work(end, self.request, self.halted)
     }
 
-    /// It is held: whatever waited for the end of the work is asked anew.
+    /// The run is held. Clears what waited for the end of the work. It is requested again later.
     pub fn rests(&mut self) {
         self.numbers.forget_continuation();
         self.may_go_on = false;
     }
 
-    /// Wells without outcome, but for those that only lack their numbers.
+    /// Wells without outcome, without those of which only the numbers are missing.
     pub fn wells_left(&self, accepted: &VecDeque<PlannedWell>) -> Vec<PlannedWell> {
         let open = self.record.plan.plate_map.iter().zip(&self.record.wells).filter(|(_, w)| w.outcome.is_none());
         let left = open.filter(|(_, w)| accepted.iter().all(|accepted| accepted.well != w.well));
@@ -174,7 +174,7 @@ impl RunInProgress {
         self.record.wells.iter().find(|w| w.outcome.is_none()).map(|w| w.well.as_str())
     }
 
-    /// Enters the result of a well, with its flag where the beads are missing; returns the result as it was entered.
+    /// Enters the result of a well. Flags it if the bead gate is missing. Returns the entered result.
     pub fn enter(&mut self, mut result: WellStatus) -> WellStatus {
         gate::flag(&mut result, self.lacks_gate);
         if let Some(slot) = self.record.wells.iter_mut().find(|w| w.well == result.well) {
@@ -183,7 +183,7 @@ impl RunInProgress {
         result
     }
 
-    /// Ends a well whose specimen cannot be measured any more; false where it has an outcome.
+    /// Ends a well whose specimen cannot be measured any more. Returns `false` if the well has an outcome already.
     pub fn give_up(&mut self, well: &str, reason: &str) -> bool {
         let slot = self.record.wells.iter_mut().find(|w| w.well == well && w.outcome.is_none());
         slot.map(|slot| slot.end(SpecimenOutcome::Interrupted, Some(reason))).is_some()
@@ -196,7 +196,7 @@ impl RunInProgress {
         record
     }
 
-    /// The record of the run as it was asked to end before its last well.
+    /// The record of a run that ends before its last well, as requested.
     pub fn ended(&self) -> RunRecord {
         let mut record = self.record.clone();
         let (left, reason) = match self.request {
@@ -227,7 +227,7 @@ impl RunInProgress {
 }
 
 fn after_work(end: RunEnd, request: Request, halted: bool) -> AfterWork {
-    // Whoever asked for the end gets it, also where the last well was done in the same moment.
+    // A requested end comes first, even if the last well was finished at the same moment.
     let at_once = matches!(request, Request::Abort | Request::ShutDown);
     let over = at_once || request == Request::Stop && matches!(end, RunEnd::AllWells | RunEnd::Paused);
     match end {
@@ -236,13 +236,13 @@ fn after_work(end: RunEnd, request: Request, halted: bool) -> AfterWork {
         RunEnd::AllWells if request != Request::Halt => AfterWork::Finish,
         RunEnd::Failed(error) => AfterWork::Fault(error),
         RunEnd::Paused if request == Request::Hold => AfterWork::Rest,
-        // Also where it was to stop after its specimen: the stop follows once it rests.
+        // A stop after the specimen is also possible here. It follows once the run is held.
         _ if request == Request::Halt || request == Request::Stop && halted => AfterWork::Halted,
         _ => AfterWork::Abort,
     }
 }
 
-/// The worker of a run, as the driver holds it.
+/// The worker of a run, and the handles that control it.
 pub(super) struct Work {
     cancel: CancelToken,
     pause: CancelToken,
@@ -253,7 +253,8 @@ pub(super) struct Work {
 }
 
 impl Work {
-    /// Begins on a thread of its own. `context` gets the tokens that cancel and pause it, and where it sends its progress.
+    /// Starts the worker on its own thread. `context` receives the token that cancels the worker, the token that pauses it, and the
+    /// progress channel.
     pub fn begin(
         instrument: Instrument,
         interlock: LoaderInterlock,
@@ -276,7 +277,7 @@ impl Work {
                 self.pause.cancel();
                 self.interlock.give_up();
             }
-            // Motors first; the worker then ends by itself.
+            // Stop the motors first. The worker then ends by itself.
             Request::Halt => {
                 self.cancel.cancel();
                 self.stop.end_motion();
@@ -299,7 +300,7 @@ impl Work {
     }
 }
 
-/// However the driver ends, a panic included: motors first, and the worker then ends by itself.
+/// Stops the motors when the driver ends, also by a panic. The worker then ends by itself.
 impl Drop for Work {
     fn drop(&mut self) {
         self.cancel.cancel();
@@ -316,7 +317,7 @@ pub(super) enum Message {
     Recovered(Made),
 }
 
-/// The worker's next message, its end only after everything before it; or numbers that were made from frames.
+/// The next message of the worker, or numbers that were computed from frames. The end of the worker comes after all its progress.
 pub(super) async fn next_message(run: &mut Option<RunInProgress>) -> Message {
     let Some(RunInProgress { work, numbers, .. }) = run else { return std::future::pending().await };
     let worker = async {
@@ -340,7 +341,7 @@ pub(super) mod tests {
     use carved_records::{Mode, RunPlan};
     use std::path::Path;
 
-    /// A run of these wells that nobody works on.
+    /// A run of these wells without a worker.
     pub fn run(wells: &[&str]) -> RunInProgress {
         let config = Config::parse(include_str!("../../../config/simulated.toml"), Path::new("simulated.toml")).unwrap();
         let wells: Vec<_> = wells.iter().map(|well| serde_json::json!({ "well": well })).collect();
@@ -360,7 +361,7 @@ pub(super) mod tests {
             assert!(matches!(after_work(RunEnd::AllWells, request, false), End(None)));
             assert!(matches!(after_work(failed(), request, true), End(Some(_))));
         }
-        // A stop comes after the specimen: one that was cut short by an error is held first.
+        // A stop waits for the end of the specimen. If an error interrupts the specimen, the run is held first.
         assert!(matches!(after_work(RunEnd::Paused, Request::Stop, false), End(None)));
         assert!(matches!(after_work(failed(), Request::Stop, false), Fault(_)));
         assert!(matches!(after_work(RunEnd::Cancelled, Request::Stop, true), Halted));

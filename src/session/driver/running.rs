@@ -1,5 +1,5 @@
-//! The driver at work: it asks its parts what is to be done, and does it. Everything that has an effect is here: events, records,
-//! revisions of the status, workers, background tasks. What decides is in the parts.
+//! The driver at work. It asks its parts what to do, and does it. All effects are here: events, records, revisions of the status, workers,
+//! background tasks. The decisions are in the parts.
 //!
 //! ```text
 //! start ──► launch ──► worker ──► worker_ended ─┬─ all wells ──► finish ──► close ───────► Complete
@@ -7,7 +7,7 @@
 //!             │                                 └─ stop, abort, shut-down ──► end_run ──► end_now ──► Stopped, Aborted
 //!             └──────────── unhold (operator, or by itself) ◄─────────────────────────┘
 //! ```
-//! `finish` and `end_run` wait for the numbers of specimens that are gone.
+//! `finish` and `end_run` wait for the numbers of specimens that were released.
 
 use super::super::handle::{Accepted, Command, Publisher, Refusal, Towards};
 use super::super::preflight;
@@ -54,23 +54,23 @@ pub(super) struct Running {
     pub(super) devices: Devices,
     pub(super) loader: Loader,
     room: DiskRoom,
-    /// The rig's newest calibration, as it was looked up last.
+    /// The rig's newest calibration, as of the last lookup.
     calibration: Option<CalibrationStatus>,
     pub(super) run: Option<RunInProgress>,
     pub(super) life: Life,
 }
 
-/// A client that hung up before its answer is no reason to stop: what was decided stands.
+/// A client may disconnect before its answer. The decision still stands.
 fn reply<T>(answer: oneshot::Sender<Result<T, Refusal>>, result: Result<T, Refusal>) {
     let _hung_up = answer.send(result);
 }
 
-// A start, each second, and an end.
+// Start, heartbeat and end of the daemon.
 impl Running {
     pub fn new(driver: Driver) -> Self {
         let Driver { config, mode, store, journal, publisher, instrument, interlock, heartbeat: _ } = driver;
         publisher.halt().aim(instrument.rig.rotation.stop_handle(), CancelToken::default());
-        // The journal's tail alone would forget a plate within some dozen wells: most of it are views.
+        // The tail of the journal is not enough: most events are views, and after some dozen wells it no longer names the plate.
         let remembered = store.remembered().unwrap_or_else(|error| {
             tracing::error!(%error, "the journal cannot be read; its newest events are all that is remembered");
             publisher.tail().iter().map(|event| Event::clone(event)).collect()
@@ -89,7 +89,8 @@ impl Running {
         }
     }
 
-    /// Shows the devices, then what an earlier life of the daemon left. A disk that refuses writes is a fault, not the end of the daemon.
+    /// Shows the devices, then the state that the previous process left. If the disk refuses writes, that is a fault and not the end of the
+    /// daemon.
     pub fn first_report(&mut self) {
         let second = self.devices.at_rest().and_then(|i| i.second.as_ref()).map(|second| second.identity().to_owned());
         let identities = self.devices.at_rest().map(|i| (i.rig.rotation.identity().to_owned(), i.rig.camera.identity().to_owned()));
@@ -126,7 +127,7 @@ impl Running {
         }
     }
 
-    /// The newest run that was left open; the others are ended here: they cannot go on.
+    /// The newest open run, if it can continue. The other open runs are ended here.
     fn open_runs(&mut self) -> Option<RunRecord> {
         let open = match self.outbox.store().open_runs() {
             Ok(open) => open,
@@ -148,7 +149,7 @@ impl Running {
         newest
     }
 
-    /// An ended run as it was shown before the daemon ended: until the next one starts.
+    /// Shows an ended run as before the restart, until the next run starts.
     fn show_again(&mut self, record: &RunRecord) {
         let events = start::events_of(self.outbox.store(), &self.publisher, &record.id);
         let run = start::run_after(&record.id, &events);
@@ -168,7 +169,7 @@ impl Running {
         });
     }
 
-    /// Takes up a run that an earlier life of the daemon left open.
+    /// Takes up a run that the previous process left open.
     fn take_up(&mut self, record: RunRecord, run: RunState) {
         let asd = record.method.asd;
         let (status, barcode) = (run_status(&record), record.plan.plate_barcode.clone());
@@ -180,10 +181,10 @@ impl Running {
         self.event(None, EventData::RunInterrupted(RunInterrupted { found: "at start".into(), loaded_by: Some(loaded_by) }));
         let (known, capillary) = (self.outbox.state().run.as_ref(), snapshot::capillary(self.outbox.state()));
         if let Some(run) = &mut self.run {
-            // Known before it is shown: who reads in between is not to believe that the run waits for somebody.
+            // Set this before publishing, so that no client reads that the run waits for a person.
             run.recall(end_request);
             run.set_may_go_on(end_request.is_none() && resume::is_automatic(run, known));
-            // What is there for the run to go on with stays.
+            // A specimen that the loader brought stays: the run continues with it.
             if let Some(inside) = capillary.inside().filter(|inside| capillary.brought() != Some(inside)) {
                 run.handling_mut().remove(inside, by_loader);
             }
@@ -197,7 +198,7 @@ impl Running {
         });
         self.interrupt_specimens("the daemon ended before this specimen was done", Fate::PoseLost);
         if let Some(run) = &self.run {
-            // What is given up stays so, whatever comes before the run goes on.
+            // Save the wells that were given up, so that they stay so whatever happens before the run continues.
             let (record, status) = (run.record().clone(), run_status(run.record()));
             self.save(record);
             self.publish(|s| s.run = Some(status));
@@ -216,7 +217,7 @@ impl Running {
         self.calibration_ages();
         self.show_index();
         if self.life != Life::Stopping {
-            // Before the look: that has the instrument for a moment, and a run that goes on needs it.
+            // Before the device check: the check takes the instrument, and a run that continues needs it.
             self.try_the_store();
             self.look();
             self.look_for_room();
@@ -235,12 +236,12 @@ impl Running {
         }
     }
 
-    /// Whether nothing is under way any more.
+    /// Whether no run and no background task is in progress.
     pub fn is_at_rest(&self) -> bool {
         self.run.is_none() && !self.devices.are_busy()
     }
 
-    /// The daemon's last event, and one more try for what is not on disk.
+    /// Writes the daemon's last event, and tries once more to write what is not on disk.
     pub fn final_report(&mut self) -> Result<(), StoreError> {
         let stopped = self.promise(None, EventData::DaemonStopped);
         if self.outbox.waiting() > 0 {
@@ -252,7 +253,7 @@ impl Running {
 
 // What the parts know.
 impl Running {
-    /// What the events say.
+    /// The state that follows from the events.
     pub fn state(&self) -> &InstrumentState {
         self.outbox.state()
     }
@@ -269,7 +270,7 @@ impl Running {
         self.run.as_ref().is_some_and(RunInProgress::works)
     }
 
-    /// Whether a run is under way that nobody works on.
+    /// Whether the run has no worker.
     fn has_idle_run(&self) -> bool {
         self.run.as_ref().is_some_and(|r| !r.works())
     }
@@ -286,27 +287,27 @@ impl Running {
         faults::stands_in_the_way(&self.state().faults, self.devices.lost())
     }
 
-    /// The wells of the run under way that only lack their numbers.
+    /// The wells of the current run of which only the numbers are missing.
     fn accepted(&self) -> VecDeque<PlannedWell> {
         let run = self.run.as_ref().map(RunInProgress::record);
         run.map_or_else(VecDeque::new, |record| recovery::accepted(&self.outbox.store().run_folder(&record.id), record))
     }
 
-    /// Whether the run's larvae are measured without a valid bead gate.
+    /// Whether the run measures larvae without a valid bead gate.
     fn lacks_gate(&self) -> bool {
         let newest = gate::calibration(&self.config, self.mode).and_then(|c| c.gate);
         self.run.as_ref().is_some_and(|run| gate::lacking(newest.as_ref(), &run.record().method, self.mode).is_some())
     }
 }
 
-// What is shown, and what is written.
+// Publishing and writing.
 impl Running {
-    /// Follows the state table; every state on the way is published as a revision of its own.
+    /// Makes a transition of the state table. Every state on the way is published as a revision of its own.
     pub fn go(&self, trigger: Trigger) {
         self.go_with(trigger, |_| ());
     }
 
-    /// The same with a change that comes with the first state and in the same revision.
+    /// As `go`, with a change that is published in the same revision as the first state.
     pub fn go_with(&self, trigger: Trigger, change: impl FnOnce(&mut Status)) {
         let from = self.publisher.status().state;
         let Some(path) = state::next(from, trigger) else {
@@ -328,7 +329,7 @@ impl Running {
         }
     }
 
-    /// Publishes a change as one revision, with all that follows from it.
+    /// Publishes a change and everything that follows from it as one revision.
     pub fn publish(&self, change: impl FnOnce(&mut Status)) {
         let parts = Parts {
             state: self.outbox.state(),
@@ -348,12 +349,12 @@ impl Running {
         });
     }
 
-    /// Writes down what has happened in the run under way, if there is one.
+    /// Records an event of the current run, or of no run.
     pub fn event(&mut self, well: Option<&str>, data: EventData) {
         self.event_shown(well, data, |_| ());
     }
 
-    /// Shows what has happened before it is written: a disk that hangs must not keep a fault or a state from being seen.
+    /// Shows an event before it is written: if the disk hangs, clients must still see a fault or a state.
     fn event_shown(&mut self, well: Option<&str>, data: EventData, show: impl FnOnce(&Self)) {
         let run = self.run.as_ref().map(|run| run.record().id.as_str());
         self.outbox.happened(run, well, data);
@@ -366,20 +367,20 @@ impl Running {
         self.keep(written);
     }
 
-    /// Writes a run's record, behind all that happened before.
+    /// Writes a run's record, after all earlier events.
     fn save(&mut self, record: RunRecord) {
         self.outbox.save(record);
         self.write();
     }
 
-    /// Writes down what somebody asks for, which has not happened where it cannot be written.
+    /// Writes the event of a command. If the disk refuses it, the command has no effect.
     fn promise(&mut self, well: Option<&str>, data: EventData) -> Result<(), StoreError> {
         let run = self.run.as_ref().map(|run| run.record().id.as_str());
         self.outbox.promise(run, well, data)
     }
 
-    /// A write that fails holds the run: motors first, then the fault. What could not be written is shown all the same, and the plate is
-    /// not called removable.
+    /// Handles a failed write: it holds the run. The motors stop first, then the fault is raised. What could not be written is shown all
+    /// the same, and the plate is not removable.
     pub fn keep(&mut self, written: Result<(), StoreError>) {
         let Err(error) = written else { return };
         tracing::error!(%error, "not stored");
@@ -387,7 +388,7 @@ impl Running {
         if works {
             self.ask(Request::Halt);
         }
-        // What is raised is written behind what failed; a second failure adds nothing.
+        // The fault is written after the failed write. A second failure raises no new fault.
         if !self.outbox.set_failing(true) {
             self.raise(&error.into());
         }
@@ -396,7 +397,7 @@ impl Running {
         }
     }
 
-    /// A disk that failed is tried until it accepts writes; what is not on it yet goes first.
+    /// Tries a failed disk again. What is not on disk yet is written first.
     pub fn try_the_store(&mut self) {
         if !self.outbox.is_failing() || self.works() || !room::is_worth_a_retry(self.outbox.store()) {
             return;
@@ -432,7 +433,7 @@ impl Running {
         });
     }
 
-    /// Ends the faults that are over, then shows what ended them.
+    /// Clears the faults that are over, then shows the change.
     fn fault_over(&mut self, is_over: impl Fn(&Fault) -> bool, why: &str, change: impl FnOnce(&mut Status)) {
         let seq = self.state().faults.open().iter().filter(|f| is_over(f)).map(|f| f.seq).collect();
         self.event(None, EventData::FaultsCleared(FaultsCleared { seq, why: why.to_owned() }));
@@ -449,13 +450,13 @@ impl Running {
         Ok(())
     }
 
-    /// The motors are stopped already. What runs is aborted, and nothing runs again before somebody has acknowledged it.
+    /// Aborts the run. The motors have stopped already. No run starts before an operator acknowledges the fault.
     pub fn emergency_stopped(&mut self) -> Result<(), Refusal> {
         self.emergency_pressed();
         self.outbox.on_disk()
     }
 
-    /// Once for all who pressed it until now.
+    /// Handles the emergency stop once, however often it was pressed.
     pub fn emergency_pressed(&mut self) {
         if !self.publisher.halt().take() {
             return;
@@ -474,7 +475,7 @@ impl Running {
         }
     }
 
-    /// During a run the worker opens a lost camera again by itself, or ends; here it is shown.
+    /// Shows whether the camera is lost. During a run the worker reopens a lost camera by itself, or ends.
     pub fn show_camera(&self) {
         let is_lost = self.devices.camera_is_lost();
         if self.publisher.status().hardware.camera.connected == is_lost {
@@ -490,14 +491,14 @@ impl Running {
         }
     }
 
-    /// A calibration, or a gate, that has grown too old is a change of state, and shown as one.
+    /// Publishes a revision when the calibration or the bead gate becomes too old.
     fn calibration_ages(&mut self) {
         if self.calibration.as_mut().is_some_and(|c| c.grows_too_old(jiff::Timestamp::now())) {
             self.publish(|_| ());
         }
     }
 
-    /// At rest others may fill the disk, or make room on it.
+    /// Checks the free space between runs, which other programs also use.
     pub fn look_for_room(&mut self) {
         let lacking = if self.run.is_none() { room::look(&self.config, self.outbox.store()) } else { None };
         if self.room.note(lacking) {
@@ -505,7 +506,7 @@ impl Running {
         }
     }
 
-    /// At rest the devices are asked whether they are still there.
+    /// Checks the devices between runs.
     pub fn look(&mut self) {
         if self.devices.at_rest().is_none() {
             return;
@@ -534,7 +535,7 @@ impl Running {
                     budget: room::budget(&self.config, store),
                 };
                 let checks = preflight::checks(&self.config, &plan, &seen, &known);
-                // A run would be accepted again, before the client can ask for one.
+                // Publish first: when the client reads the answer, a run can be accepted again.
                 self.publish(|_| ());
                 reply(answer, Ok(checks));
             }
@@ -553,7 +554,7 @@ impl Running {
         }
         let seen = self.devices.at_rest().and_then(|instrument| instrument.sampler.sees_specimen());
         self.read_wire(seen);
-        // A run that was held by it may go on.
+        // A run that this loss has held may continue.
         if was_lost && self.devices.lost().is_none() {
             self.resume_by_itself();
         }
@@ -571,7 +572,7 @@ impl Running {
         }
     }
 
-    /// A loss at rest is a fault of its own, raised once.
+    /// Raises the fault of a device that was lost between runs, once.
     fn lose(&mut self, device: Device, error: DeviceError) {
         if !self.devices.has_lost(device) {
             self.raise(&error.into());
@@ -587,13 +588,13 @@ impl Running {
         if self.devices.find(device) {
             self.fault_over(|fault| device.is_all_of(fault), device.is_back(), connected);
         }
-        // A controller that was held when it was opened tells its version only once it is free.
+        // A controller that was held when the port was opened sends its version only once it is free.
         if device == Device::Rotation && self.publisher.status().hardware.rotation.identity.as_deref() != Some(&identity) {
             self.publish(connected);
         }
     }
 
-    /// A specimen in the capillary, by the sampler's wire, while there is no run and none was left there.
+    /// Reads the sampler's sensor for a specimen in the capillary, while there is no run and the capillary should be empty.
     fn read_wire(&mut self, seen: Option<bool>) {
         let Some(seen) = seen.filter(|_| self.run.is_none() && self.capillary().inside().is_none()) else { return };
         let reading = self.loader.read_wire(seen);
@@ -675,7 +676,7 @@ impl Running {
         LoaderMessage { run, well, newest, capillary: self.capillary(), wanted }
     }
 
-    /// The run that an event of the loader belongs to; one that was pruned is not to come back.
+    /// The run that an event of the loader belongs to. `None` if the run was pruned: its folder must not be created again.
     fn run_of_event<'a>(&self, run: &'a str) -> Option<&'a str> {
         self.outbox.store().run_folder(run).is_dir().then_some(run)
     }
@@ -694,7 +695,7 @@ impl Running {
                 self.go(Trigger::Loaded);
                 self.proceed();
             }
-            // Held it waits for the run to go on, in which it is not brought again; in a run that is ending it is left inside.
+            // In a held run it waits for the continuation, and is not brought again. In a run that ends it stays inside.
             Some(_) => self.publish(|_| ()),
             None => {
                 let views_planned = self.outbox.store().run(run).ok().flatten().map_or(0, |record| record.method.asd);
@@ -738,7 +739,7 @@ impl Running {
         }
     }
 
-    /// Announces that a plate is to be moved, and says what has to happen first.
+    /// Announces that a plate will be moved. Returns what must happen first.
     pub fn handoff(&mut self, plate: Handoff) -> Result<HandoffNeeds, Refusal> {
         let status = self.publisher.status();
         if self.surroundings(&status).announce(&self.state().plate, &plate)? {
@@ -761,7 +762,7 @@ impl Running {
         Ok(())
     }
 
-    /// Looks at everything that a run of this plan would need. It needs the instrument, so there can be no run.
+    /// Checks everything that a run of this plan needs. The check uses the instrument, so it is refused during a run.
     pub fn preflight(&mut self, plan: RunPlan, answer: oneshot::Sender<Result<Vec<api::Check>, Refusal>>) {
         let sound = plan.check(&self.config.methods).map_err(Refusal::InvalidPlan);
         let accepted = sound.and_then(|()| commands::is_startable(self.run.is_some(), self.publisher.status().state));
@@ -770,33 +771,33 @@ impl Running {
         }
         let deadline = std::time::Duration::from_millis(self.config.acquisition.grab_deadline_ms.into());
         match self.devices.begin_preflight(Box::new(PreflightRequest { plan, answer }), deadline) {
-            // No run would be accepted meanwhile.
+            // Shows that no run is accepted during the check.
             Ok(()) => self.publish(|_| ()),
             Err(request) => reply(request.answer, Err(Refusal::Busy)),
         }
     }
 }
 
-// The life of a run.
+// The life cycle of a run.
 impl Running {
-    /// Journals the run, then lets the worker go.
+    /// Writes the acceptance of the run to the journal, then starts the worker.
     fn start(&mut self, id: &str, plan: RunPlan, method: Method) -> Result<(), StoreError> {
         let calibration = gate::calibration(&self.config, self.mode);
         let record = RunRecord {
             calibration: calibration.clone(),
             ..RunRecord::new(id, plan, method, self.mode, self.config.empty_capillary.as_deref())
         };
-        // What is left in the capillary here is taken out by a driven sampler before the first well.
+        // A driven sampler ejects this specimen before the first well.
         let left = self.capillary().inside().map(str::to_owned);
         let accepted = EventData::RunAccepted(RunAccepted {
             plate_barcode: record.plan.plate_barcode.clone(),
             method: record.plan.method.clone(),
             left_in_capillary: left.clone(),
         });
-        // What waits for the disk comes first.
+        // Write what waits for the disk first.
         self.outbox.flush()?;
         if let Err(refused) = self.outbox.promise_with(&record, accepted) {
-            // Not accepted: the same request must not read as known when it comes again.
+            // The run is not accepted. If the same request comes again, it must not be answered as known.
             if let Err(error) = self.outbox.store().forget_run(id) {
                 tracing::error!(%error, "a run that was refused is still on disk");
             }
@@ -821,11 +822,11 @@ impl Running {
         Ok(())
     }
 
-    /// Gives the instrument to a worker for the wells that are left.
+    /// Starts a worker with the instrument for the wells that are left.
     fn launch(&mut self) {
         let lacks_gate = self.lacks_gate();
         let accepted = self.accepted();
-        // A loader's is reported through the interlock.
+        // A specimen that a plate-loader brought is reported through the interlock.
         let inside = self.capillary().brought().filter(|_| !self.loader.fills_capillary()).map(str::to_owned);
         let (Some(run), Some(instrument)) = (&mut self.run, self.devices.take()) else {
             tracing::error!("there is no run, or no instrument for it");
@@ -856,7 +857,7 @@ impl Running {
         self.run.iter_mut().for_each(|run| run.ask(what));
     }
 
-    /// An operator's hold, which outlasts what else holds the run.
+    /// Holds the run for an operator. This hold stays when other causes of a hold are over.
     fn hold(&mut self, state: State) -> Result<(), Refusal> {
         if self.is_held_by_operator() {
             return Ok(());
@@ -884,7 +885,7 @@ impl Running {
         Ok(())
     }
 
-    /// Whatever the disk says: it is written as soon as it can be.
+    /// Aborts the run even if the disk fails. The event is written as soon as possible.
     fn abort(&mut self) {
         self.ask(Request::Abort);
         self.go(Trigger::Abort);
@@ -894,7 +895,7 @@ impl Running {
         }
     }
 
-    /// Lets a held run go on, once what held it is over.
+    /// Continues a held run, once the causes of the hold are over.
     pub fn unhold(&mut self, by: ResumedBy) -> Result<(), Refusal> {
         self.nothing_stands_in_the_way()?;
         let Some(run) = &mut self.run else { return Ok(()) };
@@ -909,7 +910,7 @@ impl Running {
         Ok(())
     }
 
-    /// On from Unholding: to the loader, to the next well, or to the end.
+    /// The step after Unholding: wait for the loader, measure the next well, or end the run.
     fn proceed(&mut self) {
         self.recover();
         let accepted = self.accepted();
@@ -917,7 +918,7 @@ impl Running {
         if run.handling().take_out().is_some() {
             self.go(Trigger::WaitForLoader);
         } else if self.devices.at_rest().is_none() {
-            // A device went away while the loader was waited for; who finds it again lets the run go on.
+            // A device was lost while the run waited for the loader. The run continues once the device is found.
             self.rest(true);
         } else if run.wells_left(&accepted).is_empty() && run.handling().eject_first().is_none() {
             self.finish();
@@ -926,7 +927,7 @@ impl Running {
         }
     }
 
-    /// What held the run is over: it goes on by itself where its method says so and no operator holds it.
+    /// Every cause of the hold is over. The run continues by itself if its method allows it and no operator holds it.
     fn resume_by_itself(&mut self) {
         let known = self.outbox.state().run.as_ref();
         if let Some(run) = &mut self.run {
@@ -935,14 +936,14 @@ impl Running {
         self.go_on_if_it_may();
     }
 
-    /// At once, or when the background task that has the instrument is done.
+    /// Continues the run now, or when the background task returns the instrument.
     fn go_on_if_it_may(&mut self) {
         let may = self.run.as_ref().is_some_and(RunInProgress::may_go_on) && !self.is_held_by_operator();
         if !may || self.publisher.status().state != State::Held {
             return;
         }
         match self.unhold(ResumedBy::Instrument) {
-            // Who has the instrument gives it back; a disk that did not accept it is asked again.
+            // Tried again when the task returns the instrument, or when the disk accepts writes.
             Ok(()) | Err(Refusal::Busy | Refusal::Store { .. }) => {}
             Err(refusal) => {
                 tracing::warn!(%refusal, "the run stays held");
@@ -967,7 +968,7 @@ impl Running {
             AfterWork::Fault(error) => {
                 let fate = match worker::keeps_specimen(&error) {
                     false => Fate::PoseLost,
-                    // A stock VAST takes no specimen up twice.
+                    // A stock VAST cannot take up a specimen twice.
                     true if self.devices.steps_through_a_list() => Fate::BroughtAgain,
                     true => Fate::Stays,
                 };
@@ -986,7 +987,7 @@ impl Running {
         }
     }
 
-    /// Ends, keeps or asks again for the specimens under way.
+    /// Decides for each specimen in progress: its well ends, it is kept, or it is requested again.
     pub fn interrupt_specimens(&mut self, reason: &str, fate: Fate) {
         let accepted = self.accepted();
         let Some(run) = &self.run else { return };
@@ -1009,7 +1010,7 @@ impl Running {
             let interrupted = SpecimenInterrupted { reason: reason.to_owned(), policy, kept: interruption.course == Course::Kept };
             self.event(Some(well), EventData::SpecimenInterrupted(interrupted));
         }
-        // One whose well is done is still there where it could not be taken out.
+        // A specimen whose well is done may still be inside, if the sampler could not eject it.
         if let Some(run) = self.run.as_mut().filter(|_| !by_loader) {
             run.handling_mut().remove_what_is_stuck(snapshot::capillary(self.outbox.state()));
         }
@@ -1029,11 +1030,11 @@ impl Running {
         self.event_shown(Some(well), EventData::SpecimenInterrupted(interrupted), |d| d.publish(|s| s.run = Some(status)));
     }
 
-    /// To Held, from wherever the run was: the worker has handed the instrument back.
+    /// Goes to Held from any state of a run. The worker has returned the instrument.
     fn rest(&mut self, by_fault: bool) {
         let state = self.publisher.status().state;
         if state == State::Stopping {
-            // The end that was asked for comes first.
+            // A requested end comes first.
             return self.end_run();
         }
         if state != State::Holding {
@@ -1050,7 +1051,7 @@ impl Running {
         self.event_shown(None, EventData::RunHeld(held), |d| d.go_with(Trigger::Rested, |s| s.run = Some(status)));
     }
 
-    /// All wells are done, but for numbers that are still made from frames.
+    /// Completes a run after its last well, once the missing numbers are computed.
     fn finish(&mut self) {
         self.go(Trigger::WellsDone);
         self.recover();
@@ -1059,7 +1060,7 @@ impl Running {
         }
     }
 
-    /// Ends the run as it was asked to, once specimens that are gone have their numbers.
+    /// Ends the run as requested, once the numbers of released specimens are computed.
     fn end_run(&mut self) {
         self.recover();
         if !self.is_delayed(Continuation::End) {
@@ -1067,12 +1068,12 @@ impl Running {
         }
     }
 
-    /// Whether `then` has to wait for numbers that are being made.
+    /// Whether `then` must wait for numbers that are being computed.
     fn is_delayed(&mut self, then: Continuation) -> bool {
         self.run.as_mut().is_some_and(|run| run.numbers_mut().delay(then))
     }
 
-    /// The run ends once that is on disk, and is held until then.
+    /// Closes a completed run. It ends once this is on disk, and is held until then.
     fn close(&mut self) {
         let Some(run) = &self.run else { return };
         let record = run.finished();
@@ -1086,7 +1087,7 @@ impl Running {
         self.go_with(Trigger::Recorded, change);
     }
 
-    /// Stopped, aborted, or with the daemon.
+    /// Ends a run that was stopped or aborted, or that ends with the daemon.
     pub fn end_now(&mut self) {
         let Some(run) = &self.run else { return };
         let (asked, record) = (run.request(), run.ended());
@@ -1098,12 +1099,12 @@ impl Running {
         match asked {
             Request::Abort => self.go_with(Trigger::MotorsStopped, change),
             Request::Stop if self.life != Life::Stopping => self.go_with(Trigger::Joined, change),
-            // The daemon's own end follows when everything is joined.
+            // The daemon ends later, when all threads are joined.
             _ => self.publish(change),
         }
     }
 
-    /// Closes what the run has left open in its folder, and keeps its beads.
+    /// Seals the open recordings of the run, and stores the bead gate if it measured enough beads.
     fn close_folder(&self, run: &str) {
         seal_run(self.outbox.store(), run);
         gate::keep(&self.config, &self.outbox.store().run_folder(run));
@@ -1114,7 +1115,7 @@ impl Running {
         self.room.note(room::look(&self.config, self.outbox.store()));
     }
 
-    /// The end of a run and all that follows from it, for one revision.
+    /// The end of a run and everything that follows from it, as one change of the status.
     fn over(&mut self, record: &RunRecord) -> impl FnOnce(&mut Status) + use<> {
         self.calibration = gate::calibration(&self.config, self.mode);
         let (status, left) = (run_status(record), self.left_specimen(record.method.asd));
@@ -1130,9 +1131,9 @@ fn ended(record: &RunRecord) -> EventData {
     EventData::RunEnded(RunEnded { outcome: record.outcome, wells: WellCounts::of(&record.wells) })
 }
 
-// Numbers of specimens that are gone.
+// Numbers of released specimens.
 impl Running {
-    /// Has numbers made, where that is not under way. Not beside a worker, which may be at the same frames.
+    /// Begins to compute missing numbers, unless this is in progress or a worker may use the same frames.
     fn recover(&mut self) {
         if self.run.as_ref().is_none_or(|run| run.works() || run.numbers().are_being_made()) {
             return;
@@ -1143,7 +1144,7 @@ impl Running {
         self.recover_next(wells);
     }
 
-    /// Begins with the first of them that was not tried too often; the others fail.
+    /// Begins with the first well that has attempts left. The wells before it fail.
     fn recover_next(&mut self, mut wells: VecDeque<PlannedWell>) {
         while let (Some(run), Some(planned)) = (&self.run, wells.front()) {
             let folder = self.outbox.store().run_folder(&run.record().id);
@@ -1158,7 +1159,7 @@ impl Running {
             };
             let (well, allowed) = (planned.well.clone(), run.record().method.policy.deadlines_s.of(Phase::Measure));
             tracing::info!(well, attempt, "the numbers of a specimen that was let go are made from its frames");
-            // Of an end that was asked for nobody dies, however short the time that is left.
+            // A requested end of the daemon is not a crash, and must not count as a failed attempt.
             if self.life != Life::Stopping {
                 self.event(Some(&well), EventData::SpecimenRecovering(RecoveryBegun { attempt }));
             }
@@ -1181,7 +1182,7 @@ impl Running {
                     }
                 }
             }
-            // As where a live run cannot write them: it is held, and they are made when it goes on.
+            // As in a live run that cannot write its numbers: the run is held, and they are computed when it continues.
             Err(error) => {
                 self.keep(Err(error));
                 match self.take_continuation() {
@@ -1201,7 +1202,7 @@ impl Running {
         let Some(run) = &mut self.run else { return };
         let result = run.enter(result);
         let record = run.record().clone();
-        // Closed already where it has numbers.
+        // A no-op if the well is closed.
         seal_well(self.outbox.store(), &record.id, &result.well);
         let status = run_status(&record);
         self.save(record);
@@ -1212,7 +1213,7 @@ impl Running {
     }
 }
 
-// What the worker reports.
+// Progress of the worker.
 impl Running {
     pub fn progress(&mut self, progress: Progress) {
         match progress {
@@ -1236,7 +1237,7 @@ impl Running {
             }
             Progress::View { well, index, closure, achieved_steps, hull_volume_um3, estimate, wait, light, live } => {
                 let shown = self.publisher.status().specimen.as_ref().filter(|s| s.well == well).map(|s| s.view);
-                // One that comes late belongs to a specimen that has made room for the next: it is journalled, and that is all.
+                // A late view of an earlier specimen is written to the journal and not shown.
                 if let Some(before) = shown {
                     self.show(&well, before + u32::from(hull_volume_um3.is_some()), live);
                 }
@@ -1247,7 +1248,7 @@ impl Running {
                 self.event(Some(&well), EventData::ViewTaken(view));
             }
             Progress::Measured { well, glb, end } => {
-                // Once the next specimen is looked at, the pictures are that one's.
+                // Unless the pictures show the next specimen by now.
                 self.publisher.set_live(|l| {
                     if l.shown.as_ref().is_some_and(|shown| shown.well == well) {
                         l.mesh_glb = glb.or(l.mesh_glb.take());
@@ -1263,7 +1264,7 @@ impl Running {
         }
     }
 
-    /// The newest pictures, and whose they are.
+    /// Publishes the newest pictures, with their run and well.
     fn show(&self, well: &str, views: u32, live: Live) {
         let shown = self.run.as_ref().map(|run| Shown { run: run.record().id.clone(), well: well.to_owned(), views });
         self.publisher.set_live(|l| *l = Live { shown, ..live });
@@ -1281,7 +1282,8 @@ impl Running {
 
     fn waits_for_loader(&mut self, well: &str) {
         if self.capillary().brought() == Some(well) {
-            // Brought before the run went on. Not over a hold's message to the one who waits: it then stays until the run goes on again.
+            // It was brought before the run continued. If a hold has interrupted the wait, the message is withheld: the specimen stays
+            // until the run continues again.
             if self.run.as_ref().is_some_and(|run| run.request() == Request::Nothing) {
                 self.loader.say_loaded(well);
             }
@@ -1297,14 +1299,15 @@ impl Running {
         });
     }
 
-    /// All of a well is on disk; the next may be under way.
+    /// All files of a well are on disk. The next well may be in progress already.
     fn well_done(&mut self, result: WellStatus, seconds: f64, times: WellTimes) {
         let Some(run) = &mut self.run else { return };
         let result = run.enter(result);
         let record = run.record().clone();
         let (status, views_planned) = (run_status(&record), record.method.asd);
         let next = run.next_well().map(|next| SpecimenStatus::new(next, Phase::Load, views_planned));
-        // A loader takes it out before it brings the next; where that is a sampler's work, one that is still there could not be taken out.
+        // A plate-loader takes it out before it brings the next one. With a driven sampler, a specimen that is still inside could not be
+        // ejected.
         let stuck = self.capillary().inside() == Some(&result.well) && !self.loader.fills_capillary();
         self.save(record);
         let well = result.well.clone();

@@ -1,15 +1,15 @@
-//! The checksums of wells whose records nobody closed: their writer ended with the daemon, or their numbers are given up.
+//! Checksums of wells whose recordings were not closed: the daemon ended while it wrote them, or their numbers were given up.
 
 use carved_store::{Store, StoreError};
 use std::path::Path;
 use std::sync::mpsc::channel;
 use std::time::Duration;
 
-/// Longest that the driver waits for sums: on a disk that hangs they are written later or never, and the watchdog must not take the
+/// Maximum time that the driver waits for checksums. If the disk hangs, they are written later or never, and the watchdog must not take the
 /// driver for dead.
 const WAIT: Duration = Duration::from_secs(3);
 
-/// Hashes on a thread of its own, and waits for it as long as the driver may.
+/// Computes the checksums on a separate thread, and waits for it up to `WAIT`.
 fn within(folder: &Path, seal: fn(&Path) -> Result<(), StoreError>) {
     let (tell, done) = channel();
     let of = folder.to_owned();
@@ -17,7 +17,7 @@ fn within(folder: &Path, seal: fn(&Path) -> Result<(), StoreError>) {
         if let Err(error) = seal(&of) {
             tracing::error!(%error, "what is kept of a well has no SHA256SUMS");
         }
-        // The driver may not wait any more.
+        // The receiver is dropped if the driver has stopped waiting.
         let _nobody = tell.send(());
     });
     match spawned {
@@ -30,12 +30,12 @@ fn within(folder: &Path, seal: fn(&Path) -> Result<(), StoreError>) {
     }
 }
 
-/// Of a well of the run under way that is over.
+/// Seals a finished well of the current run.
 pub(super) fn seal_well(store: &Store, run: &str, well: &str) {
     within(&store.run_folder(run).join(well), carved_store::seal);
 }
 
-/// Of every well of a run that ends.
+/// Seals every well of a run that ends.
 pub(super) fn seal_run(store: &Store, run: &str) {
     within(&store.run_folder(run), carved_store::seal_run);
 }

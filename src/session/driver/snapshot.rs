@@ -1,4 +1,4 @@
-//! What of a snapshot follows from the driver's parts: computed anew with each revision.
+//! The parts of a snapshot that follow from the driver's parts. They are computed again for each revision.
 
 use super::super::{Pending, Refusal, RunStatus, SpecimenStatus, State, Status, sentence};
 use super::Life;
@@ -16,13 +16,13 @@ pub(super) struct Parts<'a> {
     pub state: &'a InstrumentState,
     pub run: Option<&'a RunInProgress>,
     pub loader: &'a Loader,
-    /// The device that is lost for the longest time.
+    /// The device that has been lost longest.
     pub lost: Option<Device>,
-    /// A plan is checked on the instrument.
+    /// A plan is being checked on the instrument.
     pub is_checked: bool,
-    /// Why the smallest run would not fit on the disk.
+    /// Why the smallest run would not fit on the disk. `None` if it would.
     pub no_room: Option<&'a str>,
-    /// Not everything is on disk.
+    /// Some events or records are not on disk yet.
     pub is_failing: bool,
     /// The rig's newest calibration.
     pub calibration: Option<&'a CalibrationStatus>,
@@ -31,7 +31,7 @@ pub(super) struct Parts<'a> {
 }
 
 impl Parts<'_> {
-    /// Sets everything that follows from the parts and from the rest of the snapshot.
+    /// Sets every field that follows from the parts and from the rest of the snapshot.
     pub fn derive(&self, s: &mut Status) {
         let capillary = capillary(self.state);
         s.pending = self.pending();
@@ -46,7 +46,7 @@ impl Parts<'_> {
         }
         (s.plate.take_out, s.plate.bring) = self.loader.requests(capillary, self.run.map(RunInProgress::handling));
         s.plate.needs = needs(s.plate.take_out.as_deref(), s.plate.bring.as_deref());
-        // Only who takes a specimen out knows that it is out. A start may yet take a run up.
+        // The specimen is out only if the loader or the sampler has reported it. During a start a run may still be restored.
         let is_empty = capillary.inside().is_none() && !self.loader.has_unexpected();
         let is_over = self.life != Life::Starting && self.run.is_none() && is_empty;
         s.plate.removable = is_over && s.plate.barcode.is_some() && !self.is_failing;
@@ -80,7 +80,7 @@ impl Parts<'_> {
         }
     }
 
-    /// Why no run would be accepted now.
+    /// Why a run would be refused now. `None` if it would be accepted.
     fn not_ready(&self) -> Option<String> {
         match self.life {
             Life::Stopping => return Some("shutting down".into()),
@@ -99,13 +99,13 @@ impl Parts<'_> {
     }
 }
 
-/// What is in the capillary, as far as is known: in the run under way, or since the newest one.
+/// The known content of the capillary, from the events of the current or newest run.
 pub(super) fn capillary(state: &InstrumentState) -> &Capillary {
     const NOTHING: &Capillary = &Capillary::empty();
     state.run.as_ref().map_or(NOTHING, RunState::capillary)
 }
 
-/// A run as the status shows it.
+/// A run, as the status shows it.
 pub(super) fn run_status(record: &RunRecord) -> RunStatus {
     RunStatus {
         id: record.id.clone(),
@@ -124,14 +124,14 @@ pub(super) fn run_status(record: &RunRecord) -> RunStatus {
     }
 }
 
-/// The specimen that stays shown at rest: the one that is still in the capillary. `shown`: the one that is shown now.
+/// The specimen that the status shows between runs: the one in the capillary. `shown`: the specimen that is shown now.
 pub(super) fn left_specimen(capillary: &Capillary, shown: Option<&SpecimenStatus>, views_planned: u32) -> Option<SpecimenStatus> {
     let well = capillary.inside()?;
     let shown = shown.filter(|shown| shown.well == well).cloned();
     Some(shown.unwrap_or_else(|| SpecimenStatus::new(well, Phase::Eject, views_planned)))
 }
 
-/// What the loader is asked for, in words.
+/// The requests to the loader, as text.
 fn needs(take_out: Option<&str>, bring: Option<&str>) -> Option<String> {
     let out = take_out.map(to_be_taken_out);
     let bring = bring.map(|well| format!("the specimen of well {well} in the capillary"));

@@ -1,23 +1,23 @@
-//! What a start makes of what an earlier life of the daemon left.
+//! What a start restores from the journal and the runs of the previous daemon process.
 
 use super::super::{Publisher, State};
 use carved_records::{EndRequest, Event, EventData, InstrumentState, Mode, RunOutcome, RunState};
 use carved_store::{RunRecord, Store};
 
-/// The run that can go on here, if any, and the open runs that cannot: older ones, or of another kind of rig. `open`: oldest first.
+/// The run that can continue, and the open runs that cannot: older runs, or runs of another mode. `open`: oldest first.
 pub(super) fn newest_of(mut open: Vec<RunRecord>, mode: Mode) -> (Option<RunRecord>, Vec<RunRecord>) {
     let newest = open.pop_if(|run| run.mode == mode);
     (newest, open)
 }
 
-/// Whether the plate of a run was taken away after the run was accepted. `of_run`: the run's events. `newest`: the newest ones of all.
+/// Whether the plate was taken away after the run was accepted. `of_run`: the run's events. `newest`: the newest events of all.
 pub(super) fn plate_is_away<'a>(of_run: &[Event], newest: impl IntoIterator<Item = &'a Event>) -> bool {
-    // No plate is taken away while a run goes on; the loader's message may come after both.
+    // No plate is taken away during a run. The loader's message may come after the end of the run.
     let accepted = of_run.first().map_or(0, |event| event.id);
     newest.into_iter().any(|event| matches!(event.body.data, EventData::PlateUnloaded(_)) && event.id > accepted)
 }
 
-/// The events of a run, oldest first; the newest events of all where the run's own cannot be read.
+/// The events of a run, oldest first. If they cannot be read: the newest events of all.
 pub(super) fn events_of(store: &Store, publisher: &Publisher, run: &str) -> Vec<Event> {
     store.events_of(run).unwrap_or_else(|error| {
         tracing::error!(%error, run, "what happened in the run cannot be read");
@@ -25,7 +25,7 @@ pub(super) fn events_of(store: &Store, publisher: &Publisher, run: &str) -> Vec<
     })
 }
 
-/// The newest run, where it is over: what it has left in the capillary is there still.
+/// The newest run, if it has ended. Its last specimen may still be in the capillary.
 pub(super) fn ended_run(store: &Store, mode: Mode) -> Option<RunRecord> {
     let newest = store.newest_run(mode).unwrap_or_else(|error| {
         tracing::warn!(%error, "the newest run is not shown");
@@ -34,9 +34,9 @@ pub(super) fn ended_run(store: &Store, mode: Mode) -> Option<RunRecord> {
     newest.filter(|run| run.outcome.is_some())
 }
 
-/// What a run's events say of it.
+/// The state of a run after its events.
 pub(super) fn run_after(id: &str, events: &[Event]) -> RunState {
-    // A file of which only the end could be read lacks the run's acceptance.
+    // If only the end of the file is readable, the event of the acceptance is missing.
     let mut state = InstrumentState { run: Some(RunState::new(id)), ..InstrumentState::default() };
     events.iter().filter(|event| event.body.run.as_deref() == Some(id)).for_each(|event| state.apply(&event.body));
     state.run.unwrap_or_default()

@@ -1,4 +1,4 @@
-//! What looks at the devices find while nothing runs.
+//! Results of device checks between runs.
 
 use super::bench::{Arm, Bench, bench, count, journalled, on_this_thread, plan, scratch, started};
 use crate::session::handle::{Refusal, Towards};
@@ -11,7 +11,7 @@ fn held() -> DeviceError {
     DeviceError::Intervention { device: "rotation axis", what: "feed hold".into(), way_out: "Press cycle start" }
 }
 
-/// A look that finds this.
+/// A device check with these results.
 fn look(b: &mut Bench, rotation: Result<(), DeviceError>, wire: Option<bool>) {
     b.d.devices.instrument_mut().sampler = Box::new(Arm { wire, ..Arm::default() });
     b.d.searched(DevicesFound { rotation, camera: Ok(()), outputs: Vec::new() });
@@ -29,11 +29,11 @@ fn somebody_who_has_the_axis_is_a_fault_once_and_until_he_lets_go() {
         assert_eq!(status.faults.len(), 1);
         assert_eq!((status.faults[0].code.as_str(), status.ready), (fault_table::ROTATION_INTERVENTION.code, false));
         assert!(matches!(b.put_run(&plan(&["A01"])), Err(Refusal::FaultStands { .. })));
-        // Acknowledged before it is over, it comes again.
+        // Acknowledged while the cause lasts, the fault is raised again.
         b.d.acknowledge(status.faults[0].seq).unwrap();
         look(&mut b, Err(held()), None);
         assert_eq!(b.status().faults.len(), 1);
-        // That it is over is not enough: a person says so.
+        // It is not enough that the cause is over: an operator must acknowledge the fault.
         look(&mut b, Ok(()), None);
         let status = b.status();
         assert_eq!((status.faults.len(), status.ready), (1, false));
@@ -68,7 +68,7 @@ fn a_specimen_that_no_run_asked_for_is_said_and_neither_ready_nor_removable_goes
     });
 }
 
-/// Lists of runs are incomplete then, and whoever reads them is to know.
+/// Lists of runs are then incomplete, and their readers must know it.
 #[test]
 fn an_index_that_cannot_be_written_is_shown_and_stops_nothing() {
     on_this_thread(async {
@@ -84,7 +84,7 @@ fn an_index_that_cannot_be_written_is_shown_and_stops_nothing() {
     });
 }
 
-/// What an aborted run has left there is known, and the next run ejects it.
+/// A specimen that an aborted run left inside is known, and the next run ejects it.
 #[test]
 fn a_specimen_that_is_known_to_be_inside_is_not_one_that_nobody_asked_for() {
     on_this_thread(async {

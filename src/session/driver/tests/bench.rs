@@ -1,5 +1,5 @@
-//! A driver whose devices do nothing. Its worker ends at once, since the camera does not arm; that end is withheld, and the test tells
-//! what a worker would have told.
+//! A driver with devices that do nothing. The camera does not arm, so the worker ends at once. The bench withholds this end, and the test
+//! sends the progress of the worker.
 
 use super::super::run::RunInProgress;
 use super::super::*;
@@ -21,14 +21,14 @@ pub fn dark_camera() -> FakeCamera {
     FakeCamera::default().arming(|_| Err(DeviceError::NotArmed))
 }
 
-/// A sampler that brings nothing: of a loader, or driven.
+/// A sampler that brings no specimen: for a plate-loader, or driven.
 #[derive(Default)]
 pub struct Arm {
     pub waits: bool,
     pub brings_again: bool,
-    /// What its wire has shown while nothing ran.
+    /// The reading of its sensor between runs.
     pub wire: Option<bool>,
-    /// The wells whose specimens it has taken out.
+    /// The wells whose specimens it has ejected.
     pub ejected: Arc<Mutex<Vec<String>>>,
 }
 
@@ -89,11 +89,11 @@ pub struct Bench {
     pub d: Running,
     pub handle: SessionHandle,
     _mailbox: mpsc::Receiver<Command>,
-    /// The well whose specimen is in the capillary, whatever anybody says.
+    /// The well whose specimen is really in the capillary, whatever the messages say.
     pub inside: Option<String>,
 }
 
-/// A folder whose files need no real disk.
+/// A temporary folder in memory, if possible.
 pub fn scratch() -> tempfile::TempDir {
     tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).unwrap()
 }
@@ -104,7 +104,7 @@ pub fn plan(wells: &[&str]) -> RunPlan {
         .unwrap()
 }
 
-/// A driver that works in this folder, what speaks to it, and what hears that.
+/// A driver on this folder, its handle and its mailbox.
 pub fn driver(root: &Path, loaded_from_outside: bool) -> (Driver, SessionHandle, mpsc::Receiver<Command>) {
     driver_of(root, instrument(FakeAxis::new(), Arm { waits: loaded_from_outside, brings_again: true, ..Arm::default() }))
 }
@@ -127,12 +127,12 @@ fn driver_of(root: &Path, instrument: Instrument) -> (Driver, SessionHandle, mps
     (driver, handle, mailbox)
 }
 
-/// One that has said its first words.
+/// A driver that has published its first report.
 pub fn bench(root: &Path, loaded_from_outside: bool) -> Bench {
     spoken(driver(root, loaded_from_outside))
 }
 
-/// The same with an instrument of its own.
+/// As `bench`, with this instrument.
 pub fn bench_of(root: &Path, instrument: Instrument) -> Bench {
     spoken(driver_of(root, instrument))
 }
@@ -143,12 +143,12 @@ fn spoken((driver, handle, mailbox): (Driver, SessionHandle, mpsc::Receiver<Comm
     Bench { d, handle, _mailbox: mailbox, inside: None }
 }
 
-/// A run of these wells whose worker is at it.
+/// A bench with a run of these wells in state Execute.
 pub fn started(root: &Path, loaded_from_outside: bool, wells: &[&str]) -> Bench {
     at_it(bench(root, loaded_from_outside), wells)
 }
 
-/// The same with an instrument of its own.
+/// As `started`, with this instrument.
 pub fn started_with(root: &Path, instrument: Instrument, wells: &[&str]) -> Bench {
     at_it(bench_of(root, instrument), wells)
 }
@@ -186,7 +186,7 @@ impl Bench {
         self.d.run.as_ref().is_some_and(RunInProgress::works)
     }
 
-    /// Tells the driver what a worker tells; false where the run is cancelled by then.
+    /// Sends progress as the worker does. Returns `false` if the run is cancelled.
     pub fn tell(&mut self, progress: Progress) -> bool {
         self.d.progress(progress);
         self.d.run.as_mut().and_then(|run| run.work_mut().as_ref()).is_some_and(|work| !work.is_cancelled())
@@ -197,7 +197,7 @@ impl Bench {
         self.tell(Progress::Phase { well: well.into(), phase, in_capillary })
     }
 
-    /// The numbers of a well are on disk.
+    /// Reports that the numbers of a well are on disk.
     pub fn done(&mut self, well: &str) -> bool {
         let record = self.d.run.as_ref().unwrap().record();
         let mut result = record.wells.iter().find(|w| w.well == well).unwrap().clone();
@@ -205,7 +205,7 @@ impl Bench {
         self.tell(Progress::WellDone { result, seconds: 1.0, times: WellTimes::default() })
     }
 
-    /// A beat, and the look at the devices that it begins; commands wait for that.
+    /// A heartbeat and the device check that it begins. Commands wait for the check.
     pub async fn beat(&mut self) {
         self.d.beat();
         if self.d.devices.are_busy() {
@@ -218,7 +218,7 @@ impl Bench {
         self.d.task_done(done);
     }
 
-    /// The worker hands the instrument back and ends so.
+    /// The worker returns the instrument and ends in this way.
     pub async fn ends(&mut self, end: RunEnd) {
         let work = self.d.run.as_mut().unwrap().work_mut();
         let instrument = work.as_mut().unwrap().instrument().await;
@@ -226,14 +226,14 @@ impl Bench {
     }
 }
 
-/// The events of a folder, as its journal has them; a line that is just being written is none.
+/// The events in the journal of a folder, without an incomplete last line.
 pub fn journalled(root: &Path) -> Vec<Event> {
     let text = std::fs::read_to_string(root.join("events.jsonl")).unwrap();
     let whole = text.rfind('\n').map_or("", |end| &text[..end]);
     whole.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
 }
 
-/// The same, as the index has them.
+/// The events in the index.
 pub fn indexed(bench: &Bench) -> Vec<Event> {
     match bench.d.outbox.store().reader().events_after(0, 100_000).unwrap() {
         EventsAfter::Events(events) => events,
@@ -245,7 +245,7 @@ pub fn count(events: &[Event], kind: &str) -> usize {
     events.iter().filter(|e| e.body.data.kind() == kind).count()
 }
 
-/// Runs a test that waits for a worker, on the thread whose disk is watched.
+/// Runs an async test on this thread, whose disk operations are traced.
 pub fn on_this_thread(test: impl Future<Output = ()>) {
     tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap().block_on(test);
 }

@@ -1,4 +1,4 @@
-//! A disk that is full from its k-th operation on, for every k of a short run, until somebody makes room.
+//! A disk that is full from its k-th operation on, until there is room again, for every k of a short run.
 //!
 //! ```text
 //! run of two wells ── operation k: full ──► halted ──► held ──► room ──► store.regained ──► goes on ──► Complete
@@ -15,7 +15,7 @@ use std::path::Path;
 
 const WELLS: [&str; 2] = ["A01", "A02"];
 
-/// Nobody is told that all is done before all of it is on disk.
+/// The status shows Complete or a removable plate only once everything is on disk.
 fn is_true(root: &Path, status: &Status) {
     if status.state == State::Complete || status.plate.removable {
         let kinds: Vec<String> = journalled(root).into_iter().map(|e| e.body.data.kind().to_owned()).collect();
@@ -31,7 +31,7 @@ fn witness(root: &Path, handle: &SessionHandle) -> impl Fn() + 'static {
     move || is_true(&root, &handle.status())
 }
 
-/// The loader's word; where it is not taken it is said again once there is room.
+/// A message of the loader. If the disk refuses it, it is sent again once there is room.
 fn say(b: &mut Bench, well: &str, loaded: bool) {
     if let Err(refusal) = b.loaded(well, loaded) {
         assert!(format!("{refusal:?}").contains("full: true"), "{well}, loaded: {loaded}: {refusal:?}");
@@ -41,7 +41,7 @@ fn say(b: &mut Bench, well: &str, loaded: bool) {
     b.inside = loaded.then(|| well.to_owned());
 }
 
-/// Who fills the capillary brings a specimen to it; false where the run is cancelled by then.
+/// Loads a specimen. Returns `false` if the run is cancelled meanwhile.
 fn bring(b: &mut Bench, well: &str) -> bool {
     if !b.phase(well, Phase::Load, false) {
         return false;
@@ -66,7 +66,7 @@ fn take_out(b: &mut Bench, well: &str) -> bool {
     b.phase(well, Phase::Wash, false)
 }
 
-/// What a worker tells of the wells that are left; false where it is cancelled by then.
+/// The progress of a worker for the wells that are left. Returns `false` if the run is cancelled meanwhile.
 fn work(b: &mut Bench) -> bool {
     if !b.tell(Progress::Ready) {
         return false;
@@ -79,7 +79,7 @@ fn work(b: &mut Bench) -> bool {
     let record = b.d.run.as_ref().unwrap().record().clone();
     let mut before = None;
     for well in record.wells.iter().filter(|w| w.outcome.is_none()).map(|w| w.well.as_str()) {
-        // The numbers of the one before were made beside.
+        // The numbers of the previous specimen were computed meanwhile.
         if !(bring(b, well) && before.replace(well).is_none_or(|before| b.done(before)) && take_out(b, well)) {
             return false;
         }
@@ -87,7 +87,7 @@ fn work(b: &mut Bench) -> bool {
     before.is_none_or(|last| b.done(last))
 }
 
-/// Held with a specimen in the capillary, the driver knows that it is there, and has it taken out before anything else.
+/// If the run is held with a specimen in the capillary, the driver knows it and has it removed first.
 fn is_remembered(b: &Bench, when: &str) {
     let handling = b.d.run.as_ref().unwrap().handling();
     let shown = b.status().specimen.filter(|s| s.in_capillary).map(|s| s.well);
@@ -97,7 +97,7 @@ fn is_remembered(b: &Bench, when: &str) {
     assert!(!b.status().plate.removable, "{when}");
 }
 
-/// Journal, the run's own file, index and `run.json` say the same, each thing once.
+/// The journal, the run's own journal, the index and `run.json` agree. Each event is there once.
 fn is_whole(b: &Bench, root: &Path, outcome: RunOutcome, when: &str) {
     let events = journalled(root);
     let kinds: Vec<&str> = events.iter().map(|e| e.body.data.kind()).collect();
@@ -126,7 +126,7 @@ fn is_whole(b: &Bench, root: &Path, outcome: RunOutcome, when: &str) {
     assert!(b.d.outbox.waiting() == 0 && b.status().faults.is_empty(), "{when}: {:?}", b.status().faults);
 }
 
-/// Accepts the run, with room made where it was refused.
+/// Puts the run. Makes room on the disk if the run is refused.
 fn accept(b: &mut Bench, when: &str) {
     let Err(refusal) = b.put_run(&plan(&WELLS)) else { return };
     assert!(format!("{refusal:?}").contains("full: true"), "{when}: {refusal:?}");
@@ -154,7 +154,7 @@ fn outlasts(loaded_from_outside: bool) {
                 assert!(format!("{refused:?}").contains("full: true"), "{when}: {refused:?}");
                 disk_trace::make_room();
                 b.beat().await;
-                // Held for the loader, the run goes on once it has taken the specimen out.
+                // The run waits for the loader, and continues once the specimen is out.
                 if let Some(well) = b.inside.clone().filter(|_| !b.works()) {
                     say(&mut b, &well, false);
                 }
@@ -182,7 +182,7 @@ fn so_does_one_whose_specimens_a_loader_brings() {
     outlasts(true);
 }
 
-/// An end that was asked for is not forgotten, and no start takes the run up again.
+/// A requested end is not forgotten, and no start takes the run up again.
 #[test]
 fn an_abort_on_a_full_disk_is_written_once_there_is_room_or_when_the_daemon_ends() {
     for at in (0..).step_by(3) {
@@ -194,7 +194,7 @@ fn an_abort_on_a_full_disk_is_written_once_there_is_room_or_when_the_daemon_ends
                 disk_trace::fill(at, witness(dir.path(), &b.handle));
                 accept(&mut b, &when);
                 if work(&mut b) {
-                    // The run was accepted at the second try, or it is done but for its end.
+                    // The run was accepted at the second try, or only its end is missing.
                     was_full |= disk_trace::was_full();
                     disk_trace::end();
                     b.ends(RunEnd::AllWells).await;
@@ -229,7 +229,7 @@ fn an_abort_on_a_full_disk_is_written_once_there_is_room_or_when_the_daemon_ends
     }
 }
 
-/// Request to stop after its specimen, and halted by the disk in mid-specimen: it ends as it was asked to, and nobody has aborted it.
+/// A stop after the specimen was requested, then the full disk interrupts the specimen. The run ends as stopped, not as aborted.
 #[test]
 fn a_stop_on_a_full_disk_stays_a_stop() {
     for at in 0.. {
@@ -243,7 +243,7 @@ fn a_stop_on_a_full_disk_stays_a_stop() {
                 let began = b.tell(Progress::Ready) && bring(&mut b, "A01");
                 let mut stopped = b.steer(Towards::Stop);
                 if stopped.is_err() && began {
-                    // Refused, and the worker is at it still: it is asked for again.
+                    // The stop was refused, and the worker is still active. The stop is requested again.
                     disk_trace::make_room();
                     stopped = b.steer(Towards::Stop);
                 }

@@ -1,5 +1,5 @@
-//! A specimen that a fault of the instrument leaves in the capillary: nobody is asked to take it out or to bring it, and the run goes on
-//! with it, over a restart too.
+//! A fault of the instrument leaves a specimen in the capillary. Nobody has to take it out or bring it again. The run continues with it,
+//! also after a restart.
 
 use super::super::*;
 use super::bench::{Arm, Bench, RUN, bench, instrument, journalled, on_this_thread, scratch, started, started_with};
@@ -24,7 +24,7 @@ fn hand() -> RunError {
     RunError::Device(DeviceError::Intervention { device: "rotation axis", what: "feed hold".into(), way_out: "Release it." })
 }
 
-/// A01 is measured; A02 is inside and under way when `error` ends the worker.
+/// A01 is measured. A02 is inside and in progress when `error` ends the worker.
 async fn held(b: &mut Bench, error: RunError) {
     for well in ["A01", "A02"] {
         if b.d.loader.fills_capillary() {
@@ -88,7 +88,7 @@ fn what_the_instrument_could_not_see_stays_inside_and_the_run_goes_on_with_it() 
                 }
                 assert_eq!((b.status().state, b.inside_by_status().as_deref()), (State::Execute, Some("A02")), "{when}");
                 assert_eq!(b.needs(), "", "{when}");
-                // A crash of the run that goes on loses its place as any other.
+                // If the continued run crashes, the specimen loses its pose like any other.
                 b.phase("A02", Phase::Position, true);
                 drop(b);
                 let b = bench(dir.path(), outside);
@@ -100,7 +100,7 @@ fn what_the_instrument_could_not_see_stays_inside_and_the_run_goes_on_with_it() 
     });
 }
 
-/// A person takes it out by hand while the run is held, and says so: it is brought again.
+/// A person takes it out by hand while the run is held, and reports it. It is brought again.
 #[test]
 fn a_kept_specimen_that_is_said_to_be_out_is_brought_again() {
     on_this_thread(async {
@@ -118,7 +118,7 @@ fn a_kept_specimen_that_is_said_to_be_out_is_brought_again() {
     });
 }
 
-/// The run is ended instead: the larva is inside still, and known to be.
+/// The run is ended instead. The larva is still inside, and the driver knows it.
 #[test]
 fn a_kept_specimen_is_not_forgotten_with_its_run() {
     on_this_thread(async {
@@ -143,7 +143,7 @@ fn a_kept_specimen_is_not_forgotten_with_its_run() {
                 b.d.devices.give_back(with_camera);
                 b.put("r2").unwrap();
                 b.tell(Progress::Ready);
-                // The larva inside is not used as the new plate's A02: it is ejected first.
+                // The larva inside is not used as A02 of the new plate. It is ejected first.
                 assert_eq!((b.d.capillary().inside(), b.d.capillary().brought()), (Some("A02"), None));
                 b.ends(RunEnd::Paused).await;
                 assert_eq!(*ejected.lock().unwrap(), ["A02"]);
@@ -153,7 +153,7 @@ fn a_kept_specimen_is_not_forgotten_with_its_run() {
 }
 
 impl Bench {
-    /// What a worker has written of the specimen of well `at` when it ends: a record that nobody closed.
+    /// The recording that a worker leaves open when it ends in the well `at`.
     fn has_recorded(&self, at: usize) {
         let record = self.d.run.as_ref().unwrap().record();
         let planned = &record.plan.plate_map[at];
@@ -165,7 +165,7 @@ impl Bench {
         self.d.outbox.store().run_folder(RUN).join(well).join("SHA256SUMS").is_file()
     }
 
-    /// By the status and by `run.json`.
+    /// The outcomes in the status, which must equal those in `run.json`.
     fn outcomes(&self) -> Vec<Option<SpecimenOutcome>> {
         let shown: Vec<_> = self.status().run.unwrap().results.iter().map(|well| well.outcome).collect();
         let stored = self.d.outbox.store().run(RUN).unwrap().unwrap();
@@ -183,7 +183,7 @@ impl Bench {
         self.d.run.as_mut().unwrap().record_mut().method.policy.interrupted = Interrupted::Skip;
     }
 
-    /// Of each time that the specimen of A02 was interrupted: whether it was kept.
+    /// For each interruption of the specimen of A02: whether it was kept.
     fn interruptions(&self) -> Vec<bool> {
         let events = journalled(&self.d.outbox.store().run_folder(RUN));
         let of_a02 = events.into_iter().filter(|e| e.body.well.as_deref() == Some("A02"));
@@ -195,7 +195,7 @@ impl Bench {
     }
 }
 
-/// The specimen of A02 is to be taken out, by the loader or by the sampler; then the run goes on.
+/// The specimen of A02 must be taken out by the loader or the sampler. Then the run continues.
 fn goes_on_once_it_is_out(b: &mut Bench, outside: bool) {
     let handling = b.d.run.as_ref().unwrap().handling();
     let taken_out = if outside { handling.take_out() } else { handling.eject_first() };
@@ -212,7 +212,7 @@ fn goes_on_once_it_is_out(b: &mut Bench, outside: bool) {
 const SUCCEEDED: Option<SpecimenOutcome> = Some(SpecimenOutcome::Succeeded);
 const INTERRUPTED: Option<SpecimenOutcome> = Some(SpecimenOutcome::Interrupted);
 
-/// Such a sampler brings what lies next on its plate: another larva would be measured under the name of the one that is gone.
+/// Such a sampler brings the next larva of its plate. That larva would be measured under the name of the missing one.
 #[test]
 fn a_kept_specimen_that_is_out_ends_its_well_where_the_sampler_brings_none_twice() {
     on_this_thread(async {
@@ -265,7 +265,8 @@ fn a_specimen_whose_pose_is_lost_is_given_up_where_the_policy_skips_it_and_the_r
     });
 }
 
-/// The instrument is to blame, so that no policy gives it up; and a stock VAST takes no specimen up twice, so that it cannot stay.
+/// The instrument caused the interruption, so no policy gives the specimen up. A stock VAST cannot take up a specimen twice, so it cannot
+/// stay.
 #[test]
 fn what_a_rig_that_steps_through_a_list_could_not_see_is_brought_again_whatever_the_policy_says() {
     on_this_thread(async {

@@ -1,4 +1,4 @@
-//! Turns of a run's life that no rig brings about when it is wanted.
+//! Situations in the life of a run that a rig does not produce on demand.
 
 use super::super::*;
 use super::bench::{RUN, bench, count, driver, journalled, on_this_thread, plan, scratch, started};
@@ -9,7 +9,7 @@ use carved_devices::DeviceError;
 use carved_records::{EventData, Handoff, HandoffEnd, HandoffIntent, Phase, ResumedBy, ViewTaken, fault_table};
 use futures::FutureExt;
 
-/// For what takes milliseconds.
+/// Timeout of steps that take milliseconds.
 const PATIENCE: std::time::Duration = std::time::Duration::from_secs(60);
 
 fn gone() -> DeviceError {
@@ -20,7 +20,8 @@ fn sampler_failed() -> RunError {
     RunError::Device(DeviceError::Sampler { well: "A01".into(), why: "it is stuck".into() })
 }
 
-/// Accepted, it is not taken out: its numbers come all the same, and the next well must not be brought on top of it.
+/// The specimen was accepted and could not be ejected. Its numbers follow all the same, and the next specimen must not be brought on top of
+/// it.
 #[test]
 fn a_specimen_that_could_not_be_taken_out_is_not_forgotten_with_its_numbers() {
     for wells in [&["A01"][..], &["A01", "A02"]] {
@@ -35,7 +36,7 @@ fn a_specimen_that_could_not_be_taken_out_is_not_forgotten_with_its_numbers() {
             b.done("A01");
             b.ends(RunEnd::Failed(sampler_failed())).await;
             let status = b.status();
-            // Its verdict was told before, and nothing takes it back.
+            // Its result was journalled before. It is not taken back.
             let of_a01 = |kind: &str| {
                 journalled(dir.path()).iter().filter(|e| e.body.data.kind() == kind && e.body.well.as_deref() == Some("A01")).count()
             };
@@ -46,7 +47,7 @@ fn a_specimen_that_could_not_be_taken_out_is_not_forgotten_with_its_numbers() {
             assert!(!status.plate.removable && status.state == State::Held, "{:?}", status.state);
             let handling = b.d.run.as_ref().unwrap().handling();
             assert_eq!(handling.eject_first(), Some("A01"));
-            // It is taken out before the run ends, too.
+            // It is also ejected if the run has no further well.
             let seq = status.faults[0].seq;
             b.d.acknowledge(seq).unwrap();
             b.d.unhold(ResumedBy::Operator).unwrap();
@@ -55,7 +56,7 @@ fn a_specimen_that_could_not_be_taken_out_is_not_forgotten_with_its_numbers() {
     }
 }
 
-/// The loader says that it has taken a specimen out while the axis is away: nobody can run the next well now, and somebody must later.
+/// The loader reports that it took a specimen out while the axis is lost. The next well cannot be measured now, and must be measured later.
 #[test]
 fn a_run_that_has_to_go_on_without_its_instrument_waits_for_it() {
     on_this_thread(async {
@@ -82,7 +83,7 @@ fn an_emergency_stop_that_comes_while_a_run_is_launched_ends_it_and_latches() {
     on_this_thread(async {
         let dir = scratch();
         let mut b = bench(dir.path(), false);
-        // Whoever pressed it hung up before its word was in the mailbox.
+        // The client disconnected before its command was in the mailbox.
         b.d.publisher.halt().stop();
         b.put_run(&plan(&["A01"])).unwrap();
         assert!(!b.tell(Progress::Ready), "a worker that was launched under the stop is not cancelled");
@@ -99,7 +100,7 @@ fn an_emergency_stop_that_comes_while_a_run_is_launched_ends_it_and_latches() {
     });
 }
 
-/// Nobody else's words may be in the way of it, nor does it need anybody who waits for its answer.
+/// An emergency stop takes effect even if the mailbox is full and no client waits for its answer.
 #[test]
 fn an_emergency_stop_that_never_got_into_the_mailbox_latches() {
     on_this_thread(async {
@@ -122,7 +123,7 @@ fn an_emergency_stop_that_never_got_into_the_mailbox_latches() {
     });
 }
 
-/// Most of a journal are views: of what a start must know nothing may be looked for in its newest lines alone.
+/// Most events of a journal are views. A start must not look only at the newest lines.
 #[test]
 fn a_start_after_thousands_of_views_knows_the_plate_the_run_and_what_stands() {
     on_this_thread(async {

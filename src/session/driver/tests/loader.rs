@@ -1,4 +1,4 @@
-//! What is in the capillary and who is asked for it, who holds a run, and when a run would be taken: as loader and operator see it.
+//! The content of the capillary, the requests to the loader, the causes of a hold and the readiness, as loader and operator see them.
 
 use super::super::*;
 use super::bench::{Bench, RUN, bench, journalled, on_this_thread, plan, scratch, started};
@@ -24,7 +24,7 @@ impl Bench {
         self.status().plate.needs.unwrap_or_default()
     }
 
-    /// The same by wells: whose specimen to take out, whose to bring.
+    /// The requests as wells: the specimen to take out, the specimen to bring.
     fn wanted(&self) -> [Option<String>; 2] {
         let plate = self.status().plate;
         [plate.take_out, plate.bring]
@@ -50,7 +50,7 @@ impl Bench {
     }
 }
 
-/// Only the loader knows when a specimen is out: while the next is awaited the one before may still be inside.
+/// Only the loader knows when a specimen is out. While the next one is awaited, the previous one may still be inside.
 #[test]
 fn a_specimen_is_inside_until_the_loader_says_otherwise_or_brings_the_next() {
     on_this_thread(async {
@@ -74,7 +74,7 @@ fn a_specimen_is_inside_until_the_loader_says_otherwise_or_brings_the_next() {
         assert_eq!(b.needs(), IN[1]);
         b.measures("A02");
         b.asks_for("A03");
-        // Exchanged in one go.
+        // The loader exchanges both at once.
         b.loaded("A03", true).unwrap();
         let loaded = journalled(dir.path()).into_iter().rfind(|e| e.body.data.kind() == kind::WELL_LOADED).unwrap();
         assert_eq!(loaded.body.data, EventData::WellLoaded(WellLoaded { in_place_of: Some("A02".into()) }));
@@ -101,7 +101,7 @@ fn a_specimen_is_inside_until_the_loader_says_otherwise_or_brings_the_next() {
     });
 }
 
-/// While the next is awaited the run is ended: the specimen before it is the one inside.
+/// The run ends while the next specimen is awaited. The previous one is still inside.
 #[test]
 fn a_run_that_ends_while_the_next_is_awaited_leaves_the_one_before() {
     on_this_thread(async {
@@ -119,7 +119,7 @@ fn a_run_that_ends_while_the_next_is_awaited_leaves_the_one_before() {
     });
 }
 
-/// No loader is there to take it out: the next run begins with that, over restarts too.
+/// No loader is there to take it out. The next run ejects it first, also after restarts.
 #[test]
 fn what_an_aborted_run_left_is_ejected_by_the_next_where_a_sampler_is_driven() {
     on_this_thread(async {
@@ -144,7 +144,7 @@ fn what_an_aborted_run_left_is_ejected_by_the_next_where_a_sampler_is_driven() {
     });
 }
 
-/// Whichever comes first, an operator's hold or a fault that is over by itself.
+/// In both orders: an operator's hold, and a fault that ends by itself.
 #[test]
 fn what_an_operator_holds_does_not_go_on_by_itself() {
     on_this_thread(async {
@@ -173,7 +173,7 @@ fn what_an_operator_holds_does_not_go_on_by_itself() {
     });
 }
 
-/// The look at the devices has the instrument in the moment in which the disk is back.
+/// The device check has the instrument at the moment when the disk accepts writes again.
 #[test]
 fn a_run_that_may_go_on_does_so_when_the_errand_is_done() {
     on_this_thread(async {
@@ -190,7 +190,7 @@ fn a_run_that_may_go_on_does_so_when_the_errand_is_done() {
     });
 }
 
-/// `ready` says what a run would be answered.
+/// `ready` agrees with the answer to a run.
 #[test]
 fn what_is_ready_takes_a_run() {
     on_this_thread(async {

@@ -1,4 +1,4 @@
-//! The driver on a bench: its commands, its store and its status are the real ones; what a worker tells and when it ends, the test says.
+//! The driver on a bench. Its commands, its store and its status are real. The test decides what the worker reports and when it ends.
 
 mod at_rest;
 pub(super) mod bench;

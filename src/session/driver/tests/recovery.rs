@@ -1,4 +1,4 @@
-//! Numbers that are made from frames, where making them takes too long or costs the daemon its life.
+//! Numbers that are computed from stored frames, when this takes too long or crashes the daemon.
 
 use super::super::interrupt::Fate;
 use super::super::recovery::{Continuation, Numbers, Recovery};
@@ -14,12 +14,12 @@ use std::path::Path;
 use std::time::Duration;
 use tokio::sync::oneshot;
 
-/// A run of these wells, the first of which was let go and has no numbers.
+/// A run of these wells. The first specimen was accepted and released, and has no numbers.
 fn let_go(root: &Path, wells: &[&str]) -> Bench {
     let b = started(root, true, wells);
     let run = b.d.run.as_ref().unwrap().record();
     let mut recording = a_recording(RUN, &run.plan.plate_map[0]);
-    // No view is missing of a turn that ended after none.
+    // The turn ended after no view, so no view is missing.
     recording.ended_after_views = Some(0);
     let mut writer = RecordingWriter::create(&b.d.outbox.store().run_folder(RUN).join(wells[0]), recording, None).unwrap();
     writer.accept().unwrap();
@@ -30,7 +30,7 @@ fn of_well(b: &Bench, at: usize) -> WellStatus {
     b.status().run.unwrap().results[at].clone()
 }
 
-/// By the journal, over every start: the well is over at last, and the run goes on.
+/// Counted in the journal over all starts: the well ends at last, and the run continues.
 #[test]
 fn numbers_on_which_the_daemon_dies_each_time_are_tried_three_times() {
     on_this_thread(async {
@@ -55,7 +55,7 @@ fn has_sums(b: &Bench, well: &str) -> bool {
     b.d.outbox.store().run_folder(RUN).join(well).join("SHA256SUMS").is_file()
 }
 
-/// Whatever ends a well, what it keeps can be verified.
+/// Every ended well has checksums of its files.
 #[test]
 fn a_well_that_is_given_up_has_the_sums_of_what_it_keeps() {
     on_this_thread(async {
@@ -67,7 +67,7 @@ fn a_well_that_is_given_up_has_the_sums_of_what_it_keeps() {
         let b = bench(dir.path(), true);
         assert!(of_well(&b, 0).outcome == Some(SpecimenOutcome::Failed) && has_sums(&b, "A01"));
 
-        // Cut off in the middle of its turn, and given up by the method's policy.
+        // Interrupted in its turn, and given up by the method's policy.
         let dir = scratch();
         let mut b = started(dir.path(), true, &["A01", "A02"]);
         b.asks_for("A01");
@@ -80,7 +80,7 @@ fn a_well_that_is_given_up_has_the_sums_of_what_it_keeps() {
         b.d.interrupt_specimens("the power was cut", Fate::PoseLost);
         assert!(has_sums(&b, "A01"), "skipped by policy");
 
-        // Left by a crash and never begun again: the run's end seals it, whatever that is.
+        // A crash left it, and it was never begun again: the end of the run seals it.
         let recording = a_recording(RUN, &b.d.run.as_ref().unwrap().record().plan.plate_map[1]);
         drop(RecordingWriter::create(&b.d.outbox.store().run_folder(RUN).join("A02.attempt-1"), recording, None).unwrap());
         b.d.end_now();
@@ -88,7 +88,7 @@ fn a_well_that_is_given_up_has_the_sums_of_what_it_keeps() {
     });
 }
 
-/// It was the disk that kept the numbers from being made.
+/// The disk prevented the computation, so this is not a failed attempt.
 #[test]
 fn a_disk_that_failed_meanwhile_is_no_attempt() {
     on_this_thread(async {
@@ -107,7 +107,7 @@ fn a_disk_that_failed_meanwhile_is_no_attempt() {
     });
 }
 
-/// Whoever stops the service may not wait for them: systemd does not.
+/// A service manager may kill the daemon before the numbers are computed. A requested end is not counted as a crash.
 #[test]
 fn a_daemon_that_was_asked_to_end_has_not_died_of_them() {
     on_this_thread(async {
@@ -122,7 +122,7 @@ fn a_daemon_that_was_asked_to_end_has_not_died_of_them() {
     });
 }
 
-/// An abort does not wait for them for ever.
+/// An abort waits for numbers only for a limited time.
 #[test]
 fn numbers_that_take_longer_than_the_method_allows_fail_their_well_and_let_the_run_end() {
     on_this_thread(async {
@@ -130,7 +130,7 @@ fn numbers_that_take_longer_than_the_method_allows_fail_their_well_and_let_the_r
         let mut b = let_go(dir.path(), &["A01", "A02"]);
         b.steer(crate::session::Towards::Abort).unwrap();
         let planned = plan(&["A01"]).plate_map.into();
-        // Nobody ever tells this one anything.
+        // Nothing is ever sent on this channel.
         let (_hangs, done) = oneshot::channel();
         let run = b.d.outbox.store().run_folder(RUN);
         let in_progress = b.d.run.as_mut().unwrap();

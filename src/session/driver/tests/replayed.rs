@@ -1,4 +1,4 @@
-//! Whatever happens: what the live driver believes is what its journal says, and what a restart believes is the same.
+//! In every sequence of steps, the live state equals the state that is read from the journal, and a restart gets the same state.
 
 use super::super::*;
 use super::bench::{Bench, bench, journalled, on_this_thread, plan, scratch};
@@ -14,7 +14,7 @@ const WELLS: [&str; 3] = ["A01", "A02", "A03"];
 const PHASES: [Phase; 8] =
     [Phase::Load, Phase::Position, Phase::Detect, Phase::Revolve, Phase::Reconstruct, Phase::Measure, Phase::Eject, Phase::Wash];
 
-/// One thing that happens to the driver. What cannot happen now is passed over, or refused by it.
+/// One step of the driver's environment. An impossible step is skipped, or the driver refuses it.
 #[derive(Debug, Clone)]
 enum Step {
     Put,
@@ -120,7 +120,7 @@ async fn takes(b: &mut Bench, step: &Step) {
     }
 }
 
-/// The state that the journal and what waits for the disk say.
+/// The state that follows from the journal and from the events that wait for the disk.
 fn replayed(b: &Bench, root: &Path) -> InstrumentState {
     let mut state = InstrumentState::after(&journalled(root));
     b.d.outbox.waiting_events().for_each(|body| state.apply(body));
@@ -134,7 +134,7 @@ fn check(loaded_from_outside: bool, steps: &[Step]) {
         disk_trace::begin(None);
         for (at, step) in steps.iter().enumerate() {
             if matches!(step, Step::Crash) {
-                // What the disk did not take is lost with the daemon.
+                // Events that the disk did not accept are lost with the daemon.
                 drop(b);
                 disk_trace::make_room();
                 b = bench(dir.path(), loaded_from_outside);

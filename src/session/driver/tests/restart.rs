@@ -1,4 +1,4 @@
-//! What is shown and kept over a restart: a run that is taken up, and a plate on its way.
+//! What survives a restart: a run that is taken up, and an open plate handover.
 
 use super::super::*;
 use super::bench::{bench, driver, on_this_thread, plan, scratch, started};
@@ -17,7 +17,7 @@ fn gone() -> RunError {
     RunError::Device(DeviceError::Gone { device: "rotation axis", why: "the cable".into() })
 }
 
-/// What a poller may read while a run is taken up: each snapshot before a write to the disk, and the last one.
+/// What a client may read while a run is taken up: each snapshot before a write to the disk, and the last one.
 fn snapshots(root: &Path) -> Vec<Status> {
     let (driver, handle, _mailbox) = driver(root, true);
     let seen = Rc::new(RefCell::new(Vec::new()));
@@ -33,7 +33,7 @@ fn snapshots(root: &Path) -> Vec<Status> {
     seen.take()
 }
 
-/// Held for some milliseconds: nobody is called for that.
+/// It is held for some milliseconds only, so nobody must be called.
 #[test]
 fn a_run_that_is_taken_up_and_goes_on_is_never_shown_as_waiting_for_somebody() {
     on_this_thread(async {
@@ -48,7 +48,7 @@ fn a_run_that_is_taken_up_and_goes_on_is_never_shown_as_waiting_for_somebody() {
         let last = seen.last().unwrap();
         assert_eq!((last.state, last.run.as_ref().unwrap().goes_on_by_itself), (State::Unholding, false));
 
-        // Held by an operator, or by a fault that wants one, it does wait.
+        // Held by an operator, or by a fault that needs one, the run does wait.
         let mut b = bench(dir.path(), true);
         b.steer(Towards::Hold).unwrap();
         drop(b);
@@ -74,7 +74,7 @@ fn a_run_that_is_taken_up_and_goes_on_is_never_shown_as_waiting_for_somebody() {
     });
 }
 
-/// A lost axis holds a run that goes on when it is back: no person has to say so.
+/// A lost axis holds the run. The run continues when the axis is back, without a person.
 #[test]
 fn a_run_says_whether_what_holds_it_lets_it_go_by_itself() {
     on_this_thread(async {
@@ -126,8 +126,8 @@ fn a_plate_on_its_way_is_remembered_over_a_restart() {
     });
 }
 
-/// The axis is lost and found four times without a finished well: the fault is over, and the status still says what holds the run, how
-/// often it did, and what to do. A restart does not forget it.
+/// The axis is lost and found four times without a finished well. The fault is over, and the status still shows the cause of the hold, how
+/// often it occurred and the next action. A restart does not forget it.
 #[test]
 fn a_hold_whose_cause_is_over_names_it_and_the_next_action() {
     on_this_thread(async {
@@ -162,7 +162,7 @@ fn a_hold_whose_cause_is_over_names_it_and_the_next_action() {
     });
 }
 
-/// The table lets a scheduler try it again. As long as the run waits, a person has to do something, and every word says the same.
+/// By the fault table a scheduler may try again. While the run waits, a person must act, and every field of the status says so.
 #[test]
 fn a_fault_whose_run_waits_needs_a_person_until_the_run_goes_on() {
     on_this_thread(async {
@@ -201,7 +201,7 @@ fn an_operators_hold_and_an_acknowledged_fault_are_named_too() {
     });
 }
 
-/// A folder that an earlier build left in mid-run, by kill -9: its last specimen is still inside.
+/// A data folder of an earlier build, killed by `kill -9` during a run. The last specimen is still inside.
 #[test]
 fn a_data_folder_of_an_earlier_build_is_taken_up() {
     on_this_thread(async {

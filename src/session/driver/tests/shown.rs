@@ -1,4 +1,4 @@
-//! What is shown of a specimen belongs to it: to no other, and to no earlier attempt.
+//! The status shows only data of the current specimen and of its current attempt.
 
 use super::bench::{Bench, on_this_thread, scratch, started};
 use crate::session::Live;
@@ -8,7 +8,7 @@ use carved_devices::DeviceError;
 use carved_records::{Light, LiveEstimate, Phase};
 
 impl Bench {
-    /// A view of a well has been carved; false where the run is cancelled by then.
+    /// Reports a view of a well. Returns `false` if the run is cancelled.
     fn view(&mut self, well: &str, index: u32) -> bool {
         self.tell(Progress::View {
             well: well.into(),
@@ -36,7 +36,7 @@ impl Bench {
     }
 }
 
-/// Tried again from its reference, without another load: counter, curve and estimates begin again.
+/// Tried again without another load: counter, curve and estimates start again.
 #[test]
 fn a_turn_that_is_tried_again_is_counted_from_its_first_view_on() {
     on_this_thread(async {
@@ -55,7 +55,7 @@ fn a_turn_that_is_tried_again_is_counted_from_its_first_view_on() {
     });
 }
 
-/// Its thread was slow, and given up: what it still tells comes while the next specimen is inside.
+/// A slow thread was given up. Its late progress arrives while the next specimen is inside.
 #[test]
 fn a_view_that_comes_late_is_not_shown_as_the_next_specimens() {
     on_this_thread(async {
@@ -73,7 +73,7 @@ fn a_view_that_comes_late_is_not_shown_as_the_next_specimens() {
     });
 }
 
-/// Interrupted in its turn and begun anew once the axis is back: views and volumes of the first attempt are not counted on.
+/// Interrupted in its turn and begun again once the axis is back: views and volumes of the first attempt do not count.
 #[test]
 fn a_specimen_that_is_begun_anew_is_shown_from_its_first_view_on() {
     on_this_thread(async {

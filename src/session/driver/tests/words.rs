@@ -1,4 +1,4 @@
-//! The loader's words that cross something else: a hold, the run's end, a crash; and those that mean nothing.
+//! Loader messages that cross a hold, the end of the run or a crash, and loader messages that are invalid.
 
 use super::super::*;
 use super::bench::{Bench, RUN, bench, count, journalled, on_this_thread, scratch, started};
@@ -9,7 +9,7 @@ use carved_devices::DeviceError;
 use carved_devices::testing::FakeAxis;
 use carved_records::{EventData, Handoff, HandoffEnd, HandoffIntent, Phase, WellLoaded, kind};
 
-/// A driven sampler was about to bring it when the daemon died; it may be inside, and somebody has looked.
+/// A driven sampler was about to bring it when the daemon crashed. It may be inside, and a person has checked.
 #[test]
 fn out_is_out_also_when_it_is_said_again_of_one_that_was_only_about_to_be_brought() {
     on_this_thread(async {
@@ -24,7 +24,7 @@ fn out_is_out_also_when_it_is_said_again_of_one_that_was_only_about_to_be_brough
     });
 }
 
-/// The loader's hand and an operator's abort are not told of each other: the larva is where the loader says, whatever has ended.
+/// The loader and an operator's abort do not know of each other. The larva is where the loader reports it, whatever has ended.
 #[test]
 fn a_specimen_that_comes_just_after_the_end_of_its_run_is_known_to_be_inside() {
     on_this_thread(async {
@@ -64,7 +64,7 @@ fn a_specimen_that_comes_just_after_the_end_of_its_run_is_known_to_be_inside() {
     });
 }
 
-/// Known to be inside is the one before: the loader says of each what is so.
+/// The previous specimen is known to be inside. The loader must report both.
 #[test]
 fn a_late_specimen_is_not_taken_on_top_of_another() {
     on_this_thread(async {
@@ -81,7 +81,7 @@ fn a_late_specimen_is_not_taken_on_top_of_another() {
     });
 }
 
-/// A plate that was taken away before the loader's late word is not shown again by a start.
+/// A plate was taken away before the loader's late message. A start does not show it again.
 #[test]
 fn a_late_word_does_not_bring_a_plate_back() {
     on_this_thread(async {
@@ -99,11 +99,11 @@ fn a_late_word_does_not_bring_a_plate_back() {
     });
 }
 
-/// Put in before the hold was seen: it stays, over a crash too, and the run goes on with it without asking for it again.
+/// Put in before the loader saw the hold: it stays, also after a crash, and the run continues with it without a new request.
 #[test]
 fn what_the_loader_brings_after_a_hold_is_used_when_the_run_goes_on() {
     on_this_thread(async {
-        // Before the hold has come to rest, after it, and after that a crash.
+        // Before the run is held, while it is held, and while it is held with a crash afterwards.
         for (at_rest, crash) in [(false, false), (true, false), (true, true)] {
             let dir = scratch();
             let mut b = started(dir.path(), true, &["A01", "A02"]);
@@ -143,7 +143,7 @@ fn what_the_loader_brings_after_a_hold_is_used_when_the_run_goes_on() {
     });
 }
 
-/// Taken out again while it is held, it is asked for when the run goes on.
+/// Taken out again during the hold, it is requested when the run continues.
 #[test]
 fn what_was_brought_after_a_hold_may_be_taken_out_again() {
     on_this_thread(async {
@@ -160,7 +160,7 @@ fn what_was_brought_after_a_hold_may_be_taken_out_again() {
     });
 }
 
-/// A repeat of what was said is taken; what cannot be so is refused with the word that is waited for.
+/// A repeated message is accepted. An impossible message is refused, and the refusal names the expected one.
 #[test]
 fn words_that_mean_nothing_are_refused_with_what_to_say() {
     on_this_thread(async {
@@ -201,7 +201,7 @@ fn words_that_mean_nothing_are_refused_with_what_to_say() {
     });
 }
 
-/// The journal has that the loader was asked to exchange the two: it may do so whether or not the daemon has died since.
+/// The journal contains the request to exchange both specimens. The loader may do so after a crash of the daemon.
 #[test]
 fn an_exchange_that_was_asked_for_is_taken_after_a_crash() {
     on_this_thread(async {
@@ -235,7 +235,7 @@ fn an_exchange_that_was_asked_for_is_taken_after_a_crash() {
     });
 }
 
-/// Told by the driver of the axis once, between runs.
+/// The axis driver reports it once, between runs.
 #[test]
 fn what_a_person_did_at_the_axis_is_a_fault_until_it_is_acknowledged() {
     on_this_thread(async {
