@@ -1,4 +1,4 @@
-//! Where the time of a well went. Kept apart from the numbers, which no clock touches.
+//! Times of a well. They are kept apart from the numbers, which do not depend on any clock.
 //!
 //! ```text
 //! load | position | detect | revolve | reconstruct |  measure            phases_s
@@ -11,7 +11,7 @@ use carved_store::{RecordingWriter, StoreError};
 use serde::Serialize;
 use std::time::Instant;
 
-/// Does what a device takes its time for.
+/// Runs `work` and counts its time as time of a device.
 pub fn of_device<T>(times: &mut WellTimes, work: impl FnOnce() -> T) -> T {
     let began = Instant::now();
     let result = work();
@@ -19,7 +19,7 @@ pub fn of_device<T>(times: &mut WellTimes, work: impl FnOnce() -> T) -> T {
     result
 }
 
-/// Per view and for the surface, ms.
+/// Time of each processing stage, per view and for the surface, in ms.
 #[derive(Debug, Default, Serialize)]
 pub struct StageClock {
     #[serde(rename = "store_ms")]
@@ -30,10 +30,10 @@ pub struct StageClock {
     pub carve: Times,
     #[serde(rename = "refine_ms")]
     pub refine: Times,
-    /// What the method's rule for an early end is asked with.
+    /// Estimates that the method's rule for an early end asks for.
     #[serde(rename = "estimate_ms")]
     pub estimate: Times,
-    /// Encoding what the page shows.
+    /// Encoding of the live pictures.
     #[serde(rename = "live_ms")]
     pub live: Times,
     #[serde(rename = "calibrate_ms")]
@@ -42,10 +42,10 @@ pub struct StageClock {
     pub surface: Times,
 }
 
-/// Beside a specimen's numbers.
+/// Name of the file with the times of a specimen, in its recording.
 pub const TIMINGS: &str = "timings.json";
 
-/// `timings.json`.
+/// Content of `timings.json`.
 #[derive(Debug, Serialize)]
 pub struct Timings<'a> {
     #[serde(flatten)]
@@ -54,7 +54,7 @@ pub struct Timings<'a> {
     pub well: &'a WellTimes,
 }
 
-/// Writes the `timings.json` of a specimen whose numbers were made by another life than its views, where none is there.
+/// Writes `timings.json` for a specimen whose numbers were computed after a restart, unless the file exists.
 pub fn add_timings(writer: &mut RecordingWriter, well: &WellTimes) -> Result<(), StoreError> {
     if writer.has(TIMINGS) {
         return Ok(());

@@ -1,8 +1,8 @@
-//! What is known of a specimen's volume while its views come in.
+//! Estimates of a specimen's volume during its turn.
 //!
 //! ```text
-//!   every twelfth of the turn, where no view waits: refine ──┐
-//!   from the rule's first views on, each view: estimate ─────┴─ newest ── volume, sd     rule ── converged, enough
+//!   every twelfth of the turn, if no view waits: refine ──────┐
+//!   each view, from the rule's first view on: estimate ───────┴─ newest ── volume, sd     rule ── converged, enough
 //! ```
 
 use crate::api::VolumeWait;
@@ -12,10 +12,10 @@ use carved_records::{LiveEstimate, WellStatus};
 
 pub struct LiveEstimator {
     rule: EarlyStopSettings,
-    /// In the order of their views.
+    /// In the order of the views.
     estimates: Vec<Estimate>,
     newest: Option<Estimate>,
-    /// The newest attempt at an estimate gave none.
+    /// The newest attempt gave no estimate.
     is_undetermined: bool,
 }
 
@@ -24,13 +24,13 @@ impl LiveEstimator {
         Self { rule, estimates: Vec::new(), newest: None, is_undetermined: false }
     }
 
-    /// Takes what the views so far were found to tell; one that is not trusted is not shown. The end of a turn does not depend on
-    /// which estimates there was time for: those that its rule asks for are all made.
+    /// Takes a new estimate. An untrusted estimate is not shown. The end of a turn does not depend on the available time: every estimate
+    /// that the rule asks for is made.
     pub fn take(&mut self, found: Option<Estimate>, is_trusted: bool) {
         self.newest = found.filter(|_| is_trusted);
         self.is_undetermined = self.newest.is_none();
         if let Some(estimate) = found {
-            // Of a view taken again there are as many views as before.
+            // A retaken view does not increase the number of views, so its estimate replaces the earlier one.
             self.estimates.retain(|e| e.views < estimate.views);
             self.estimates.push(estimate);
         }
@@ -50,7 +50,7 @@ impl LiveEstimator {
         }
     }
 
-    /// Why nothing is known; `None` where something is. `is_seen_around`: the views are enough for an estimate.
+    /// Why there is no estimate. `None` if there is one. `is_seen_around`: the views are enough for an estimate.
     pub fn wait(&self, is_seen_around: bool) -> Option<VolumeWait> {
         match self.newest {
             Some(_) => None,
@@ -60,7 +60,7 @@ impl LiveEstimator {
         }
     }
 
-    /// Once the specimen is measured.
+    /// The estimate after the specimen is measured.
     pub fn end(&self, measured: &WellStatus) -> LiveEstimate {
         let of_slices = measured.estimator.as_deref() == Some(Estimator::Support.name());
         LiveEstimate {

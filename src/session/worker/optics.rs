@@ -1,19 +1,19 @@
-//! What a picture says against the instrument. The only place that tells an instrument's fault from a specimen's.
+//! Faults of the instrument that a picture shows. This is the only place that distinguishes them from faults of a specimen.
 //!
 //! ```text
-//! what is found                                            whose fault          what is done (retry.rs)
-//! black, over-exposed                                      light                again, then the run is held
-//! too dim by preflight, and nothing to measure             light                again, then the run is held
-//! light out of preflight's range, and no or crooked walls  light                again, then the run is held
-//! no walls, walls upright, too little beside the walls     capillary's place    again, then the run is held
-//! crooked walls in nine of ten views                       capillary's place    again, then the run is held
-//! crooked walls in fewer views                             the specimen         the well fails
-//! a bore that contradicts the scale or the empty picture   scale                again, then the run is held
-//! wrong frame size; plan, box, reference picture unusable  setup                the run is held
-//! anything else                                            the specimen         the well fails
+//! finding                                                  cause                    reaction (retry.rs)
+//! black, over-exposed                                      light                    retried, then the run is held
+//! too dim for preflight, and nothing to measure            light                    retried, then the run is held
+//! light out of preflight's range, and no or crooked walls  light                    retried, then the run is held
+//! no walls, walls upright, too little beside the walls     position of capillary    retried, then the run is held
+//! crooked walls in nine of ten views                       position of capillary    retried, then the run is held
+//! crooked walls in fewer views                             the specimen             the well fails
+//! a bore that contradicts the scale or the empty picture   scale                    retried, then the run is held
+//! wrong frame size; unusable plan, box, reference picture  setup                    the run is held
+//! anything else                                            the specimen             the well fails
 //! ```
-//! A specimen lies inside the bore: it can hide neither the outer lines of both walls nor the light beside them. It can look like a
-//! crooked wall from some sides; the instrument does so from all.
+//! A specimen lies inside the bore. It cannot hide the outer lines of both walls or the light beside them. A specimen can look like a
+//! crooked wall from some sides. A fault of the instrument looks so from all sides.
 
 use super::skip;
 use super::turn::retaken_most;
@@ -25,18 +25,18 @@ use carved_records::Light;
 use carved_records::{CameraTooNear, Method, Policy};
 use std::collections::BTreeMap;
 
-/// A picture without light: the median of its pixels. A lit one has 100 and more of 255.
+/// Median pixel value below which a picture has no light. A lit picture has at least 100 of 255.
 const NO_LIGHT: f64 = 8.0;
-/// A bore is at least this share of the width of the box, and at most `BORE_MOST` times as wide: the box is drawn around the bore.
+/// Range of the width of the bore, as a share of the width of the box: `BORE_LEAST` to `BORE_MOST`. The box is drawn around the bore.
 const BORE_LEAST: f64 = 0.1;
 const BORE_MOST: f64 = 2.0;
-/// The bore that is configured is measured within this share. Glass around water may make it look up to a tenth wider than it is
-/// (docs/calibration.md); another lens changes it by half and more.
+/// Allowed relative deviation of the measured bore from the configured one. Glass around water may make it look up to 10 % wider
+/// (docs/calibration.md). Another lens changes it by 50 % and more.
 const BORE_SHARE: f64 = 0.2;
-/// The same capillary before the same lens is as wide as in the picture of the empty one, within this share.
+/// Allowed relative deviation of the bore from its width in the empty-capillary picture, with the same capillary and lens.
 const ZOOM_SHARE: f64 = 0.1;
 
-/// Why no specimen can be judged or measured, whatever is in the capillary.
+/// Why no specimen can be judged or measured.
 #[derive(Debug, thiserror::Error)]
 pub enum OpticsFault {
     #[error("{0}")]
@@ -69,7 +69,7 @@ pub enum OpticsFault {
 }
 
 impl OpticsFault {
-    /// Whether another picture may be without it.
+    /// Whether another picture may be free of this fault.
     pub fn may_pass(&self) -> bool {
         match self {
             Self::Level(_) | Self::Light(_) | Self::Capillary(_) | Self::Scale { .. } | Self::Bore { .. } | Self::Zoom { .. } => true,
@@ -77,17 +77,17 @@ impl OpticsFault {
         }
     }
 
-    /// The fault that a pipeline's refusal is.
+    /// The instrument's fault behind an error of the pipeline.
     ///
     /// # Errors
-    /// Gives back what the specimen may have caused.
+    /// Returns an error that the specimen may have caused.
     pub fn of_pipeline(error: PipelineError) -> Result<Self, PipelineError> {
         if error.is_of_setup() { Ok(Self::Pipeline(Box::new(error))) } else { Err(error) }
     }
 
-    /// The fault that the frame shows on which a well is judged.
+    /// The fault in the detection frame, on which the well is judged. `None` if it shows none.
     ///
-    /// `bore_um` is the capillary's configured inner diameter, um. Without one a bore is compared with the box of the method alone.
+    /// `bore_um` is the configured inner diameter of the capillary, um. Without it, the bore is compared only with the box of the method.
     pub fn of_judged(light: &Light, seen: &SegmentedFrame, pipeline: &Pipeline, method: &Method, bore_um: Option<f64>) -> Option<Self> {
         let shows_nothing = |profile: &Profile, policy: &Policy| skip::reason(profile, policy).is_some();
         Self::of_picture(light, &seen.profile, |profile| shows_nothing(profile, &method.policy)).or_else(|| {
@@ -98,7 +98,7 @@ impl OpticsFault {
         })
     }
 
-    /// The fault that a picture shows; nothing where it is sound, and nothing where the specimen may have spoiled it.
+    /// The fault in a picture. `None` if the picture is sound, or if the specimen may have caused the error.
     fn of_picture(light: &Light, profile: &Result<Profile, ProfileError>, shows_nothing: impl Fn(&Profile) -> bool) -> Option<Self> {
         let level = || preflight::light(light).err().map(|(found, way_out)| Self::Level(format!("{found}; {way_out}")));
         match profile {
@@ -108,7 +108,7 @@ impl OpticsFault {
                 level().or_else(|| Some(Self::Capillary(e.clone())))
             }
             Err(ProfileError::CrookedWalls { .. }) => level(),
-            // A lamp that saturates the background still shows whether anything is before it.
+            // A lamp that saturates the background still shows whether something is in front of it.
             Ok(profile) => {
                 let least = if shows_nothing(profile) { preflight::DARK } else { NO_LIGHT };
                 (light.background < least).then(level).flatten()
@@ -117,7 +117,7 @@ impl OpticsFault {
     }
 }
 
-/// How wide the bore should be, as far as the configuration says it.
+/// The expected width of the bore, as far as it is configured.
 #[derive(Debug, Clone, Copy, Default)]
 struct KnownBore {
     /// Inner diameter of the capillary, um.
@@ -126,7 +126,7 @@ struct KnownBore {
     empty_px: Option<f64>,
 }
 
-/// A scale that the capillary contradicts.
+/// The fault of a scale that contradicts the bore.
 fn of_scale(bore_px: f64, ky: f64, method: &Method, known: KnownBore) -> Option<OpticsFault> {
     let bore_um = bore_px / ky;
     if let Some(known_um) = known.um.filter(|known_um| (bore_um / known_um - 1.0).abs() > BORE_SHARE) {
@@ -142,16 +142,16 @@ fn of_scale(bore_px: f64, ky: f64, method: &Method, known: KnownBore) -> Option<
     Some(OpticsFault::Zoom { found_px: bore_px, expected_px, percent: 100.0 * ZOOM_SHARE })
 }
 
-/// The views of one turn that show nothing by the instrument's fault.
+/// The views of one turn that are unusable because of the instrument.
 #[derive(Debug, Default)]
 pub struct Blind {
     views: BTreeMap<u32, OpticsFault>,
-    /// Those whose walls are crooked, which the specimen may be to blame for.
+    /// Views with crooked walls, which the specimen may have caused.
     crooked: BTreeMap<u32, ProfileError>,
 }
 
 impl Blind {
-    /// Takes a view, or a new take of it. Gives the fault once more views show it than are taken again.
+    /// Takes a view or a retake of it. Returns the fault once more views are unusable than may be retaken.
     pub fn take(&mut self, view: u32, light: &Light, profile: &Result<Profile, ProfileError>, planned_views: u32) -> Option<OpticsFault> {
         self.views.remove(&view);
         self.crooked.remove(&view);
@@ -163,7 +163,7 @@ impl Blind {
         if self.views.len() > retaken_most(planned_views) { self.views.pop_last().map(|(_, fault)| fault) } else { None }
     }
 
-    /// The fault that a whole turn shows: the walls are crooked from nearly every side.
+    /// The fault of a whole turn: nearly all views have crooked walls.
     pub fn at_end(&mut self, views: usize) -> Option<OpticsFault> {
         let blind = self.views.len() + self.crooked.len();
         if 10 * blind < 9 * views.max(1) {
@@ -204,7 +204,8 @@ mod tests {
         assert!(!frame.may_pass() && of(&SOUND, &no_walls()).unwrap().may_pass());
     }
 
-    /// Of 21 views three are taken again at the end of a turn; a fourth ends it. One that came out well the second time does not count.
+    /// Of 21 views, three may be retaken at the end of a turn. A fourth unusable view ends the turn. A view whose retake is good does not
+    /// count.
     #[test]
     fn a_turn_ends_once_more_views_are_blind_than_are_taken_again() {
         let mut blind = Blind::default();
@@ -227,7 +228,7 @@ mod tests {
         }
     }
 
-    /// 118 px at 5.5 um are the emulated bore of 650 um; its box is 1000 um across.
+    /// At 5.5 um per px, 118 px are the emulated bore of 650 um. Its box is 1000 um wide.
     #[test]
     fn a_scale_is_off_where_bore_and_box_cannot_be_of_one_rig_or_the_empty_picture_shows_another_width() {
         let config = Config::parse(include_str!("../../../config/simulated.toml"), std::path::Path::new("simulated.toml")).unwrap();
@@ -241,7 +242,7 @@ mod tests {
         assert!(of(k / 2.0, None).is_none(), "1298 um are not too wide for a box of 1000 um");
     }
 
-    /// A lens of 2x shows the bore twice as wide in px. Glass that shows a bore of 590 um as one of 649 um holds nothing.
+    /// A lens of 2x shows the bore twice as wide in px. Glass that shows a bore of 590 um as 649 um holds no run.
     #[test]
     fn a_known_bore_tells_a_lens_of_twice_the_scale() {
         let config = Config::parse(include_str!("../../../config/simulated.toml"), std::path::Path::new("simulated.toml")).unwrap();

@@ -1,24 +1,25 @@
-//! What may be tried again on a specimen that is still in the capillary, what costs its well only, and whether it stays inside.
+//! Which errors allow another attempt at a specimen in the capillary, which end only its well, and whether the specimen stays inside.
 //!
 //! ```text
-//!                                     tried again   and if that fails too   the specimen
-//! a frame that did not come                x         the run is held         stays: the run goes on with it
-//! the second camera, whatever it is        frame     the run is held         stays: the run goes on with it
-//! detect, revolve overran                  x         the well fails          is ejected
-//! reconstruct, measure overran                       the well fails          is ejected
-//! a lost position, position overran        x         the run is held         is ejected
-//! light, capillary's place, scale          x         the run is held         stays: the run goes on with it
-//! a stored picture that was replaced       x         the well fails          -
+//!                                       retried   if the retry fails too   the specimen
+//! a frame that did not come                x       the run is held          stays: the run continues with it
+//! any error of the second camera           frame   the run is held          stays: the run continues with it
+//! detect, revolve overran                  x       the well fails           is ejected
+//! reconstruct, measure overran                     the well fails           is ejected
+//! a lost position, position overran        x       the run is held          is ejected
+//! light, position of capillary, scale      x       the run is held          stays: the run continues with it
+//! a stored picture that was replaced       x       the well fails           -
 //! a stored picture that is missing or
-//! cannot be used                                     the well fails          -
-//! pictures late, unfit, their folder lost            the run is held         its pictures are read again
-//! an output that is not switched on                 the run is held         stays: the run goes on with it
-//! setup that measures no specimen                    the run is held         stays: the run goes on with it
-//! a person's or a safety circuit's hand              the run is held         stays: the run goes on with it
+//! cannot be used                                   the well fails           -
+//! pictures late, unfit, or folder lost             the run is held          its pictures are read again
+//! an output that is not switched on                the run is held          stays: the run continues with it
+//! setup that measures no specimen                  the run is held          stays: the run continues with it
+//! a person or a safety circuit has the axis        the run is held          stays: the run continues with it
 //! alarm, lost device, disk,
-//! load, eject, wash overran                          the run is held         is ejected
+//! load, eject, wash overran                        the run is held          is ejected
 //! ```
-//! "Is ejected" is what a driven sampler does; a loader is asked to take the specimen out. `optics.rs` has what is light, place, scale and setup.
+//! A driven sampler ejects the specimen. Otherwise the loader is asked to take it out. `optics.rs` defines light, position, scale and
+//! setup.
 
 use super::{Overrun, RunError};
 use carved_devices::DeviceError;
@@ -26,7 +27,7 @@ use carved_devices::acquisition::AcquisitionError;
 use carved_records::LedgerError;
 use carved_records::Phase;
 
-/// Whether a reference and another turn may do better: the specimen is there, and no person is needed first.
+/// Whether a new reference and another turn may succeed. The specimen is there, and no person is needed first.
 pub fn may_be_tried_again(error: &RunError) -> bool {
     match error {
         RunError::Overrun(Overrun { phase, .. }) => matches!(phase, Phase::Position | Phase::Detect | Phase::Revolve),
@@ -47,7 +48,7 @@ pub fn may_be_tried_again(error: &RunError) -> bool {
     }
 }
 
-/// Whether an error says nothing against the next well.
+/// Whether an error ends only its well and does not affect the next one.
 pub fn costs_its_well_only(error: &RunError) -> bool {
     match error {
         RunError::Overrun(Overrun { phase, .. }) => {
@@ -60,7 +61,7 @@ pub fn costs_its_well_only(error: &RunError) -> bool {
     }
 }
 
-/// Whether a camera did not give its frame, which says nothing against the specimen.
+/// Whether a camera delivered no frame. The specimen is not the cause.
 fn is_camera(error: &RunError) -> bool {
     match error {
         RunError::Second(_) => true,
@@ -71,7 +72,7 @@ fn is_camera(error: &RunError) -> bool {
     }
 }
 
-/// Whether a person or a safety circuit has taken the axis over: nothing is sent to it then.
+/// Whether a person or a safety circuit has taken over the axis. Then no command is sent to it.
 pub fn is_intervention(error: &RunError) -> bool {
     match error {
         RunError::Device(e) | RunError::Second(e) | RunError::Acquisition(AcquisitionError::Device { source: e, .. }) => {
@@ -81,12 +82,12 @@ pub fn is_intervention(error: &RunError) -> bool {
     }
 }
 
-/// Whether what the pictures need was not switched on, which says nothing against the specimen.
+/// Whether an output that the pictures need was not switched on. The specimen is not the cause.
 fn is_output(error: &RunError) -> bool {
     matches!(error, RunError::Device(DeviceError::Output { .. }))
 }
 
-/// Whether the specimen stays in the capillary, and the run goes on with it once a person has seen to the cause.
+/// Whether the specimen stays in the capillary, and the run continues with it once a person has removed the cause.
 pub fn keeps_specimen(error: &RunError) -> bool {
     matches!(error, RunError::Optics { .. }) || is_camera(error) || is_output(error) || is_intervention(error)
 }
@@ -108,7 +109,7 @@ mod tests {
     #[test]
     fn a_lost_frame_is_tried_again_and_then_holds_the_run_and_an_alarm_or_a_lost_device_is_not_tried_again() {
         let in_view = |source| RunError::from(AcquisitionError::Device { view: 3, source });
-        // The next well needs the camera as well.
+        // The next well needs the camera too.
         for lost in [in_view(no_frame()), no_frame().into(), RunError::Second(no_frame())] {
             assert!(may_be_tried_again(&lost) && !costs_its_well_only(&lost) && keeps_specimen(&lost), "{lost}");
         }

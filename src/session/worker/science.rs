@@ -1,4 +1,4 @@
-//! The rig thread's end of a specimen thread: what it is handed, what it answers, and how long its end is waited for.
+//! The rig thread's handle of a specimen thread: what it sends, what it receives, and how long it waits for the end.
 
 use super::clock::StageClock;
 use super::estimator::LiveEstimator;
@@ -16,21 +16,21 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, channel, sync_chan
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// What is sent besides the views of a turn and those that are taken again.
+/// Room in the queue for messages that are not views.
 const WORDS: usize = 8;
-/// How often a wait looks whether the run was cancelled.
+/// Interval in which a wait checks whether the run was cancelled.
 const CANCEL_CHECK: Duration = Duration::from_millis(20);
-/// Longest that a record may take to be closed whose numbers nobody wants: the step that is under way, and the views that are handed on.
-/// The daemon's own end waits for it.
+/// Maximum time to close a recording whose numbers are not needed: the step in progress, and the views in the queue. The end of the daemon
+/// waits for it.
 pub const CLOSING: Duration = Duration::from_secs(60);
 
-/// A specimen thread as the rig thread has it.
+/// The rig thread's handle of a specimen thread.
 pub struct Science {
     context: Arc<RunContext>,
     planned: PlannedWell,
     work: SyncSender<Work>,
     verdicts: Receiver<TurnVerdict>,
-    /// Closed when the thread has ended.
+    /// Disconnected when the thread has ended.
     alive: Receiver<()>,
     thread: JoinHandle<Result<Ended, RunError>>,
     unwanted: Arc<AtomicBool>,
@@ -42,13 +42,13 @@ pub struct Science {
 pub enum NoVerdict {
     Overrun(Overrun),
     Cancelled,
-    /// The thread has ended by itself: its end says why.
+    /// The thread has ended. Its result says why.
     Ended,
 }
 
 impl Science {
     pub fn start(context: &Arc<RunContext>, planned: &PlannedWell, pipeline: Pipeline, writer: RecordingWriter) -> Self {
-        // Room for every view: the axis never waits for the science.
+        // Room for every view, so that the axis never waits for the computation.
         let (work, handed) = sync_channel(2 * context.method.asd as usize + WORDS);
         let (verdict, verdicts) = channel();
         let (living, alive) = channel();
@@ -73,28 +73,30 @@ impl Science {
         Self { context: Arc::clone(context), planned: planned.clone(), work, verdicts, alive, thread, unwanted, told, enough }
     }
 
+    /// Sends work to the thread.
+    ///
     /// # Errors
-    /// The thread has ended: [`Self::close`] says why.
+    /// The thread has ended. [`Self::close`] returns why.
     pub fn send(&self, work: Work) -> Result<(), SinkClosed> {
         self.work.send(work).map_err(|_| SinkClosed)
     }
 
-    /// Has the specimen measured. Returns once its turn would outlast a crash: it may be let go from then on.
+    /// Has the specimen measured. Returns once its turn is durable, so that the specimen may be released.
     ///
     /// # Errors
-    /// The thread has ended: [`Self::close`] says why.
+    /// The thread has ended. [`Self::close`] returns why.
     pub fn accept(&self) -> Result<(), SinkClosed> {
         let (kept, is_kept) = channel();
         self.send(Work::Accepted { kept })?;
         is_kept.recv().map_err(|_| SinkClosed)
     }
 
-    /// Whether the views that are there are enough by the method's rule.
+    /// Whether the views so far are enough by the method's rule.
     pub fn has_enough(&self) -> bool {
         self.enough.load(Ordering::Acquire)
     }
 
-    /// Asks for the verdict on the turn and waits for it.
+    /// Asks for the verdict on the turn, and waits for it.
     pub fn verdict(&self, allowed: Duration, cancel: &CancelToken) -> Result<TurnVerdict, NoVerdict> {
         let began = Instant::now();
         self.send(Work::Turned).map_err(|SinkClosed| NoVerdict::Ended)?;
@@ -112,8 +114,8 @@ impl Science {
         }
     }
 
-    /// Wants no number any more, lets the thread store what it was handed and close its record, and gives its end. A thread that a
-    /// hanging disk keeps is left to itself.
+    /// Drops the numbers, lets the thread store the views in its queue and close its recording, and returns its result. A thread that hangs
+    /// on the disk is detached.
     pub fn close(self) -> Result<Ended, RunError> {
         self.close_within(CLOSING)
     }
@@ -122,7 +124,7 @@ impl Science {
         self.unwanted.store(true, Ordering::Release);
         drop(self.work);
         if self.alive.recv_timeout(allowed) == Err(RecvTimeoutError::Timeout) {
-            // Whatever it comes to in the end, nobody hears of it.
+            // The detached thread must not report the well's result later.
             self.told.store(true, Ordering::Release);
             let path = self.context.folder.join(&self.planned.well);
             return Err(StoreError::Unclosed { path, waited_s: allowed.as_secs_f64() }.into());
@@ -130,8 +132,8 @@ impl Science {
         self.thread.join().map_err(|_| RunError::SpecimenThread)?
     }
 
-    /// Waits for the numbers of a specimen that is out of the way. One that takes longer than `allowed` fails; its thread is left to
-    /// itself and tells nothing any more.
+    /// Waits for the numbers of a released specimen. If this takes longer than `allowed`, the well fails. The thread is detached and
+    /// reports nothing any more.
     pub fn settle(self, allowed: Duration) -> Result<(), RunError> {
         let began = Instant::now();
         drop(self.work);

@@ -1,15 +1,15 @@
-//! What keeps a well from its revolution: the frame on which it is judged, before anything turns.
+//! Reasons to skip a well before its turn. They are found in the detection frame.
 
 use carved_core::profile::Profile;
 use carved_records::{Clipped, Policy};
 
-/// From here on the bore is full: a larva of 5 dpf covers a third of it, and no larva this much.
+/// Share of the bore from which it counts as blocked. A larva of 5 dpf covers a third, and no larva covers this much.
 const BLOCKED_SHARE: f64 = 0.9;
 
-/// Why a well is skipped of which another program has stored no picture.
+/// Reason to skip a well for which the other program stored no picture.
 pub const NO_PICTURES: &str = "no_pictures";
 
-/// Why a well with this frame is not worth a revolution: one of [`carved_core::profile::Kind`]'s names, `blocked` or `clipped`.
+/// Why a well with this frame is skipped: a name of [`carved_core::profile::Kind`], `blocked` or `clipped`. `None` if it is measured.
 pub fn reason(profile: &Profile, policy: &Policy) -> Option<&'static str> {
     let found = &profile.detection;
     if filled_share(profile) > BLOCKED_SHARE {
@@ -19,7 +19,7 @@ pub fn reason(profile: &Profile, policy: &Policy) -> Option<&'static str> {
     found.skip_reason().or_else(|| (clipped && policy.clipped == Clipped::Skip).then_some("clipped"))
 }
 
-/// Share of the bore in the picture that does not let light through.
+/// Share of the bore in the picture that blocks the light.
 fn filled_share(profile: &Profile) -> f64 {
     let width = profile.mask.width() as f64;
     let bore_px = profile.walls.bore_px(width / 2.0);

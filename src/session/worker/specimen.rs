@@ -1,11 +1,11 @@
-//! The specimen thread: it stores and carves what the rig thread hands on, judges the turn, and measures while the next specimen
-//! is brought.
+//! The specimen thread. It stores and carves the views of the rig thread, judges the turn, and measures the specimen while the next one is
+//! brought.
 //!
 //! ```text
 //! View ─> store ─> profile ─> carve ─> live picture
-//! Turned ──────> calibrate ─> TurnVerdict            the larva is still in the capillary
-//! Accepted ────> on disk ─> surface ─> measures ─> files    it is taken out meanwhile
-//! Out ─────────> timings, sums ─> WellDone
+//! Turned ──────> calibrate ─> TurnVerdict                  the larva is still in the capillary
+//! Accepted ────> on disk ─> surface ─> measures ─> files   the larva is taken out meanwhile
+//! Out ─────────> timings, checksums ─> WellDone
 //! ```
 
 use super::clock::{StageClock, TIMINGS, Timings};
@@ -24,7 +24,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender};
 use std::time::Instant;
 
-/// What the rig thread hands on.
+/// A message of the rig thread.
 #[allow(clippy::large_enum_variant, reason = "nearly all of them are views")]
 pub enum Work {
     View {
@@ -32,13 +32,13 @@ pub enum Work {
         frame: RawFrame,
         second: Option<RawFrame>,
     },
-    /// All views are there: a verdict is waited for.
+    /// All views are sent. The rig thread waits for a verdict.
     Turned,
-    /// No view follows: the specimen is measured. Answered once that would outlast a crash.
+    /// No view follows, and the specimen is measured. Answered once the turn is durable.
     Accepted {
         kept: Sender<()>,
     },
-    /// The specimen is out of the way; what its well took so far, and how long it had the rig, s.
+    /// The specimen was released. Contains the times of its well so far, and how long the well used the rig, s.
     Out {
         times: WellTimes,
         seconds: f64,
@@ -47,11 +47,11 @@ pub enum Work {
 
 /// How the thread ended.
 pub enum Ended {
-    /// The well's result is told.
+    /// The well's result was reported.
     Told,
-    /// Why there is no number.
+    /// There is no number. Contains the reason.
     Failed(String),
-    /// The rig thread wanted no number.
+    /// The rig thread dropped the numbers.
     Dropped,
 }
 
@@ -61,21 +61,21 @@ pub struct Specimen {
     pub planned: PlannedWell,
     pub pipeline: Pipeline,
     pub writer: RecordingWriter,
-    /// Of the second camera.
+    /// Frames of the second camera.
     pub seconds: Vec<(LedgerEntry, RawFrame)>,
     pub stages: StageClock,
-    /// Nobody wants a number any more: views are stored, and that is all.
+    /// The numbers are not needed any more. Views are only stored.
     pub unwanted: Arc<AtomicBool>,
-    /// Whoever sets it tells the well's result.
+    /// Set once, by the thread that reports the well's result: this one, or the rig thread after a timeout.
     pub told: Arc<AtomicBool>,
-    /// Of the volume, while views come in.
+    /// Estimates of the volume during the turn.
     pub estimator: LiveEstimator,
-    /// The rule has ended it: the rig thread goes to the closure view.
+    /// The rule has ended the turn. The rig thread goes to the closure view.
     pub enough: Arc<AtomicBool>,
     pub blind: Blind,
 }
 
-/// Why no verdict is asked for any more.
+/// How the turn ended.
 enum Turn {
     Accepted,
     Failed(String),
@@ -83,7 +83,7 @@ enum Turn {
 }
 
 impl Specimen {
-    /// Works through what the rig thread hands on; the record is closed on every way out.
+    /// Works through the messages of the rig thread. The recording is closed on every way out.
     pub fn run(mut self, work: &Receiver<Work>, verdicts: &Sender<TurnVerdict>) -> Result<Ended, RunError> {
         let ended = match self.follow(work, verdicts) {
             Ok(Turn::Accepted) => return self.measured(work),
@@ -116,12 +116,12 @@ impl Specimen {
                     }
                     let pipeline = &mut self.pipeline;
                     let verdict = self.stages.calibrate.time(|| pipeline.judge());
-                    // Nobody waits for it where the run was cancelled.
+                    // The receiver is dropped if the run was cancelled.
                     let _gone = verdicts.send(verdict);
                 }
                 Some(Work::Accepted { kept }) => {
                     self.writer.accept()?;
-                    // Nobody waits for it where the rig thread has ended.
+                    // The receiver is dropped if the rig thread has ended.
                     let _gone = kept.send(());
                     return Ok(Turn::Accepted);
                 }
@@ -131,7 +131,8 @@ impl Specimen {
         }
     }
 
-    /// Stores, looks at and carves one view, refines the live model where nothing is `waiting`, and reports; gives what was waiting.
+    /// Stores, profiles and carves one view, refines the live model if nothing is `waiting`, and reports. Returns the message that was
+    /// waiting.
     fn view<T>(
         &mut self,
         entry: LedgerEntry,
@@ -140,7 +141,7 @@ impl Specimen {
         waiting: impl FnOnce() -> Option<T>,
     ) -> Result<Result<Option<T>, PipelineError>, RunError> {
         let Self { planned, pipeline, writer, stages, estimator, blind, .. } = self;
-        // What the instrument is to blame for ends the turn as its fault, the rest as this well's.
+        // A fault of the instrument is returned as such. Any other error fails only this well.
         let failed = |e| match OpticsFault::of_pipeline(e) {
             Ok(fault) => Err(optics_fault(planned, fault)),
             Err(e) => Ok(Err(e)),
@@ -179,12 +180,12 @@ impl Specimen {
         {
             stages.store.time(|| writer.add_profile(index, &profile.mask))?;
         }
-        // While no view waits there is time to calibrate; one that comes meanwhile waits in the queue, and the axis turns on.
+        // While no view waits, there is time to calibrate. A view that arrives meanwhile waits in the queue, and the axis keeps turning.
         let waiting = waiting();
         let rule = &self.context.method.early_stop;
         let has_time = waiting.is_none() && !closure;
         let refines = has_time && pipeline.is_refinable();
-        // A turn that its rule may end has every estimate that the rule asks for, whether or not a view waits.
+        // If the rule may end the turn, every estimate of the rule is made, whether or not a view waits.
         let asked = !closure && retake == 0 && rule.asks(pipeline.live().views) && (rule.enabled || has_time);
         if refines || asked {
             let found = if refines { stages.refine.time(|| pipeline.refine()) } else { stages.estimate.time(|| pipeline.estimate()) };
@@ -201,7 +202,7 @@ impl Specimen {
         Ok(Ok(waiting))
     }
 
-    /// From now on so many views were planned as there are.
+    /// Ends the turn early: the number of planned views becomes the number of carved views.
     fn ended_early(&mut self) -> Result<Result<(), PipelineError>, RunError> {
         let views = self.writer.recording().ledger.carved().count() as u32;
         if views >= self.context.method.asd || self.writer.recording().ended_after_views.is_some() {
@@ -212,7 +213,7 @@ impl Specimen {
         Ok(self.pipeline.end_early())
     }
 
-    /// Measures, waits until the specimen is out, closes the record and tells the result.
+    /// Measures, waits until the specimen is out, closes the recording and reports the result.
     fn measured(self, work: &Receiver<Work>) -> Result<Ended, RunError> {
         let Self { context, planned, pipeline, mut writer, seconds, mut stages, told, estimator, .. } = self;
         let began = Instant::now();
@@ -229,7 +230,7 @@ impl Specimen {
         let took = began.elapsed();
         let (mut times, seconds) = match work.recv() {
             Ok(Work::Out { times, seconds }) => (times, seconds),
-            // It could not be taken out: that ends the run, not this well's numbers.
+            // The specimen could not be taken out. This ends the run, but the well keeps its numbers.
             _ => (WellTimes::default(), took.as_secs_f64()),
         };
         times.phase(Phase::Measure, took);
@@ -245,7 +246,7 @@ impl Specimen {
     }
 }
 
-/// The numbers of a measured specimen with those of the second camera, its files, its line of the status, and its model for the page.
+/// Computes the fluorescence, writes the files of a measured specimen and its result. Returns its model for the page.
 fn written(
     context: &RunContext,
     writer: &mut RecordingWriter,

@@ -1,9 +1,9 @@
-//! The turn of one specimen on the rig thread: views, the verdict on them, and those that are taken again.
+//! The turn of one specimen on the rig thread: the views, the verdict on them, and the retakes.
 //!
 //! ```text
-//! revolve ──> verdict ──┬─ a few views do not belong ─> back to their stops ─> verdict
-//!                       ├─ the specimen has moved ────> again, from the reference
-//!                       └─ else ──────────────────────> accepted: it may go, its numbers are made meanwhile
+//! revolve ──> verdict ──┬─ a few views do not fit ──> retaken at their stops ─> verdict
+//!                       ├─ the specimen has moved ──> another attempt, from the reference
+//!                       └─ otherwise ───────────────> accepted: it may leave, its numbers are computed meanwhile
 //! ```
 
 use super::science::{NoVerdict, Science};
@@ -20,24 +20,24 @@ use std::time::{Duration, Instant};
 
 /// How an attempt at a specimen ended.
 pub enum Attempt {
-    /// Its numbers are being made.
+    /// Its numbers are being computed.
     Accepted(Box<Science>),
     Ended(WellEnd),
-    /// Another attempt may do better.
+    /// Another attempt may succeed. Contains the reason.
     Again(String),
     Cancelled,
 }
 
-/// Of the views, those that are taken again at most: where more do not belong it is not the views.
+/// A tenth of the views may be retaken. If more do not fit, the cause is not the single views.
 const RETAKEN_SHARE: u32 = 10;
 
-/// How many views of a turn are taken again at most.
+/// Maximum number of views of a turn that are retaken.
 pub fn retaken_most(asd: u32) -> usize {
     asd.div_ceil(RETAKEN_SHARE) as usize
 }
 
 impl Worker {
-    /// Takes a specimen through its turn; on the `last` attempt it is measured as it is.
+    /// Takes a specimen through its turn. On the `last` attempt it is measured even if it has moved.
     pub fn turn(
         &mut self,
         planned: &PlannedWell,
@@ -67,13 +67,13 @@ impl Worker {
                 science.close()?;
                 Ok(Attempt::Again(why))
             }
-            // The thread's own end says why nobody receives its views any more.
+            // The thread's result says why it no longer receives views.
             Err(RunError::Acquisition(AcquisitionError::SinkClosed { .. })) => ended(science),
-            // It is busy with what took too long, and left to itself.
+            // The thread is still busy with the overrun step. It is detached.
             Err(RunError::Overrun(e)) if e.phase == Phase::Reconstruct => Err(e.into()),
             Err(e) => {
                 let closed = science.close();
-                // Its thread may still write: no other attempt at the well may come beside it.
+                // The thread may still write, so there must not be another attempt at this well.
                 if let Err(hangs @ RunError::Store(StoreError::Unclosed { .. })) = closed {
                     return Err(hangs);
                 }
@@ -88,7 +88,7 @@ impl Worker {
         }
     }
 
-    /// The views and the verdict on them: why the specimen should be taken anew, if it should.
+    /// Takes the views and their verdict. Returns why the specimen needs another attempt, or `None`.
     fn verdict(
         &mut self,
         planned: &PlannedWell,
@@ -107,7 +107,7 @@ impl Worker {
         let few = (1..=retaken_most(plan.asd())).contains(&verdict.spoiled.len());
         if can_go_back && !verdict.moved && few {
             tracing::info!(well = %planned.well, views = ?verdict.spoiled, "views that do not belong are taken again");
-            // The view at 360 deg last: it tells whether the specimen was still there.
+            // The view at 360 deg comes last. It shows whether the specimen is still in place.
             let again: Vec<u32> = verdict.spoiled.iter().map(|spoiled| spoiled.view).chain([plan.asd()]).collect();
             self.take(planned, plan, science, times, Some(&again))?;
             verdict = self.judged(planned, science, times)?;
@@ -130,7 +130,7 @@ impl Worker {
         })
     }
 
-    /// Takes the whole turn, or `again` some of its views, and hands them on.
+    /// Takes all views of the turn, or only those in `again`, and sends them to the specimen thread.
     fn take(
         &mut self,
         planned: &PlannedWell,
@@ -144,13 +144,13 @@ impl Worker {
         let settings = &context.config.acquisition;
         let stop = rig.rotation.stop_handle();
         let began = Instant::now();
-        // What steps through a list, or is turned by another program, goes to its end.
+        // An axis that follows a position list, or that another program turns, completes its turn.
         let can = rig.rotation.capabilities();
         let may_end_early = !can.trigger_only && !can.outside;
         let mut second_failed = None;
         let taken = within(Phase::Revolve, context.allowed(Phase::Revolve), &context.cancel, &stop, |cancel| {
             let mut hand_on = |mut entry: LedgerEntry, frame: RawFrame| {
-                // The axis stands until this has returned.
+                // The axis stands still until this returns.
                 let second = second.as_deref_mut().map(|camera| acquisition::grab_second(camera, context.deadline(), cancel));
                 let second = second.transpose().map_err(|e| {
                     second_failed = Some(e);
@@ -181,13 +181,13 @@ impl Worker {
     }
 }
 
-/// What motors, rest and exposures took of a view.
+/// Time of motors, settling and exposures in a view.
 fn device_time(entry: &LedgerEntry) -> Duration {
     let second_ms = entry.second.as_ref().map_or(0.0, |second| second.grab_ms);
     Duration::from_secs_f64((entry.moved_ms + entry.settle_ms + entry.grab_ms + second_ms) / 1e3)
 }
 
-/// A specimen thread that ended by itself says why there is no number.
+/// The outcome of a specimen thread that ended by itself.
 fn ended(science: Science) -> Result<Attempt, RunError> {
     match science.close()? {
         Ended::Failed(why) => Ok(Attempt::Ended(WellEnd::Failed(why))),

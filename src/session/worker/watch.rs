@@ -1,8 +1,8 @@
-//! A phase's deadline: who overruns it is cancelled, and the motors stand.
+//! Deadline of a phase. A phase that exceeds it is cancelled and the motors stop.
 //!
 //! ```text
 //! rig thread   ├──── work(token) ────────────┤ result, or Overrun
-//! watch        ├── waits for the deadline ──X    cancels the token, puts the stop on the wire
+//! watch        ├── waits for the deadline ──X    cancels the token, stops the motors
 //! ```
 
 use carved_devices::StopHandle;
@@ -29,8 +29,8 @@ impl Overrun {
     }
 }
 
-/// Does the work of a phase with a token of its own. Past the deadline that token is cancelled and the motors are stopped; what the
-/// work says then is not what ended it.
+/// Runs a phase with its own cancel token. After the deadline the token is cancelled and the motors stop. The result is then an
+/// [`Overrun`], whatever `work` returns.
 pub fn within<T, E: From<Overrun>>(
     phase: Phase,
     allowed: Duration,
@@ -51,7 +51,7 @@ pub fn within<T, E: From<Overrun>>(
             }
             overran
         });
-        // Dropped when the work is done, a panic included: the watch then ends.
+        // Dropped at the end of the work, also after a panic. The watch then ends.
         let done = done;
         let result = work(token);
         drop(done);

@@ -2,9 +2,9 @@
 //!
 //! ```text
 //! load ─> position ─> detect ─> turn ─────────────────────> eject ─> wash ─> next well
-//!   │        ^           │        │ tried again, by policy    │
-//!   │        └───────────┴────────┘                           └── numbers are made beside
-//!   └── the numbers of the well before are made until here
+//!   │        ^           │        │ retried, by policy        │
+//!   │        └───────────┴────────┘                           └── its numbers are computed meanwhile
+//!   └── the numbers of the previous well are computed until here
 //! ```
 
 use super::clock::of_device;
@@ -24,12 +24,12 @@ use carved_store::{RecordingWriter, set_aside};
 use std::ops::ControlFlow;
 use std::time::Instant;
 
-/// How often a specimen that is not all in view is carried along before it is taken as it lies.
+/// Maximum number of moves that bring a specimen into view. After them it is measured as it lies.
 const PLACINGS: u32 = 2;
-/// Reasons to skip a well that leave nobody in the capillary.
+/// Reasons to skip a well that leave the capillary without a specimen.
 const NOBODY: [&str; 3] = ["empty", "bubble", "debris"];
 
-/// What the frame on which a well is judged says.
+/// The verdict on a well from its detection frame.
 enum Judged {
     Worth,
     Not(WellEnd),
@@ -37,14 +37,14 @@ enum Judged {
 }
 
 impl Worker {
-    /// One well; a break where the run was cancelled or paused in it. `before` are the numbers of the well before, which are waited
-    /// for once the specimen is loaded; what is left there are this well's.
+    /// Runs one well. Breaks if the run was cancelled or paused in it. `before`: the computation of the previous well, which is awaited
+    /// once the specimen is loaded. On return it is the computation of this well.
     pub fn well(&mut self, planned: &PlannedWell, before: &mut Option<Science>) -> Result<ControlFlow<()>, RunError> {
         let began = Instant::now();
         let mut times = WellTimes::default();
         self.context.can_measure(planned)?;
         let Some(Loaded { truth }) = self.load(planned, &mut times)? else { return Ok(ControlFlow::Break(())) };
-        // No more than one specimen's numbers are made beside another specimen.
+        // At most one computation runs beside the next specimen.
         let settled = self.context.settle(before);
         let end = settled.and_then(|()| self.tries(planned, truth.as_ref(), &mut times));
         let end = match end {
@@ -52,7 +52,7 @@ impl Worker {
                 let out = self.take_out(planned, true, &mut times);
                 if out.is_ok() {
                     let seconds = began.elapsed().as_secs_f64();
-                    // Where it has ended already, its end is told when it is settled.
+                    // If the thread has ended, `settle` reports its result.
                     let _gone = science.send(Work::Out { times, seconds });
                 }
                 *before = Some(*science);
@@ -60,7 +60,7 @@ impl Worker {
                 return out.map(ControlFlow::Continue);
             }
             Ok(Attempt::Ended(end)) => end,
-            // An attempt says so only where another follows.
+            // `Again` is only returned if another attempt follows.
             Ok(Attempt::Cancelled | Attempt::Again(_)) => return self.cut_short(planned, &mut times).map(|()| ControlFlow::Break(())),
             Err(e) if retry::keeps_specimen(&e) => {
                 tracing::warn!(well = %planned.well, error = %e, "the specimen stays in the capillary");
@@ -86,12 +86,12 @@ impl Worker {
         };
         let out = self.take_out(planned, somebody, &mut times);
         self.context.hardware(&mut self.instrument);
-        // The verdict stands also where the specimen could not be taken out: the well is not begun again.
+        // The result is valid even if the specimen could not be taken out. The well is not begun again.
         self.context.tell(Progress::WellDone { result, seconds: began.elapsed().as_secs_f64(), times });
         out.map(ControlFlow::Continue)
     }
 
-    /// What is known of the specimen, once it is there; nothing where the run was cancelled or paused first.
+    /// Loads the specimen. Returns what is known of it, or `None` if the run was cancelled or paused first.
     fn load(&mut self, planned: &PlannedWell, times: &mut WellTimes) -> Result<Option<Loaded>, RunError> {
         let Self { context, instrument: Instrument { rig, sampler, .. } } = self;
         let well = planned.well.as_str();
@@ -104,7 +104,7 @@ impl Worker {
         let loaded = within(Phase::Load, context.allowed(Phase::Load), &context.cancel, &stop, |cancel| {
             let axis = rig.rotation.as_mut();
             if let Some(stops) = &list {
-                // Before the specimen is asked for: the axis reads its list when it takes the specimen up.
+                // Before the specimen is requested: the axis reads its list when it takes up the specimen.
                 axis.announce(stops)?;
             }
             if sampler.waits_for_loader() {
@@ -117,9 +117,9 @@ impl Worker {
         loaded
     }
 
-    /// Tries a specimen that is in the capillary until it is done with, as often as the policy allows.
+    /// Tries a specimen in the capillary as often as the policy allows.
     fn tries(&mut self, planned: &PlannedWell, truth: Option<&serde_json::Value>, times: &mut WellTimes) -> Result<Attempt, RunError> {
-        // What steps through a list has taken the specimen up once.
+        // An axis that follows a position list cannot take up a specimen twice.
         let once = self.instrument.rig.rotation.capabilities().trigger_only;
         let retries = if once { 0 } else { self.context.method.policy.retries };
         loop {
@@ -151,7 +151,7 @@ impl Worker {
         ended
     }
 
-    /// Switches on what the pictures need. A reference may reset the controller, so this comes after it.
+    /// Switches on the outputs that the pictures need. This comes after the reference, which may reset the controller.
     fn light_up(&mut self, times: &mut WellTimes) -> Result<(), RunError> {
         let Self { context, instrument } = self;
         of_device(times, || outputs::views_on(instrument.rig.rotation.as_mut(), &context.cancel))?;
@@ -161,8 +161,8 @@ impl Worker {
         Ok(())
     }
 
-    /// Switches it off again, on every way out of an attempt. What cannot be switched off costs no well: the status shows it, and it is
-    /// tried again at rest.
+    /// Switches the outputs off on every way out of an attempt. A failure does not fail the well: the status shows it, and it is tried
+    /// again between runs.
     fn light_down(&mut self) {
         outputs::views_off(self.instrument.rig.rotation.as_mut());
         if !self.context.config.rotation.outputs().is_empty() {
@@ -189,7 +189,7 @@ impl Worker {
             Ok(Judged::Cancelled) => Ok(Attempt::Cancelled),
             Err(e) => Err(e),
         };
-        // The record is closed on every way out, a fault's included; the fault is what is told then.
+        // Close the recording on every way out. If a fault came first, report that fault.
         let closed = writer.close();
         let ended = ended?;
         closed?;
@@ -215,7 +215,7 @@ impl Worker {
         Ok(())
     }
 
-    /// Looks what is in the capillary, and brings it into view.
+    /// Detects what is in the capillary, and brings it into view.
     fn detect(
         &mut self,
         planned: &PlannedWell,
@@ -252,7 +252,7 @@ impl Worker {
         {
             return Err(optics_fault(planned, fault));
         }
-        // A frame that the specimen may have spoiled is not taken for an empty well: the revolution decides.
+        // A frame that the specimen may have spoiled does not count as an empty well. The turn decides.
         let skipped = seen.profile.as_ref().ok().and_then(|p| skip::reason(p, &self.context.method.policy));
         Ok(match skipped {
             Some(reason) => {
@@ -263,7 +263,7 @@ impl Worker {
         })
     }
 
-    /// The frame on which the well is judged: taken again where it cannot be, and where the specimen was carried into view.
+    /// Takes the detection frame. It is retaken if it cannot be judged, or if the specimen was moved into view.
     fn look(
         &mut self,
         planned: &PlannedWell,
@@ -272,7 +272,7 @@ impl Worker {
         cancel: &carved_devices::cancel::CancelToken,
     ) -> Result<(RawFrame, Result<SegmentedFrame, PipelineError>), RunError> {
         let Self { context, instrument: Instrument { rig, .. } } = self;
-        // One bad frame is no fault of the instrument's, whatever the policy.
+        // At least one retry, whatever the policy says: one bad frame is not a fault of the instrument.
         let (mut retries, mut placings) = (context.method.policy.retries.max(1), PLACINGS);
         loop {
             let frame = of_device(times, || acquisition::grab(rig.camera.as_mut(), context.deadline(), cancel))?.frame;
@@ -298,22 +298,22 @@ impl Worker {
         }
     }
 
-    /// The capillary is emptied and washed, as far as that is the sampler's work.
+    /// Empties and washes the capillary, as far as the sampler does so.
     fn take_out(&mut self, planned: &PlannedWell, somebody: bool, times: &mut WellTimes) -> Result<(), RunError> {
         let well = planned.well.as_str();
         if let Err(error) = self.instrument.rig.rotation.let_go(&self.context.cancel) {
-            // The specimen is measured; the next reference finds out whether the axis can go on.
+            // The specimen is measured. The next reference shows whether the axis still works.
             tracing::warn!(%error, well, "the rotation axis did not let the specimen go");
         }
         self.eject(well, somebody, times)
     }
 
-    /// A specimen that is done with for another reason than its own is ejected where a sampler is driven.
+    /// Ejects a specimen whose well was interrupted, if a sampler is driven.
     fn cut_short(&mut self, planned: &PlannedWell, times: &mut WellTimes) -> Result<(), RunError> {
         if self.instrument.sampler.waits_for_loader() { Ok(()) } else { self.eject(&planned.well, true, times) }
     }
 
-    /// Ejects, then washes what is driven; whoever fills the capillary from outside does both by himself.
+    /// Ejects the specimen, then washes if a sampler is driven. A loader does both by itself.
     pub fn eject(&mut self, well: &str, somebody: bool, times: &mut WellTimes) -> Result<(), RunError> {
         let Self { context, instrument: Instrument { rig, sampler, .. } } = self;
         let stop = rig.rotation.stop_handle();
