@@ -1,4 +1,4 @@
-//! What ended a run, as the fault that people and schedulers read: which error is which code of the table.
+//! Maps the error that ended a run to the fault that people and schedulers read. Defines which error has which code of the fault table.
 
 use super::worker::{OpticsFault, RunError};
 use carved_devices::DeviceError;
@@ -13,7 +13,7 @@ fn device_error(error: &RunError) -> Option<&DeviceError> {
     }
 }
 
-/// Which device this error says is gone, if any.
+/// The device that this error shows as lost. `None` if the error does not show a loss.
 pub fn lost_device(error: &RunError) -> Option<Device> {
     match device_error(error)? {
         DeviceError::ControlLost
@@ -26,7 +26,7 @@ pub fn lost_device(error: &RunError) -> Option<Device> {
     }
 }
 
-/// Whether nothing here ends what the machine is in, so that a person has to, whatever the table says of the code.
+/// Whether only a person can remove the cause, whatever the fault table says about the code.
 fn needs_a_person(error: &DeviceError) -> bool {
     matches!(error, DeviceError::OutOfStep { .. } | DeviceError::Late { .. })
 }
@@ -42,14 +42,14 @@ fn code_of_device(error: &DeviceError) -> &'static FaultCode {
             ViewsError::FolderLost { .. } => &fault_table::PICTURES_LOST,
             ViewsError::Earlier { .. } => &fault_table::PICTURES_EARLIER,
             ViewsError::Unfit { .. } => &fault_table::PICTURES_UNFIT,
-            // The others end their well, and raise no fault.
+            // The other errors end only their well and raise no fault.
             ViewsError::Late { .. }
             | ViewsError::Missing { .. }
             | ViewsError::Replaced { .. }
             | ViewsError::Unusable { .. }
             | ViewsError::NoWell => &fault_table::PICTURES_LATE,
         },
-        // What the controller was told or is set to is not what its machine allows: a person has to look.
+        // The commands or settings of the controller do not match its machine. A person must check it.
         DeviceError::Alarm { .. } | DeviceError::Skew { .. } | DeviceError::Stalled { .. } => &fault_table::ROTATION_ALARM,
         DeviceError::Intervention { .. } => &fault_table::ROTATION_INTERVENTION,
         DeviceError::VastList { .. } => &fault_table::VAST_LIST,
@@ -59,7 +59,7 @@ fn code_of_device(error: &DeviceError) -> &'static FaultCode {
         DeviceError::Gone { .. } | DeviceError::Silent { .. } | DeviceError::Open { .. } => &fault_table::ROTATION_LOST,
         DeviceError::OutOfStep { .. }
         | DeviceError::Late { .. }
-        // The next reference finds the axis again.
+        // The next reference finds the position again.
         | DeviceError::Translation { .. }
         | DeviceError::Suspect { .. }
         | DeviceError::Missed { .. }

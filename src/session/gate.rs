@@ -1,4 +1,4 @@
-//! The daily beads as a run asks for them: kept after a run that had some, and asked for before numbers are taken for sound.
+//! The daily bead gate in a run: it is stored after a run with beads, and checked before the numbers of larvae are trusted.
 
 use crate::config::Config;
 use carved_core::quality::Check;
@@ -22,7 +22,7 @@ fn status_of(file: &GateFile, now: jiff::Timestamp) -> GateStatus {
     }
 }
 
-/// The gate for the technician at the instrument: the verdict, the size that was found, and the one thing to do next.
+/// The gate as a text for the operator: verdict, measured size, next action.
 fn summary(gate: &CheckedBeads, settings: &GateSettings) -> String {
     let GateNumbers { beads, diameter_um, repeat_um, .. } = &gate.numbers;
     let off_um = diameter_um.mean - settings.nominal_um;
@@ -52,7 +52,7 @@ fn summary(gate: &CheckedBeads, settings: &GateSettings) -> String {
     }
 }
 
-/// What is wrong with the beads by this check, and what to do.
+/// What this check says is wrong with the beads, and what to do.
 fn over(check: &Check) -> (String, &'static str) {
     let found = check.found.unwrap_or_default();
     match check.name.as_str() {
@@ -87,7 +87,7 @@ fn changed(chart: &str) -> (String, &'static str) {
     }
 }
 
-/// The rig's newest gate, from disk; one that cannot be read is told in the log, and is none.
+/// The rig's newest gate, from disk. `None` if there is none, or if it cannot be read, which is logged.
 fn newest(config: &Config, mode: Mode) -> Option<GateStatus> {
     let found = gates::newest(&config.calibrations(), &config.rig_name, mode).unwrap_or_else(|error| {
         tracing::warn!(%error, "the rig's bead gates are not read");
@@ -96,7 +96,7 @@ fn newest(config: &Config, mode: Mode) -> Option<GateStatus> {
     Some(status_of(&found, jiff::Timestamp::now()))
 }
 
-/// The rig's newest calibration with its gate, from disk; one that cannot be read is told in the log, and is none.
+/// The rig's newest calibration with its gate, from disk. `None` if there is none, or if it cannot be read, which is logged.
 pub fn calibration(config: &Config, mode: Mode) -> Option<CalibrationStatus> {
     let found = calibrations::newest(&config.calibrations(), &config.rig_name, mode).unwrap_or_else(|error| {
         tracing::warn!(%error, "the rig's calibrations are not read");
@@ -106,7 +106,7 @@ pub fn calibration(config: &Config, mode: Mode) -> Option<CalibrationStatus> {
     beside(size, newest(config, mode))
 }
 
-/// The rig's calibration with its gate; a gate alone where no calibration of the rig's size is kept.
+/// The rig's calibration with its gate, or the gate alone if the rig has no stored calibration.
 fn beside(calibration: Option<CalibrationStatus>, gate: Option<GateStatus>) -> Option<CalibrationStatus> {
     let alone = |gate: &GateStatus| CalibrationStatus {
         id: gate.id.clone(),
@@ -123,8 +123,8 @@ fn beside(calibration: Option<CalibrationStatus>, gate: Option<GateStatus>) -> O
     Some(told)
 }
 
-/// Why this method's numbers lack a gate, if its policy asks for one. On an emulated rig only where one was ever kept: a flag on every
-/// well of every demo is one that nobody reads.
+/// Why the numbers of this method lack a gate. `None` if its policy asks for none. On an emulated rig without any gate also `None`:
+/// operators would ignore a flag that every well of every demo has.
 pub fn lacking(newest: Option<&GateStatus>, method: &Method, mode: Mode) -> Option<String> {
     const WAY_OUT: &str = "measure three to five beads";
     match newest {
@@ -151,14 +151,14 @@ pub fn refuses(config: &Config, mode: Mode, plan: &RunPlan) -> Option<FieldError
     Some(FieldError { pointer: "/method".into(), detail: format!("{why}. The method's policy is bead_gate = \"refuse\"") })
 }
 
-/// Raises `bead_gate` for a larva that was measured without a gate; beads are what makes one.
+/// Flags a larva that was measured without a gate with `bead_gate`. Beads are not flagged: they make the gate.
 pub fn flag(well: &mut WellStatus, lacks_gate: bool) {
     if lacks_gate && well.specimen == SpecimenKind::Larva && well.outcome == Some(SpecimenOutcome::Succeeded) {
         well.flags.push("bead_gate".into());
     }
 }
 
-/// Makes and keeps the gate of a run's beads, where it had enough of them.
+/// Computes and stores the gate of a run's beads, if there are enough of them.
 pub fn keep(config: &Config, run_folder: &Path) {
     match gates::after_run(run_folder, &config.calibrations()) {
         Ok(Some(file)) => tracing::info!(id = %file.id, verdict = ?file.found.gate.verdict, "the run's beads are kept as a gate"),
@@ -172,7 +172,7 @@ mod tests {
     use super::*;
     use carved_core::quality::gate::BeadMeasured;
 
-    /// Beads that are `off_um` too large, the first of them measured again where `twice`.
+    /// Beads that are `off_um` too large. The first of them is measured again if `twice`.
     fn beads(n: usize, off_um: f64, twice: bool) -> Vec<BeadMeasured> {
         let bead = |i: usize, more_um: f64| BeadMeasured {
             bead: format!("A{i:02}"),

@@ -1,9 +1,9 @@
-//! The emergency stop's own way to the motors: from whichever thread asks, past the mailbox and the driver.
+//! The direct path of the emergency stop to the motors. It works from any thread, past the mailbox and the driver.
 //!
 //! ```text
-//! stop ──► the work is cancelled ──► stop on the wire ──► pressed ──► the driver takes it: fault, abort
-//!                                                           │
-//! aim at new work ────────── cancelled at once, while ──────┘
+//! stop ──► cancel the work ──► send the stop to the motors ──► pressed ──► the driver takes it: fault, abort
+//!                                                                │
+//! aim at new work ────────── cancelled at once, while ───────────┘
 //! ```
 
 use carved_devices::StopHandle;
@@ -11,7 +11,7 @@ use carved_devices::cancel::CancelToken;
 use std::sync::{Arc, Mutex, PoisonError};
 use tokio::sync::Notify;
 
-/// Clones share one instrument and the run under way on it.
+/// The emergency stop. Clones share one instrument and its current work.
 #[derive(Clone, Default)]
 pub struct Halt(Arc<(Mutex<Aim>, Notify)>);
 
@@ -19,7 +19,7 @@ pub struct Halt(Arc<(Mutex<Aim>, Notify)>);
 struct Aim {
     motors: Option<StopHandle>,
     work: CancelToken,
-    /// It was pressed, and the driver does not know yet.
+    /// The stop was pressed, and the driver has not taken it yet.
     pressed: bool,
 }
 
@@ -28,8 +28,8 @@ impl Halt {
         work(&mut self.0.0.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// The instrument's motors, and what cancels the work that is about to move them: at once, where the stop was pressed while that
-    /// work was made ready.
+    /// Sets the motors to stop, and the cancel token of the work that is about to move them. The token is cancelled at once if the stop was
+    /// pressed while the work was prepared.
     pub fn aim(&self, motors: StopHandle, work: CancelToken) {
         self.with(|aim| {
             if aim.pressed {
@@ -39,7 +39,7 @@ impl Halt {
         });
     }
 
-    /// Cancels first, so that no move follows the stop, and puts the stop on the wire before it returns.
+    /// Cancels the work first, so that no move follows the stop. Sends the stop to the motors before it returns.
     pub fn stop(&self) {
         let motors = self.with(|aim| {
             aim.pressed = true;
@@ -52,14 +52,14 @@ impl Halt {
         self.0.1.notify_one();
     }
 
-    /// Resolves once it was pressed and not taken; whoever asked may have gone away since.
+    /// Resolves while the stop is pressed and not taken. The client that pressed it may have disconnected.
     pub async fn pressed(&self) {
         while !self.with(|aim| aim.pressed) {
             self.0.1.notified().await;
         }
     }
 
-    /// Whether it was pressed since the last time; from now on the driver answers for what it starts.
+    /// Whether the stop was pressed since the last call. Clears it: new work is not cancelled any more.
     pub fn take(&self) -> bool {
         self.with(|aim| std::mem::take(&mut aim.pressed))
     }

@@ -1,5 +1,5 @@
-//! How the edges reach the session: commands enter a mailbox and are accepted or refused by name; everyone else reads
-//! snapshots. The driver is the only one that changes anything.
+//! The interface to the session. Commands enter a mailbox, and are accepted or refused by name. All others read snapshots. Only the driver
+//! changes state.
 
 use super::halt::Halt;
 use super::{Check, MethodOffer, State, Status};
@@ -10,7 +10,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 use tokio::sync::{broadcast, mpsc, oneshot, watch};
 
-/// Why a command was not taken.
+/// Why a command was refused.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Refusal {
     #[error("the plan has {} mistake(s)", .0.len())]
@@ -62,7 +62,7 @@ pub enum Refusal {
     ShuttingDown,
 }
 
-/// With one full stop at its end, whether or not it had one.
+/// The text with exactly one full stop at its end.
 fn sentence(text: &str) -> String {
     format!("{}.", text.trim_end_matches('.'))
 }
@@ -73,42 +73,42 @@ impl From<StoreError> for Refusal {
     }
 }
 
-/// What `put_run` did.
+/// The answer of `put_run`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Accepted {
-    /// A new run was journalled and will start.
+    /// A new run is in the journal and will start.
     Created,
-    /// This very run had been accepted before; nothing changed.
+    /// The same run was accepted before. Nothing changed.
     Same,
 }
 
-/// Where a run is to be moved to.
+/// The requested change of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Towards {
-    /// To rest after the specimen under way.
+    /// Hold after the current specimen.
     Hold,
-    /// On from where it was held.
+    /// Continue a held run.
     Unhold,
-    /// To its end after the specimen under way.
+    /// End after the current specimen.
     Stop,
-    /// To its end at once.
+    /// End at once.
     Abort,
 }
 
-/// A command with its way to answer.
+/// A command with the channel for its answer.
 pub enum Command {
     PutRun {
         id: String,
         plan: RunPlan,
         answer: oneshot::Sender<Result<Accepted, Refusal>>,
     },
-    /// Moves a run towards a state.
+    /// Changes the state of a run.
     Steer {
         id: String,
         towards: Towards,
         answer: oneshot::Sender<Result<(), Refusal>>,
     },
-    /// The motors have been told already, from the caller's thread.
+    /// The caller's thread has stopped the motors already.
     EmergencyStop {
         answer: oneshot::Sender<Result<(), Refusal>>,
     },
@@ -136,7 +136,7 @@ pub enum Command {
     },
 }
 
-/// Of which specimen the live pictures are, and how many of its views had been taken: none at its detection.
+/// The specimen in the live pictures, and its number of views so far. The number is 0 at the detection.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Shown {
     pub run: String,
@@ -147,17 +147,17 @@ pub struct Shown {
 /// The newest frame, its profile and the live model, encoded for the page.
 #[derive(Debug, Clone, Default)]
 pub struct Live {
-    /// Filled in by the driver, which knows the run.
+    /// Set by the driver, which knows the run.
     pub shown: Option<Shown>,
     /// JPEG of the newest frame, in colour.
     pub frame_jpg: Option<Arc<Vec<u8>>>,
-    /// PNG of the frame's size, transparent but for the profile's edge.
+    /// PNG of the frame's size. It shows the edge of the profile and is transparent elsewhere.
     pub profile_png: Option<Arc<Vec<u8>>>,
     /// Binary glTF of the live hull, then of the finished model, in um.
     pub mesh_glb: Option<Arc<Vec<u8>>>,
 }
 
-/// A view of the session that can be given to anyone.
+/// Read access to the session, and its mailbox. It can be cloned freely.
 #[derive(Clone)]
 pub struct SessionHandle {
     commands: mpsc::Sender<Command>,
@@ -170,7 +170,7 @@ pub struct SessionHandle {
 }
 
 impl SessionHandle {
-    /// The newest snapshot, its clocks set.
+    /// The newest snapshot, with the current time and ages.
     pub fn status(&self) -> Status {
         self.stamp(&self.status.borrow().clone())
     }
@@ -186,14 +186,14 @@ impl SessionHandle {
         status
     }
 
-    /// Waits until the revision is above `after`; the caller bounds the wait.
+    /// Waits until the revision is above `after`. The caller must limit the time of the wait.
     pub async fn status_after(&self, after: u64) -> Status {
         let mut watch = self.status.clone();
         let newer = watch.wait_for(|s| s.revision > after).await.map(|s| s.clone());
         newer.map_or_else(|_| self.status(), |s| self.stamp(&s))
     }
 
-    /// The same with the methods that a run may name.
+    /// Sets the methods that a run may name.
     #[must_use]
     pub fn offering(self, methods: impl IntoIterator<Item = MethodOffer>) -> Self {
         Self { methods: methods.into_iter().collect(), ..self }
@@ -217,28 +217,28 @@ impl SessionHandle {
         answered.await.unwrap_or(Err(Refusal::ShuttingDown))
     }
 
-    /// Registers a run under the client's own name for it; the answer comes after it is on disk.
+    /// Starts a run under the client's name for it. The answer comes once the run is on disk.
     pub async fn put_run(&self, id: String, plan: RunPlan) -> Result<Accepted, Refusal> {
         self.ask(|answer| Command::PutRun { id, plan, answer }).await
     }
 
-    /// Holds a run, lets it go on, stops or aborts it. Answered once it is journalled, not once it has happened.
+    /// Holds, continues, stops or aborts a run. The answer comes once the request is in the journal, and not once the state is reached.
     pub async fn steer(&self, id: String, towards: Towards) -> Result<(), Refusal> {
         self.ask(|answer| Command::Steer { id, towards, answer }).await
     }
 
-    /// Stops the motors before it does anything else, from the caller's own thread.
+    /// Stops the motors first, on the caller's thread, then sends the command.
     pub async fn emergency_stop(&self) -> Result<(), Refusal> {
         self.halt.stop();
         self.ask(|answer| Command::EmergencyStop { answer }).await
     }
 
-    /// The operator has seen to a fault.
+    /// Acknowledges a fault for the operator.
     pub async fn acknowledge(&self, seq: u64) -> Result<(), Refusal> {
         self.ask(|answer| Command::Acknowledge { seq, answer }).await
     }
 
-    /// A plate is about to be brought or taken; what has to happen before.
+    /// Announces that a plate will be brought or taken away. Returns what must happen first.
     pub async fn handoff(&self, plate: Handoff) -> Result<HandoffNeeds, Refusal> {
         self.ask(|answer| Command::Handoff { plate, answer }).await
     }
@@ -247,18 +247,18 @@ impl SessionHandle {
         self.ask(|answer| Command::EndHandoff { end, answer }).await
     }
 
-    /// Everything that would keep this plan from running, looked at on the instrument itself.
+    /// Checks everything that would prevent this plan from running, on the instrument itself.
     pub async fn preflight(&self, plan: RunPlan) -> Result<Vec<Check>, Refusal> {
         self.ask(|answer| Command::Preflight { plan, answer }).await
     }
 
-    /// The loader says that the specimen of this well is in the capillary, or that it has been taken out.
+    /// Reports for the loader that the specimen of this well is in the capillary, or was taken out.
     pub async fn loaded(&self, run: String, well: String, loaded: bool) -> Result<(), Refusal> {
         self.ask(|answer| Command::Loaded { run, well, loaded, answer }).await
     }
 }
 
-/// What the driver holds: the writing end of everything the handle reads.
+/// The driver's end: it writes everything that the handle reads.
 pub struct Publisher {
     status: watch::Sender<Arc<Status>>,
     live: Arc<Mutex<Live>>,
@@ -267,12 +267,12 @@ pub struct Publisher {
 }
 
 impl Publisher {
-    /// What an emergency stop is to reach.
+    /// The path of the emergency stop.
     pub fn halt(&self) -> &Halt {
         &self.halt
     }
 
-    /// The newest events that are kept, oldest first.
+    /// The newest events in memory, oldest first.
     pub fn tail(&self) -> Vec<Arc<Event>> {
         self.events.tail.lock().unwrap_or_else(PoisonError::into_inner).iter().cloned().collect()
     }
@@ -295,13 +295,13 @@ impl Publisher {
         change(&mut self.live.lock().unwrap_or_else(PoisonError::into_inner));
     }
 
-    /// Where events that are on disk go, to everyone who listens.
+    /// The log that receives events once they are on disk, and sends them to all subscribers.
     pub fn log(&self) -> Arc<EventLog> {
         self.events.clone()
     }
 }
 
-/// Newest events kept in memory for readers that come back.
+/// Number of events in memory, for readers that reconnect.
 const KEPT_EVENTS: usize = 2000;
 
 /// The tail of the event journal and its live continuation.
@@ -310,11 +310,11 @@ pub struct EventLog {
     live: broadcast::Sender<Arc<Event>>,
 }
 
-/// What a reader that has seen events up to some id still has to see.
+/// The events that a reader has missed.
 pub enum Missed {
-    /// These, then the live ones.
+    /// These events, then the live ones.
     Events(Vec<Arc<Event>>),
-    /// More than is kept: read the status anew, then go on live.
+    /// More events than are in memory. Read the status again, then continue with live events.
     Resync,
 }
 
@@ -324,7 +324,7 @@ impl EventLog {
         Self { tail: Mutex::new(tail.into_iter().skip(skip).map(Arc::new).collect()), live: broadcast::channel(256).0 }
     }
 
-    /// Appends an event that is on disk, and sends it to everyone who listens.
+    /// Appends an event that is on disk, and sends it to all subscribers.
     pub fn push(&self, event: Event) {
         let event = Arc::new(event);
         let mut tail = self.tail.lock().unwrap_or_else(PoisonError::into_inner);
@@ -332,18 +332,18 @@ impl EventLog {
             tail.pop_front();
         }
         tail.push_back(event.clone());
-        // Sent under the lock, so that a reader that subscribes gets each event once: missed or live.
+        // Sent under the lock, so that a new subscriber gets each event once: as missed or as live.
         let _nobody_listens = self.live.send(event);
     }
 
-    /// Live events, and those since `after` (none asked: only live ones).
+    /// Subscribes to live events. Returns also the events since `after`, or none if `after` is `None`.
     pub fn subscribe(&self, after: Option<u64>) -> (Missed, broadcast::Receiver<Arc<Event>>) {
         let tail = self.tail.lock().unwrap_or_else(PoisonError::into_inner);
         let live = self.live.subscribe();
         let Some(after) = after else { return (Missed::Events(Vec::new()), live) };
         let oldest = tail.front().map(|e| e.id);
         let newest = tail.back().map_or(0, |e| e.id);
-        // An id from the future belongs to another journal; one before the tail has a gap that cannot be filled.
+        // An id above the newest belongs to another journal. Before the oldest, some events are no longer in memory.
         if after > newest || oldest.is_some_and(|o| after + 1 < o) {
             return (Missed::Resync, live);
         }
@@ -351,7 +351,7 @@ impl EventLog {
     }
 }
 
-/// The two ends: the handle for the edges, mailbox and publisher for the driver.
+/// The handle for clients, and mailbox and publisher for the driver.
 pub fn channel(first: Status, tail: Vec<Event>) -> (SessionHandle, mpsc::Receiver<Command>, Publisher) {
     let (commands, mailbox) = mpsc::channel(16);
     let (status, watch) = watch::channel(Arc::new(first));

@@ -3,12 +3,12 @@
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// How often the driver sets it while it is free to.
+/// Interval of the heartbeat, if the driver is not busy.
 pub const INTERVAL: Duration = Duration::from_secs(1);
-/// Age from which on the driver counts as hanging: longer than any sync to a slow disk.
+/// Age of the heartbeat from which the driver counts as hanging. It is longer than any sync to a slow disk.
 const SILENCE: Duration = Duration::from_secs(5);
 
-/// The driver sets it, and the watchdog reads it.
+/// The time of the newest heartbeat. The driver sets it, and the watchdog reads it.
 #[derive(Clone)]
 pub struct Heartbeat(Arc<Mutex<Instant>>);
 
@@ -19,7 +19,7 @@ impl Default for Heartbeat {
 }
 
 impl Heartbeat {
-    /// The driver is alive now.
+    /// Sets the heartbeat to now.
     pub fn beat(&self) {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Instant::now();
     }

@@ -10,10 +10,11 @@ use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 use std::sync::Arc;
 
-/// Less than a fifth of a pixel, on the camera and on the page: 374 000 triangles of a larva become 21 000, 9.0 MB 0.5.
+/// Allowed error of the page's model: less than a fifth of a pixel, of the camera and of the page. It reduces a larva of 374 000 triangles
+/// (9.0 MB) to 21 000 (0.5 MB).
 const MODEL_ERROR_UM: f64 = 1.0;
 
-/// The pictures of one view; what could not be encoded is absent and logged, never a reason to stop a run.
+/// The pictures of one view. A picture that cannot be encoded is `None` and logged. The run continues.
 pub fn of_view(seen: &SegmentedFrame, mesh: &Mesh) -> Live {
     Live {
         shown: None,
@@ -23,7 +24,7 @@ pub fn of_view(seen: &SegmentedFrame, mesh: &Mesh) -> Live {
     }
 }
 
-/// The finished surface, in as few triangles as its error allows.
+/// The finished surface as GLB, with as few triangles as its error allows.
 pub fn model(mesh: &Mesh) -> Option<Arc<Vec<u8>>> {
     glb(&export::decimate(mesh, MODEL_ERROR_UM).mesh)
 }
@@ -48,7 +49,7 @@ pub fn jpeg(picture: &Picture) -> Option<Arc<Vec<u8>>> {
         .map(|()| Arc::new(out))
 }
 
-/// The profile's edge, two pixels wide so that it shows when the page scales it down, on a transparent ground.
+/// The edge of the profile on a transparent background. It is two pixels wide, so that it is visible when the page scales it down.
 fn outline(mask: &Mask) -> Option<Arc<Vec<u8>>> {
     const EDGE: [u8; 4] = [255, 64, 160, 255];
     let (width, height) = (mask.width(), mask.height());

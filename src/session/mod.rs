@@ -1,4 +1,4 @@
-//! The session: one driver owns all change, everyone else reads snapshots.
+//! The session: one driver changes state, all others read snapshots.
 //!
 //! ```text
 //! http, cli ── Command ──> mailbox ──> driver ──> rig worker, science, store

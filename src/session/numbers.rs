@@ -1,8 +1,8 @@
-//! The numbers of a recorded specimen, from its frames; and what is kept of a specimen's numbers, whoever made them.
+//! Computes the numbers of a recorded specimen from its frames, and writes the files of a measured specimen.
 //!
 //! ```text
-//! ledger ─ frames ─ look (all at once) ─ observe, in their order ─ finish ─> surface, numbers ─┬─> mesh.ply, model.glb, measurement.json
-//!   live run: the same pipeline, frame by frame as they are taken ───────────────────────────┘    └─> the well's line of the status
+//! ledger ─ frames ─ look (parallel) ─ observe, in their order ─ finish ──> surface, numbers ──┬─> mesh.ply, model.glb, measurement.json
+//!   live run: the same pipeline, frame by frame as they are taken ──────────────────────────┘ └─> the well's line of the status
 //! ```
 
 use super::live;
@@ -24,11 +24,11 @@ pub enum NumbersError {
     Pipeline(#[from] PipelineError),
 }
 
-/// Surface and numbers of these views of a recording by this method, to the last bit those of a live run. `looked` is called with each
-/// view and what was found in its frame, from several threads.
+/// Surface and numbers of these views of a recording by this method. They are bit-identical to those of a live run. `looked` is called with
+/// each view and its segmented frame, from several threads.
 ///
 /// # Errors
-/// Frames that are not there or not what was recorded, and what the pipeline makes no number of.
+/// A frame is missing or differs from its record, or the pipeline gives no number.
 pub fn of_recording(
     reader: &RecordingReader,
     method: &Method,
@@ -44,7 +44,7 @@ pub fn of_recording(
         looked(entry, &seen);
         Ok::<_, NumbersError>(seen)
     };
-    // All are looked at before any is judged: the first of the turn that fails is the one told, on any number of threads.
+    // Look at all frames before any is judged, so that the reported error is always the first one of the turn, on any number of threads.
     let seen = entries.par_iter().map(|entry| look(entry)).collect::<Vec<_>>().into_iter().collect::<Result<Vec<_>, _>>()?;
     for (entry, seen) in entries.iter().zip(&seen) {
         if entry.closure {
@@ -71,10 +71,10 @@ pub fn of_recording(
     Ok((mesh, file))
 }
 
-/// Writes what is kept of a specimen's numbers; gives the model for the page.
+/// Writes the files of a measured specimen. Returns the model for the page.
 ///
 /// # Errors
-/// A file that cannot be written.
+/// A file cannot be written.
 pub fn keep(writer: &mut RecordingWriter, mesh: &Mesh, file: &MeasurementFile) -> Result<Option<Arc<Vec<u8>>>, StoreError> {
     let mut ply = Vec::new();
     let unit = if file.mode == Mode::Simulated { "um (simulated)" } else { "um" };
@@ -88,7 +88,7 @@ pub fn keep(writer: &mut RecordingWriter, mesh: &Mesh, file: &MeasurementFile) -
     Ok(model)
 }
 
-/// Ends a well with its numbers, of so many planned views.
+/// Ends a well with its numbers.
 pub fn tell(result: &mut WellStatus, file: &MeasurementFile, views_planned: u32) {
     let m = &file.record.measurement;
     result.end(SpecimenOutcome::Succeeded, None);

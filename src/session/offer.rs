@@ -1,4 +1,4 @@
-//! What a run may be asked for by name: the methods of the configuration, in short.
+//! The configured methods in short, as a run may name them.
 
 use crate::api::MethodOffer;
 use carved_records::{Method, Versioned};

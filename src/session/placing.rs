@@ -1,8 +1,8 @@
-//! Brings the specimen into view along the capillary, where the instrument has an axis for that.
+//! Brings the specimen into view along the capillary, if the instrument has an axis for this.
 //!
 //! ```text
-//!   |        ======>|      goes on beyond the right border: the room on the left is free
-//!   |  <======      |      carried into it, up to the margin
+//!   |        ======>|      the specimen extends beyond the right border, the space on the left is free
+//!   |  <======      |      it is moved into the free space, up to the margin
 //! ```
 
 use carved_core::profile::Profile;
@@ -10,10 +10,10 @@ use carved_core::units::Steps;
 use carved_devices::cancel::CancelToken;
 use carved_devices::{DeviceError, LinearAxis, Position, Rig};
 
-/// Share of the picture's width that is left free beside the end of a specimen that can be seen.
+/// Share of the picture's width that stays free beside the visible end of the specimen.
 const MARGIN: f64 = 0.05;
 
-/// References the axis where it is not, and moves the capillary to where a specimen should be in view.
+/// References the axis if necessary, and moves the capillary to the position where a specimen should be in view.
 pub fn place(rig: &mut Rig, position_um: f64, cancel: &CancelToken) -> Result<(), DeviceError> {
     let Some(axis) = rig.rotation.linear() else { return Ok(()) };
     axis.reference(cancel)?;
@@ -22,7 +22,7 @@ pub fn place(rig: &mut Rig, position_um: f64, cancel: &CancelToken) -> Result<()
     Ok(())
 }
 
-/// Carries the capillary along, as far as the limits allow; false where there is no way to go.
+/// Moves the capillary along its axis, as far as the limits allow. Returns `false` if it cannot move.
 pub fn shift(rig: &mut Rig, by_um: f64) -> Result<bool, DeviceError> {
     let Some(axis) = rig.rotation.linear() else { return Ok(false) };
     let Position::Referenced { steps: from, .. } = axis.position() else { return Ok(false) };
@@ -39,8 +39,8 @@ fn within(axis: &dyn LinearAxis, target: Steps) -> Steps {
     target.clamp(low, high)
 }
 
-/// How far to the right, in px, brings more of a specimen into the picture that goes on beyond one of its sides; nothing
-/// where all of it is in view, or where both sides cut it.
+/// Shift to the right, in px, that brings more of the specimen into the picture. `None` if all of it is in view, or if it extends beyond
+/// both sides.
 pub fn shift_px(profile: &Profile) -> Option<f64> {
     let (left, right) = (profile.detection.is_clipped_left(), profile.detection.is_clipped_right());
     if left == right {

@@ -1,7 +1,7 @@
-//! What a run would need, looked at before it is asked for: everything that fails is told, each with its way out.
+//! The checks before a run. Every failed check is reported, with what to do.
 //!
 //! ```text
-//! blocking thread: look ──► axis asked, one frame taken and judged ──► DeviceReport
+//! blocking thread: look ──► check the axis, take and judge one frame ──► DeviceReport
 //! driver: checks(plan, DeviceReport, status, disk) ──► [code, passed, blocks, detail, what to do]
 //! ```
 
@@ -16,23 +16,23 @@ use carved_records::{BeadGate, GateStatus, Light, Method, Mode, PlannedWell, Run
 use carved_store::{Budget, bytes_per_specimen, size};
 use std::time::Duration;
 
-/// What a look at the instrument has found.
+/// The state of the devices.
 pub struct DeviceReport {
     axis: Result<(), DeviceError>,
-    /// `None` where nothing is switched for the pictures.
+    /// `None` if the pictures need no output.
     outputs: Option<Result<(), DeviceError>>,
-    /// Nothing where another program takes the pictures.
+    /// `None` if another program takes the pictures.
     light: Result<Option<Light>, DeviceError>,
 }
 
 impl DeviceReport {
-    /// What a person or a safety circuit has done to the axis; some controllers say so once only.
+    /// An intervention of a person or a safety circuit. Some controllers report it only once.
     pub fn intervention(&self) -> Option<&DeviceError> {
         self.axis.as_ref().err().filter(|error| error.is_in_a_persons_hands())
     }
 }
 
-/// Asks the axis and takes a frame; nothing moves.
+/// Checks the axis and takes a frame. Nothing moves.
 pub fn look(mut instrument: Instrument, deadline: Duration) -> (Instrument, DeviceReport) {
     let rig = &mut instrument.rig;
     let axis = rig.rotation.check();
@@ -53,14 +53,14 @@ pub fn look(mut instrument: Instrument, deadline: Duration) -> (Instrument, Devi
     (instrument, DeviceReport { axis, outputs, light })
 }
 
-/// Background below which a profile drowns in the sensor's noise, grey levels of 255.
+/// Background level (0 to 255) below which the sensor noise hides a profile.
 pub const DARK: f64 = 40.0;
-/// Background from which on light is lost at the sensor's top: a specimen's edge is judged by how dark it is against this.
+/// Background level from which the sensor saturates. The edge of a specimen is judged by its darkness relative to the background.
 const BRIGHT: f64 = 250.0;
-/// Largest share of pixels at the sensor's top; glare on the glass takes a few percent.
+/// Largest allowed share of saturated pixels. Glare on the glass causes a few percent.
 const SATURATED: f64 = 0.25;
 
-/// What a plate takes on disk at most, bytes.
+/// Maximum disk space of a plate, bytes.
 pub fn needed_bytes(config: &Config, method: &Method, wells: usize) -> u64 {
     let second = config.second.as_ref().map(|second| &second.optics.camera);
     wells as u64 * bytes_per_specimen(method, &config.optics, config.camera.pixel_format(), second)
@@ -74,10 +74,10 @@ fn check(code: &str, blocks: bool, found: Result<String, (String, &str)>) -> Che
     Check { code: code.into(), passed, blocks, detail, what_to_do }
 }
 
-/// Light and exposure as a run needs them.
+/// Checks light and exposure.
 ///
 /// # Errors
-/// What was found and what is needed, and what to do about it.
+/// The measured and the required values, and what to do.
 pub fn light(seen: &Light) -> Result<String, (String, &'static str)> {
     let found = format!("background at {:.0} of 255, {:.1} % of the pixels at the top", seen.background, 100.0 * seen.saturated);
     if seen.background < DARK {
@@ -92,19 +92,19 @@ pub fn light(seen: &Light) -> Result<String, (String, &'static str)> {
     }
 }
 
-/// What is known without a look at the devices.
+/// The state that is known without asking the devices.
 pub struct Known<'a> {
     pub status: &'a Status,
     pub mode: Mode,
     /// The rig's newest bead gate.
     pub gate: Option<&'a GateStatus>,
-    /// Barcode of the plate that was handed over.
+    /// Barcode of the plate inside, from the last handover.
     pub plate_inside: Option<&'a str>,
     pub free_bytes: Option<u64>,
     pub budget: Option<Budget>,
 }
 
-/// What the look at the instrument has found.
+/// The checks of the devices.
 fn devices(seen: &DeviceReport, is_referenced: bool) -> Vec<Check> {
     let device = |e: &DeviceError, what_to_do: &'static str| (e.to_string(), what_to_do);
     let mut checks = vec![
@@ -135,7 +135,7 @@ fn devices(seen: &DeviceReport, is_referenced: bool) -> Vec<Check> {
     checks
 }
 
-/// Every precondition of this plan, passed or not.
+/// All checks of this plan, passed or failed.
 pub fn checks(config: &Config, plan: &RunPlan, seen: &DeviceReport, known: &Known) -> Vec<Check> {
     let status = known.status;
     let mut checks = devices(seen, status.hardware.rotation.referenced);
@@ -171,7 +171,7 @@ pub fn checks(config: &Config, plan: &RunPlan, seen: &DeviceReport, known: &Know
     ));
     if let Some(method) = config.methods.get(&plan.method) {
         let larvae = plan.plate_map.iter().any(|w| w.specimen == SpecimenKind::Larva);
-        // Beads are what makes one.
+        // Beads need no gate, because they make it.
         let lacking = larvae.then(|| gate::lacking(known.gate, method, known.mode)).flatten();
         let refuses = method.policy.bead_gate == BeadGate::Refuse;
         checks.push(check(
@@ -222,7 +222,7 @@ pub fn checks(config: &Config, plan: &RunPlan, seen: &DeviceReport, known: &Know
 mod tests {
     use super::*;
 
-    /// A plate of beads is what a refused plate of larvae needs first.
+    /// If larvae are refused without a gate, a plate of beads must be accepted.
     #[test]
     fn beads_need_no_gate_of_beads() {
         let mut config = Config::parse(include_str!("../../config/simulated.toml"), std::path::Path::new("simulated.toml")).unwrap();

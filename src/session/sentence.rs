@@ -1,4 +1,4 @@
-//! What the instrument is doing, in one sentence for people.
+//! The state of the instrument as one sentence for people.
 
 use super::{Hold, State, Status};
 use crate::api::{Phase, WellCounts};
@@ -33,7 +33,7 @@ pub fn of(s: &Status) -> String {
                     format!("Well {well}: reading the pictures of another program, view {} of {}.", x.view, x.views_planned)
                 }
                 Phase::Revolve => format!("Well {well}: turning the capillary, view {} of {}.", x.view, x.views_planned),
-                // The computer may be behind the camera.
+                // The computation may be behind the camera.
                 Phase::Reconstruct if x.view < x.views_planned => {
                     format!("Well {well}: its views are taken, {} of {} are in the model.", x.view, x.views_planned)
                 }
@@ -97,12 +97,12 @@ pub fn of(s: &Status) -> String {
     }
 }
 
-/// How often a cause has held the run, where it was more than once.
+/// How often the cause has held the run. Empty if only once.
 fn again(hold: Option<&Hold>) -> String {
     hold.filter(|hold| hold.times > 1).map_or_else(String::new, |hold| format!(", {} times since a well was finished", hold.times))
 }
 
-/// `5 measured (1 of them flagged), 2 skipped`: nothing that there is none of.
+/// `5 measured (1 of them flagged), 2 skipped`. Counts of 0 are left out.
 fn counted(c: &WellCounts) -> String {
     let measured = c.succeeded + c.flagged;
     let flagged = if c.flagged == 0 { String::new() } else { format!(" ({} of them flagged)", c.flagged) };
@@ -129,7 +129,7 @@ mod tests {
         assert_eq!(counted(&counts), "1 failed, 3 not finished");
     }
 
-    /// An axis that is quicker than the computer leaves views to be worked through: no surface is built of half of them.
+    /// A fast axis leaves views in the queue. No surface is built before all views are carved.
     #[test]
     fn a_surface_is_built_once_every_view_is_in_the_model() {
         let mut s = Driver::first_status(Mode::Simulated, "b".into());
@@ -141,7 +141,7 @@ mod tests {
         assert_eq!(of(&s), "Well A01: building the surface.");
     }
 
-    /// People read the headline: what a fault means stands there, what was found is in the fault itself.
+    /// People read the headline. It says what a fault means. The fault itself contains the details.
     #[test]
     fn a_held_run_says_by_whom_and_a_fault_says_what_it_means() {
         let mut s = Driver::first_status(Mode::Simulated, "b".into());
@@ -151,7 +151,7 @@ mod tests {
         assert_eq!(of(&s), "Held by a fault. The disk that holds the data is full. The plate is not called removable.");
     }
 
-    /// Whoever reads the sentence and not `ready` is not misled by it.
+    /// A reader of the sentence alone must not be misled about `ready`.
     #[test]
     fn only_an_instrument_that_is_ready_is_called_so_and_one_that_is_not_says_why() {
         let fault = Fault::new(1, &carved_records::fault_table::DISK_FULL, "no room".into(), String::new());

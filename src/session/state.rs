@@ -1,4 +1,4 @@
-//! The instrument's state machine: pure, one table, PackML's words.
+//! The state machine of the instrument: one table of pure transitions, with the state names of PackML.
 //!
 //! ```text
 //! Idle ─start─> Starting ─ready─> Execute ─wells done─> Completing ─recorded─> Complete ─┐
@@ -11,24 +11,24 @@
 //!     any state          ─abort─> Aborting ─motors stopped─> Aborted ────────────────────┘
 //!     any state          ─shut down─> Stopping ─everything joined─> Stopped
 //! ```
-//! Held is by the operator or by a fault, Suspended by waiting for the loader. A reset for a new run goes on to Starting without
-//! PackML's instant of Idle: whoever polls in that instant would read a run that has been accepted as one that is over.
+//! Held is caused by the operator or by a fault, Suspended by waiting for the loader. A reset for a new run skips PackML's short Idle: a
+//! client that polls at this moment would take the accepted run for one that has ended.
 
 use super::State;
 
-/// What moves the machine.
+/// Causes of transitions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Trigger {
     Start,
-    /// A run that an earlier life of the daemon left open is there again.
+    /// A run is taken up that was open when the daemon restarted.
     TakeUp,
     /// The worker has the instrument, and the camera is armed.
     Ready,
     WaitForLoader,
     Loaded,
-    /// An operator's wish, or a fault.
+    /// Requested by an operator, or caused by a fault.
     Hold,
-    /// The worker has handed the instrument back.
+    /// The worker has returned the instrument.
     Rested,
     Unhold,
     WellsDone,
@@ -40,7 +40,7 @@ pub enum Trigger {
     Joined,
 }
 
-/// States in which a new run is taken.
+/// States in which a new run is accepted.
 pub const STARTABLE: [State; 4] = [State::Idle, State::Complete, State::Stopped, State::Aborted];
 
 /// States in which a run can be held.
@@ -59,13 +59,13 @@ pub const STOPPABLE: [State; 8] = [
     State::Held,
 ];
 
-/// Whether a run goes on in this state, or could.
+/// Whether a run is in progress or held in this state.
 #[cfg(test)]
 fn runs(state: State) -> bool {
     STOPPABLE.contains(&state) || state == State::Completing
 }
 
-/// The states that a trigger leads through, in order, each to be published; nothing where the trigger does not apply.
+/// The states that a trigger leads through, in order. Each is published. `None` if the trigger does not apply.
 pub fn next(state: State, trigger: Trigger) -> Option<&'static [State]> {
     use State::{
         Aborted, Aborting, Clearing, Complete, Completing, Execute, Held, Holding, Idle, Resetting, Starting, Stopped, Stopping, Suspended,

@@ -1,4 +1,4 @@
-//! The table against an independent account of what a run may look like from outside.
+//! Compares the table with an independent model of what a client may see of a run.
 
 use super::*;
 use proptest::prelude::*;
@@ -41,18 +41,18 @@ pub(in crate::session) const ALL: [State; 17] = [
     State::Resetting,
 ];
 
-/// What a client is told of a run, kept by other means than the table: three facts and how they change.
+/// The client's view of a run, independent of the table: three facts and how they change.
 #[derive(Debug, Default, Clone, Copy, PartialEq)]
 struct Run {
     /// Accepted and without an outcome.
     open: bool,
-    /// Its end has been asked for; nothing makes it go on.
+    /// The end was requested. The run cannot continue.
     ending: bool,
     ends: u32,
 }
 
 impl Run {
-    /// One step that is seen from outside.
+    /// A client sees this state next.
     fn sees(&mut self, to: State) {
         match to {
             State::Starting | State::Held if !self.open => *self = Self { open: true, ..*self },
@@ -67,8 +67,8 @@ impl Run {
 }
 
 proptest! {
-    /// Whatever happens in whatever order: between its acceptance and its end a run is never shown as idle or finished, it ends
-    /// once, an end that was asked for is not taken back, and only the states that may follow one another do.
+    /// In any sequence: between acceptance and end a run is never shown as idle or finished, it ends once, a requested end is not revoked,
+    /// and states follow each other only as allowed.
     #[test]
     fn no_sequence_reads_as_something_it_is_not(sequence in prop::collection::vec(0usize..TRIGGERS.len(), 1..200)) {
         let mut state = State::Idle;
@@ -97,7 +97,7 @@ proptest! {
                     State::Stopped => prop_assert_eq!(state, State::Stopping),
                     State::Held => prop_assert!(matches!(state, State::Holding | State::Idle)),
                     State::Suspended => prop_assert_eq!(state, State::Suspending),
-                    // From where wells are being visited, or from a way back to there.
+                    // From the states that lead to the wells.
                     State::Execute => prop_assert!(matches!(state, State::Starting | State::Unholding | State::Unsuspending)),
                     _ => {}
                 }
@@ -122,7 +122,7 @@ fn a_run_can_be_held_stopped_and_aborted_wherever_it_is() {
         let (holdable, stoppable) = (HOLDABLE.contains(&state), STOPPABLE.contains(&state));
         assert!(holdable || matches!(state, State::Holding | State::Held | State::Completing), "{state:?}");
         assert_eq!(next(state, Trigger::Stop).is_some(), stoppable, "{state:?}");
-        // A fault holds it, also while its record is being closed.
+        // A fault also holds a run whose record is being closed.
         assert_eq!(next(state, Trigger::Hold).is_some(), holdable || state == State::Completing, "{state:?}");
     }
     for state in ALL {
@@ -130,7 +130,7 @@ fn a_run_can_be_held_stopped_and_aborted_wherever_it_is() {
     }
 }
 
-/// The states that PackML calls acting must be left by a trigger of their own, or nobody would ever leave them.
+/// Each acting state of PackML must be left by a trigger, or it would be a dead end.
 #[test]
 fn no_state_of_a_run_is_a_dead_end() {
     for state in ALL.into_iter().filter(|s| runs(*s)) {
