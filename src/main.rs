@@ -3,8 +3,9 @@
 use std::env::VarError;
 use std::io::IsTerminal;
 use std::process::ExitCode;
-use tracing_subscriber::EnvFilter;
-use tracing_subscriber::filter::LevelFilter;
+use tracing_subscriber::filter::{LevelFilter, Targets};
+use tracing_subscriber::layer::SubscriberExt;
+use tracing_subscriber::util::SubscriberInitExt;
 
 /// The variable that says what the log holds.
 const LOG: &str = "CARVED_LOG";
@@ -12,13 +13,12 @@ const DEFAULT: &str = "info";
 
 fn main() -> ExitCode {
     let (filter, warning) = filter(std::env::var(LOG));
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
+    let lines = tracing_subscriber::fmt::layer()
         .with_ansi(std::io::stderr().is_terminal())
         .with_writer(std::io::stderr)
         // The subscriber would tell standard error that standard error cannot be written, and panic in the thread that drives the motors.
-        .log_internal_errors(false)
-        .init();
+        .log_internal_errors(false);
+    tracing_subscriber::registry().with(filter).with(lines).init();
     if let Some(warning) = warning {
         tracing::warn!("{warning}");
     }
@@ -26,21 +26,21 @@ fn main() -> ExitCode {
 }
 
 /// What the log holds, and a warning where the variable's value is none of what it may be.
-fn filter(value: Result<String, VarError>) -> (EnvFilter, Option<String>) {
+fn filter(value: Result<String, VarError>) -> (Targets, Option<String>) {
     let value = match value {
         Ok(value) => value,
         Err(VarError::NotPresent) => DEFAULT.to_owned(),
         Err(VarError::NotUnicode(value)) => value.to_string_lossy().into_owned(),
     };
     let value = if value.trim().is_empty() { DEFAULT } else { value.trim() };
-    match EnvFilter::try_new(value) {
+    match value.parse::<Targets>() {
         Ok(filter) if value.split(',').all(is_meant) => (filter, None),
         _ => {
             let warning = format!(
                 "{LOG} is {value:?}; expected error, warn, info, debug, trace or off, or levels by part, as in \
                  info,carved_devices=debug. The log is at {DEFAULT}"
             );
-            (EnvFilter::new(DEFAULT), Some(warning))
+            (Targets::new().with_default(LevelFilter::INFO), Some(warning))
         }
     }
 }
@@ -48,7 +48,7 @@ fn filter(value: Result<String, VarError>) -> (EnvFilter, Option<String>) {
 /// A word without a level names a part of the program, of which all is told. A misspelt level would be such a word.
 fn is_meant(directive: &str) -> bool {
     let word = directive.trim();
-    word.contains(['=', '[']) || word.parse::<LevelFilter>().is_ok() || word.starts_with("carved") || word.starts_with("hardware_sim")
+    word.contains('=') || word.parse::<LevelFilter>().is_ok() || word.starts_with("carved") || word.starts_with("hardware_sim")
 }
 
 #[cfg(test)]

@@ -60,7 +60,7 @@ pub fn cable_pulled_at_any_byte<A: RotationAxis>(bytes: usize, rig: impl Fn() ->
 /// `apart` steps longer.
 pub fn late_answers(answers: u32, apart: i64, rig: &Rig, axis: &mut dyn RotationAxis, steps: f64) {
     for late in 0..answers {
-        rig.faults().serial().delay_answer_after(late, Duration::from_millis(300));
+        rig.faults().serial().delay_answer_after(late, Duration::from_millis(900));
         let target = Steps(apart * (i64::from(late) + 1));
         assert_eq!(axis.move_to(target).unwrap_or_else(|e| panic!("answer {late}: {e}")).steps, target);
         assert!((turns(rig) - target.0 as f64 / steps).abs() < 1e-9);

@@ -25,7 +25,7 @@ pub fn settings(rig: &Rig) -> ZaberSettings {
         accel: 5,
         encoder_tolerance_steps: Some(9),
         reference: Reference::Home,
-        answer_timeout_ms: 200,
+        answer_timeout_ms: 600,
         homing_timeout_ms: 30_000,
         outputs: std::collections::BTreeMap::new(),
     }
@@ -323,7 +323,7 @@ fn a_lost_answer_to_a_long_move_does_not_interrupt_it() {
     let mut axis = referenced(settings(&rig));
     // The late answer is one after state, counter and encoder.
     for lost in 0..6 {
-        rig.faults().serial().delay_answer_after(lost, std::time::Duration::from_millis(300));
+        rig.faults().serial().delay_answer_after(lost, std::time::Duration::from_millis(900));
         let target = Steps(3200 * (i64::from(lost) + 1));
         assert_eq!(axis.move_to(target).unwrap_or_else(|e| panic!("answer {lost}: {e}")).steps, target);
     }
