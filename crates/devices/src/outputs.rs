@@ -7,7 +7,7 @@
 //!      └────────── reset, restart, unplug, alarm, doubt about the position ────┘
 //! ```
 //! A state is what the controller has confirmed. [`views_on`] switches the outputs of the views on before the first frame, and
-//! [`views_off`] switches them off after the last one. An output is switched off also while a stop is latched, because that moves nothing.
+//! [`views_off`] switches them off after the last one. Outputs are switched also while a stop is latched, because nothing moves.
 
 use crate::cancel::CancelToken;
 use crate::{DeviceError, RotationAxis};
@@ -85,7 +85,7 @@ pub struct OutputStatus {
 pub trait Outputs {
     /// Every configured output. Nothing is asked of the controller.
     fn statuses(&self) -> Vec<OutputStatus>;
-    /// Switches an output and returns once the controller has confirmed it. To switch off works also while a stop is latched.
+    /// Switches an output and returns once the controller has confirmed it, also while a stop is latched.
     ///
     /// # Errors
     /// [`DeviceError::Output`] if the controller refuses or reports another state, and the controller's fault. The state is then unknown.
@@ -107,11 +107,14 @@ pub fn unknown<P>(table: &OutputTable<P>) -> Vec<OutputStatus> {
 /// Switches the outputs of the views on, and waits until the slowest of them is steady. Without such outputs it does nothing.
 ///
 /// # Errors
-/// The first output that was not switched on, or [`DeviceError::Stopped`] if `cancel` was cancelled.
+/// The first output that was not switched on, or [`DeviceError::Stopped`] if `cancel` was cancelled. Outputs that are on stay on.
 pub fn views_on(rotation: &mut dyn RotationAxis, cancel: &CancelToken) -> Result<(), DeviceError> {
     let Some(outputs) = rotation.outputs() else { return Ok(()) };
     let mut settle = Duration::ZERO;
     for output in of_views(outputs) {
+        if cancel.is_cancelled() {
+            return Err(DeviceError::Stopped);
+        }
         outputs.switch(&output.name, true)?;
         settle = settle.max(output.settle);
     }
@@ -168,11 +171,13 @@ where
 /// The outputs of a driver with what is known of them.
 pub(crate) struct Bank<P> {
     outputs: Vec<(P, OutputStatus)>,
+    /// Names of the outputs that were switched on, confirmed or not, and not confirmed as off since.
+    may_be_on: BTreeSet<String>,
 }
 
 impl<P: Copy + PartialEq> Bank<P> {
     pub fn new(table: &OutputTable<P>) -> Self {
-        Self { outputs: table.values().map(|output| output.pin).zip(unknown(table)).collect() }
+        Self { outputs: table.values().map(|output| output.pin).zip(unknown(table)).collect(), may_be_on: BTreeSet::new() }
     }
 
     pub fn is_empty(&self) -> bool {
@@ -193,9 +198,9 @@ impl<P: Copy + PartialEq> Bank<P> {
         self.outputs.iter().filter(|(_, status)| status.state == OutputState::On).map(|(pin, _)| *pin).collect()
     }
 
-    /// Outputs of the views that are on.
+    /// Outputs of the views that may be on.
     pub fn left_on(&self) -> Vec<String> {
-        let left = |status: &OutputStatus| status.on == OutputUse::Views && status.state == OutputState::On;
+        let left = |status: &OutputStatus| status.on == OutputUse::Views && self.may_be_on.contains(&status.name);
         self.outputs.iter().filter(|(_, status)| left(status)).map(|(_, status)| status.name.clone()).collect()
     }
 
@@ -225,6 +230,11 @@ impl<P: Copy + PartialEq> Bank<P> {
             }
             other => other,
         });
+        if on {
+            self.may_be_on.insert(name.to_owned());
+        } else if switched.is_ok() {
+            self.may_be_on.remove(name);
+        }
         for (_, status) in self.outputs.iter_mut().filter(|(_, status)| status.name == name) {
             status.state = match (&switched, on) {
                 (Ok(()), true) => OutputState::On,

@@ -1,4 +1,4 @@
-//! The blocking half of a run: it owns the rig while the run lasts, well by well, and tells the driver what it does.
+//! The blocking half of a run. It owns the rig during the run, works well by well, and reports its progress to the driver.
 //!
 //! ```text
 //!  rig thread     load ─> position ─> detect ─> revolve ──────────> verdict ─> eject ─> wash ─> load ─> position ...
@@ -30,6 +30,7 @@ use carved_core::pipeline::{Pipeline, PipelineError};
 use carved_core::profile::{Detection, Profile};
 use carved_devices::acquisition::{AcquisitionError, RevolutionPlan};
 use carved_devices::cancel::CancelToken;
+use carved_devices::outputs;
 use carved_devices::sampler::{Expected, NextWell, Sampler, Upcoming};
 use carved_devices::{Camera, DeviceError, Position, Rig, StreamCounters};
 use carved_records::{Light, LiveEstimate, Method, Mode, Phase, PlannedWell, SpecimenKind, SpecimenOutcome, WellStatus, WellTimes};
@@ -41,17 +42,17 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::mpsc::Sender;
 
-/// The devices and who fills the capillary.
+/// The devices and the sampler.
 pub struct Instrument {
     pub rig: Rig,
-    /// A second camera, triggered per view after the rig's.
+    /// A second camera. It is triggered for each view after the first camera.
     pub second: Option<Box<dyn Camera>>,
     pub sampler: Box<dyn Sampler>,
 }
 
-/// What the worker tells the driver; the driver alone changes status and journal.
+/// Progress messages of the worker. Only the driver changes status and journal.
 pub enum Progress {
-    /// The camera is armed, wells follow.
+    /// The camera is armed. Wells follow.
     Ready,
     WaitingForLoader {
         well: String,
@@ -61,17 +62,17 @@ pub enum Progress {
         phase: Phase,
         in_capillary: bool,
     },
-    /// The frame on which the well is judged; what was shown before belongs to another specimen.
+    /// The detection frame, on which the well is judged. It replaces what was shown of the previous specimen.
     Detected {
         well: String,
-        /// Nothing where the frame cannot be judged.
+        /// `None` if the frame cannot be judged.
         found: Option<Detection>,
         live: Live,
     },
-    /// The specimen is taken from its reference again.
+    /// Another attempt at the specimen begins with a new reference.
     TriedAgain {
         well: String,
-        /// The attempt that failed, from 1.
+        /// The number of the failed attempt, from 1.
         attempt: u32,
         why: String,
     },
@@ -82,21 +83,21 @@ pub enum Progress {
         achieved_steps: i64,
         hull_volume_um3: Option<f64>,
         estimate: LiveEstimate,
-        /// Why there is no estimate.
+        /// Why there is no estimate yet.
         wait: Option<VolumeWait>,
         light: Option<Light>,
         live: Live,
     },
-    /// The finished surface, for the page, and the numbers; another specimen may be in the capillary by then.
+    /// The finished surface for the page, and the numbers. Another specimen may be in the capillary by now.
     Measured {
         well: String,
         glb: Option<Arc<Vec<u8>>>,
         end: LiveEstimate,
     },
-    /// Everything of this well is on disk; the next may be under way already.
+    /// All files of this well are on disk. The next well may be in progress already.
     WellDone {
         result: WellStatus,
-        /// How long the well had the rig.
+        /// How long the well used the rig.
         seconds: f64,
         times: WellTimes,
     },
@@ -112,13 +113,13 @@ pub enum Progress {
 /// How the worker ended.
 pub enum RunEnd {
     AllWells,
-    /// It was asked to end after the specimen under way, and wells are left.
+    /// The worker ended after a specimen, as requested. Wells are left.
     Paused,
     Cancelled,
     Failed(RunError),
 }
 
-/// What ends a whole run: the instrument or the disk, never one specimen.
+/// Ends a run that cannot be continued. The cause is the instrument or the disk, never a specimen.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
     #[error(transparent)]
@@ -131,7 +132,7 @@ pub enum RunError {
     Overrun(#[from] Overrun),
     #[error("second camera: {0}")]
     Second(DeviceError),
-    /// The instrument shows no specimen, whatever is in the capillary.
+    /// The pictures are unusable because of the instrument.
     #[error("well {well}: {fault}")]
     Optics { well: String, fault: OpticsFault },
     #[error("the specimen thread ended without a result; see the log")]
@@ -146,17 +147,17 @@ pub struct RunContext {
     pub run: String,
     /// Barcode of the plate.
     pub plate: String,
-    /// The wells still to do, in order.
+    /// The wells that are left, in order.
     pub wells: Vec<PlannedWell>,
-    /// A well whose specimen an earlier life of the daemon may have left in the capillary: it is taken out before anything else.
+    /// A well whose specimen may be left in the capillary from before a restart. It is ejected first.
     pub eject_first: Option<String>,
-    /// A well whose specimen is in the capillary of a driven sampler already: it is not brought again.
+    /// A well whose specimen is already in the capillary of a driven sampler. It is not brought again.
     pub inside: Option<String>,
     pub method_name: String,
     pub method: Method,
     pub folder: PathBuf,
     pub cancel: CancelToken,
-    /// Ends the run once the specimen under way is done; the motors are not stopped.
+    /// Ends the run after the current specimen. The motors do not stop.
     pub pause: CancelToken,
     pub progress: Sender<Progress>,
 }
@@ -167,13 +168,13 @@ struct Worker {
     instrument: Instrument,
 }
 
-/// Why a well has no number.
+/// Why a well has no numbers.
 enum WellEnd {
     Skipped(&'static str),
     Failed(String),
 }
 
-/// What the sampler is told of a well.
+/// What the sampler needs to know about a well.
 fn expected(planned: &PlannedWell) -> Expected<'_> {
     Expected { well: &planned.well, bead: planned.specimen == SpecimenKind::Bead, dpf: planned.dpf }
 }
@@ -182,17 +183,17 @@ fn optics_fault(planned: &PlannedWell, fault: OpticsFault) -> RunError {
     RunError::Optics { well: planned.well.clone(), fault }
 }
 
-/// Runs all wells and gives the instrument back.
+/// Runs all wells and returns the instrument.
 pub fn run(instrument: Instrument, context: &RunContext) -> (Instrument, RunEnd) {
     let mut worker = Worker { context: Arc::new(context.clone()), instrument };
     let mut numbers = None;
     let ended = worker.all_wells(&mut numbers);
-    // Whoever has taken the axis over by hand has stopped it.
+    // After an intervention by hand the axis has stopped already.
     let stops = ended.as_ref().is_err_and(|e| !retry::is_intervention(e));
     if stops || context.cancel.is_cancelled() {
         worker.instrument.rig.rotation.stop_handle().end_motion();
     }
-    // What was accepted before is measured and kept, however the run ends.
+    // The numbers of an accepted specimen are computed and stored, however the run ends.
     let settled = context.settle(&mut numbers);
     let ended = match (ended, settled) {
         (Ok(flow), settled) => settled.map(|()| flow),
@@ -206,7 +207,7 @@ pub fn run(instrument: Instrument, context: &RunContext) -> (Instrument, RunEnd)
     let end = match ended {
         Ok(ControlFlow::Continue(())) => RunEnd::AllWells,
         Ok(ControlFlow::Break(())) if !context.cancel.is_cancelled() => RunEnd::Paused,
-        // A stop that was asked for shows as a device error on its way out; it is no fault.
+        // A requested stop shows as a device error. It is not a fault.
         Ok(ControlFlow::Break(())) => RunEnd::Cancelled,
         Err(error) if context.cancel.is_cancelled() => {
             tracing::warn!(%error, "the last word of a run that was cancelled");
@@ -224,6 +225,8 @@ impl Worker {
             second.arm().map_err(RunError::Second)?;
         }
         self.context.tell(Progress::Ready);
+        // A daemon that was killed may have left a light on.
+        outputs::views_off(self.instrument.rig.rotation.as_mut());
         if let Some(well) = self.context.eject_first.clone() {
             self.eject(&well, true, &mut WellTimes::default())?;
         }
@@ -249,7 +252,7 @@ impl Worker {
         Ok(ControlFlow::Continue(()))
     }
 
-    /// Which of these wells comes next, as the sampler says.
+    /// The next well, in the order of the sampler.
     fn next_of(&mut self, waiting: &[&PlannedWell]) -> Result<NextWell, RunError> {
         let Self { context, instrument } = self;
         let is_ended = || context.cancel.is_cancelled() || context.pause.is_cancelled();
@@ -263,9 +266,9 @@ impl Worker {
         Ok(instrument.sampler.next_well(&Upcoming { run: &context.run, plate: &context.plate, wells: &wells }, &is_ended)?)
     }
 
-    /// The instrument as it is handed back.
+    /// Disarms the cameras and returns the instrument.
     fn disarmed(mut self) -> Instrument {
-        // One that is lost is taken apart when it is opened again.
+        // A lost camera is closed when it is opened again.
         if !self.instrument.rig.camera.is_lost()
             && let Err(error) = self.instrument.rig.camera.disarm()
         {
@@ -283,7 +286,7 @@ impl Worker {
 
 impl RunContext {
     fn tell(&self, progress: Progress) {
-        // Without a driver nobody could end this run any more: it ends itself.
+        // Without a driver nothing else can end this run.
         if self.progress.blocking_send(progress).is_err() {
             self.cancel.cancel();
         }
@@ -293,12 +296,12 @@ impl RunContext {
         self.tell(Progress::Phase { well: well.to_owned(), phase, in_capillary });
     }
 
-    /// Waits until the numbers of the specimen that was accepted last are on disk, as long as they may take.
+    /// Waits until the numbers of the last accepted specimen are on disk, up to the deadline of the phase.
     fn settle(&self, numbers: &mut Option<Science>) -> Result<(), RunError> {
         numbers.take().map_or(Ok(()), |science| science.settle(self.allowed(Phase::Measure)))
     }
 
-    /// How long a phase may take.
+    /// Deadline of a phase.
     fn allowed(&self, phase: Phase) -> Duration {
         self.method.policy.deadlines_s.of(phase)
     }
@@ -326,14 +329,14 @@ impl RunContext {
         });
     }
 
-    /// Of the axis along the capillary, where the rig has one.
+    /// Status of the axis along the capillary. `None` if the rig has none.
     fn translation(&self, rig: &mut Rig) -> Option<TranslationStatus> {
         let settings = self.config.translation.as_ref()?;
         let position = rig.rotation.linear().map(|axis| axis.position());
         Some(TranslationStatus::new(rig.rotation.identity(), position, |steps| settings.um(steps)))
     }
 
-    /// Of the controller's outputs, and unknown while it is lost.
+    /// Status of the controller's outputs. They are unknown while the controller is lost.
     fn outputs(&self, rig: &mut Rig) -> Vec<OutputStatus> {
         let known = rig.rotation.outputs().map(|outputs| outputs.statuses());
         known.unwrap_or_else(|| self.config.rotation.outputs()).into_iter().map(Into::into).collect()
@@ -345,7 +348,7 @@ impl RunContext {
         Ok(if self.config.repeats_first_view() { plan } else { plan.without_closure() })
     }
 
-    /// No specimen of these wells comes.
+    /// Skips these wells, because no specimen of them comes.
     fn skip_all(&self, wells: &[&PlannedWell]) {
         for planned in wells {
             let mut result = WellStatus::pending(planned);
@@ -354,7 +357,7 @@ impl RunContext {
         }
     }
 
-    /// Refuses a configuration by which no specimen of this kind can be measured, before one is brought.
+    /// Checks before a specimen is brought that the configuration can measure it.
     fn can_measure(&self, planned: &PlannedWell) -> Result<(), RunError> {
         self.method.clears(&self.config.optics).map_err(|e| optics_fault(planned, e.into()))?;
         self.plan(planned)?;
@@ -365,14 +368,14 @@ impl RunContext {
         Duration::from_millis(self.config.acquisition.grab_deadline_ms.into())
     }
 
-    /// What looks at this well's frames and measures its specimen.
+    /// Processes the frames of this well.
     fn pipeline(&self, planned: &PlannedWell) -> Result<Pipeline, RunError> {
         let settings = self.method.pipeline(&self.config.optics, planned.specimen == SpecimenKind::Bead).map_err(PipelineError::from);
         let compared = settings.and_then(|settings| settings.compared_with(self.config.empty_capillary.as_deref()));
         compared.and_then(Pipeline::new).map_err(|e| optics_fault(planned, OpticsFault::Pipeline(Box::new(e))))
     }
 
-    /// What a well's record begins with.
+    /// The start of a well's recording.
     fn recording(&self, planned: &PlannedWell, instrument: &Instrument) -> Recording {
         let second = instrument.second.as_ref().zip(self.config.second.as_ref());
         let rig = RigRecord {
@@ -390,7 +393,7 @@ impl RunContext {
         Recording::new(&self.run, planned.clone(), self.mode, rig, &self.method_name, self.method.clone())
     }
 
-    /// How far the axis is to carry the capillary along for more of the specimen to be seen; nothing where it cannot be.
+    /// How far to move the capillary along its axis to show more of the specimen, um. `None` if this is not possible or not necessary.
     fn out_of_view_um(&self, planned: &PlannedWell, profile: &Profile) -> Option<f64> {
         let sense = self.config.translation?.sense;
         let shift_px = placing::shift_px(profile)?;

@@ -57,8 +57,8 @@ impl Outputs for Grbl {
 
     fn switch(&mut self, name: &str, on: bool) -> Result<(), DeviceError> {
         let pin = self.outputs.pin(DEVICE, name)?;
-        self.link.pass_latch(!on);
-        let switched = if on { self.switch_on(pin) } else { self.switch_off(pin) };
+        self.link.pass_latch(true);
+        let switched = self.switch_after_stop(pin, on);
         self.link.pass_latch(false);
         if let Err(error) = &switched
             && !matches!(error, DeviceError::Unexpected { .. })
@@ -70,6 +70,19 @@ impl Outputs for Grbl {
 }
 
 impl Grbl {
+    /// Reads on after the traces of a stop, which are no failure here.
+    fn switch_after_stop(&mut self, pin: GrblPin, on: bool) -> Result<(), DeviceError> {
+        let mut attempts = ATTEMPTS;
+        loop {
+            attempts -= 1;
+            let switched = if on { self.switch_on(pin) } else { self.is_free().and_then(|()| self.set_pin(pin, false)) };
+            match switched {
+                Err(error @ (DeviceError::Suspect { .. } | DeviceError::Alarm { .. })) if attempts > 0 => self.doubt(&error),
+                ended => return ended,
+            }
+        }
+    }
+
     fn switch_on(&mut self, pin: GrblPin) -> Result<(), DeviceError> {
         self.identify()?;
         if self.free_status()?.state == State::Alarm {
@@ -78,18 +91,6 @@ impl Grbl {
             self.command("$X", self.settings.answer_timeout(), |_| {})?;
         }
         self.set_pin(pin, true)
-    }
-
-    /// Reads on after the traces of a stop, which are no failure here.
-    fn switch_off(&mut self, pin: GrblPin) -> Result<(), DeviceError> {
-        for _ in 1..ATTEMPTS {
-            let switched = self.is_free().and_then(|()| self.set_pin(pin, false));
-            match switched {
-                Err(error @ (DeviceError::Suspect { .. } | DeviceError::Alarm { .. })) => self.doubt(&error),
-                ended => return ended,
-            }
-        }
-        self.set_pin(pin, false)
     }
 
     fn set_pin(&mut self, pin: GrblPin, on: bool) -> Result<(), DeviceError> {

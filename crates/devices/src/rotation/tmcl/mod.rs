@@ -218,7 +218,7 @@ impl Outputs for Tmcl {
     /// `SIO`, and `GIO` for proof. A module that was reset has switched all outputs off; the reference finds that out by the mark.
     fn switch(&mut self, name: &str, on: bool) -> Result<(), DeviceError> {
         let TmclPin(port) = self.outputs.pin(DEVICE, name)?;
-        self.wire.pass_latch(!on);
+        self.wire.pass_latch(true);
         let answers = self.wire.ask_all([Request::set_output(port, on), Request::output(port)]);
         self.wire.pass_latch(false);
         let switched = match answers.map(|answers| answers.values[1]) {

@@ -373,7 +373,7 @@ impl Outputs for Zaber {
 
     fn switch(&mut self, name: &str, on: bool) -> Result<(), DeviceError> {
         let ZaberPin(channel) = self.outputs.pin(DEVICE, name)?;
-        self.wire.pass_latch(!on);
+        self.wire.pass_latch(true);
         let switched = self.set_output(channel, on);
         self.wire.pass_latch(false);
         self.outputs.note(DEVICE, name, on, switched)
