@@ -1,11 +1,12 @@
-//! Runs that are kept elsewhere too: copied with every hash held against the copy, and pruned only when the copy is still good.
+//! Archives and prunes runs. Each file of a copy is verified by its hash. A run is pruned only while its copy is still good.
 //!
 //! ```text
 //! archive: runs/RUN ── each file ──> DIR/RUN, written and synced ── read again, hashed ──> receipt in both
-//! prune:   receipt ── every file of the copy is another file, hashed again ── what lies here is what was copied ──> frames removed
-//!          --all: runs/RUN ── renamed ──> runs/.RUN.pruned ── all but the receipts removed ── the receipts, the folder removed
+//! prune:   receipt ── each file of the copy is a separate file, hashed again ── the run equals its copy ──> frames removed
+//!          --all: runs/RUN ── renamed ──> runs/.RUN.pruned ── all but the receipts removed ── receipts and folder removed
 //! ```
-//! A crash during `--all` leaves `.RUN.pruned`. A start names it; the next prune checks the copy again and ends it.
+//! A crash during `--all` leaves `.RUN.pruned`. A start of the daemon reports it. The next prune verifies the copy again and removes the
+//! rest.
 
 use super::index;
 use super::{RunRecord, Software, StoreError, disk, durable, run, schema, sums};
@@ -19,11 +20,11 @@ use std::path::{Component, Path, PathBuf};
 
 const SCHEMA: &str = "carved.archive/1";
 
-/// Receipts in the run's folder; one of them in the copy's.
+/// Folder of the receipts in the run's folder. The copy contains one receipt, [`RECEIPT`].
 const RECEIPTS: &str = "archives";
 const RECEIPT: &str = "archive.json";
 
-/// What was copied, and where to.
+/// The record of a copy: its files and its place.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Receipt {
     pub schema: String,
@@ -34,36 +35,36 @@ pub struct Receipt {
     /// The copy's folder.
     pub destination: PathBuf,
     pub bytes: u64,
-    /// SHA-256 by name in the folder.
+    /// SHA-256 of each file, by its name in the folder.
     pub files: BTreeMap<PathBuf, String>,
 }
 
-/// What a prune takes away.
+/// The result of a prune.
 #[derive(Debug)]
 pub struct Pruned {
     pub run: String,
     pub files: usize,
     pub bytes: u64,
-    /// Where it can be had; `None` where nothing was left that could be asked for.
+    /// The folder of the copy. `None` if no file was left to remove.
     pub archived: Option<PathBuf>,
-    /// Why the index does not know of it yet, where it does not.
+    /// Why the index was not updated. `None` if it was.
     pub index: Option<StoreError>,
 }
 
-/// A run that has ended: nobody writes in its folder any more.
+/// Reads the record of a run that has ended. Nobody writes to its folder any more.
 fn ended(folder: &Path) -> Result<RunRecord, StoreError> {
     let record = RunRecord::read(&folder.join(run::FILE))?;
     if record.outcome.is_none() { Err(StoreError::Unended { path: folder.to_owned() }) } else { Ok(record) }
 }
 
-/// Files of a run with their hashes, receipts left out.
+/// The files of a run with their hashes, without the receipts.
 fn contents(folder: &Path) -> Result<BTreeMap<PathBuf, String>, StoreError> {
     let mut files = sums::of_folder(folder)?;
     files.retain(|name, _| !name.starts_with(RECEIPTS));
     Ok(files)
 }
 
-/// Holds a run against the sums that its recordings were closed with.
+/// Verifies a run against the checksums of its recordings.
 fn unaltered(folder: &Path, files: &BTreeMap<PathBuf, String>) -> Result<(), StoreError> {
     for list in files.keys().filter(|name| name.file_name().is_some_and(|n| n == sums::FILE)) {
         let at = list.parent().unwrap_or(Path::new(""));
@@ -79,7 +80,7 @@ fn unaltered(folder: &Path, files: &BTreeMap<PathBuf, String>) -> Result<(), Sto
     Ok(())
 }
 
-/// The hash of a file as the disk has it, not as memory does.
+/// The hash of a file as read from the disk, not from the page cache.
 fn hash_on_disk(path: &Path) -> Result<String, StoreError> {
     let io = |what| StoreError::io(what, path);
     let mut file = carved_files::open(path).map_err(io("open"))?;
@@ -89,13 +90,13 @@ fn hash_on_disk(path: &Path) -> Result<String, StoreError> {
     Ok(sha256_hex(&bytes))
 }
 
-/// Everything in a run's folder by device and inode, which are the same by every path that leads there: a link, a mount, `..`.
+/// All files and folders of a run by device and inode. These are the same for every path to a file: through a link, a mount or `..`.
 struct Own {
     folder: PathBuf,
     ids: BTreeSet<(u64, u64)>,
 }
 
-/// Device and inode of what a path leads to.
+/// Device and inode of the target of a path.
 fn id(path: &Path) -> Result<(u64, u64), StoreError> {
     std::fs::metadata(path).map(|m| (m.dev(), m.ino())).map_err(StoreError::io("look at", path))
 }
@@ -107,7 +108,7 @@ impl Own {
             ids.insert(id(folder)?);
             for entry in std::fs::read_dir(folder).map_err(&list)? {
                 let path = entry.map_err(&list)?.path();
-                // A link leads to a file that a copy must not be either; what is behind a link to a folder is not walked.
+                // The target of a link counts too, because a copy must not be that file. A link to a folder is not followed.
                 let is_link = path.is_symlink();
                 if path.is_dir() && !is_link {
                     add(&path, ids)?;
@@ -122,7 +123,7 @@ impl Own {
         Ok(Self { folder: folder.to_owned(), ids })
     }
 
-    /// Holds that a path, as far as it is there, leads neither into the run's folder nor to one of its files.
+    /// Checks that a path does not lead into the run's folder or to one of its files. Checks the existing part of the path.
     fn is_apart(&self, path: &Path) -> Result<(), StoreError> {
         let mut there = path;
         while !there.exists() {
@@ -138,16 +139,16 @@ impl Own {
     }
 }
 
-/// Whether a name from a file leads nowhere but down.
+/// Whether a file name stays inside its folder.
 fn is_below(name: &Path) -> bool {
     name.components().all(|part| matches!(part, Component::Normal(_)))
 }
 
 impl Receipt {
-    /// Reads the whole copy again: each file of it is there, is not the run's own file, and is what was copied.
+    /// Reads the whole copy again. Each file must exist, must not be the run's own file, and must have its recorded hash.
     ///
     /// # Errors
-    /// The first file that is not.
+    /// The first file that fails.
     fn verify(&self, own: &Own) -> Result<(), StoreError> {
         for (name, expected) in &self.files {
             let path = self.destination.join(name);
@@ -159,17 +160,17 @@ impl Receipt {
     }
 }
 
-/// Copies a run that has ended to `to/RUN` and leaves a receipt in both, once every file of the copy was read again. A copy that was
-/// cut short is finished.
+/// Copies a run that has ended to `to/RUN`. Verifies every file of the copy, then writes a receipt in both folders. Completes an
+/// interrupted copy.
 ///
 /// # Errors
-/// A run under way; files that are not what was recorded; other files at the destination; a copy that reads back otherwise.
+/// The run has not ended, its files are altered, the destination has other files, or the copy reads back differently.
 pub fn archive(folder: &Path, to: &Path) -> Result<Receipt, StoreError> {
     let record = ended(folder)?;
     let whole = |path: &Path| path.canonicalize().map_err(StoreError::io("find", path));
     let from = whole(folder)?;
     let own = Own::of(&from)?;
-    // Before anything is made: a folder must not appear in the run either.
+    // Check this first: no folder may be created inside the run.
     own.is_apart(&to.join(&record.id))?;
     durable::create_folder(to)?;
     let destination = whole(to)?.join(&record.id);
@@ -215,7 +216,7 @@ pub fn archive(folder: &Path, to: &Path) -> Result<Receipt, StoreError> {
 fn receipts(folder: &Path) -> Result<Vec<Receipt>, StoreError> {
     let of = folder.join(RECEIPTS);
     let Ok(entries) = std::fs::read_dir(&of) else { return Ok(Vec::new()) };
-    // What is no file is no receipt, and stands in nobody's way.
+    // Other names, such as folders, are ignored.
     let files = entries.flatten().map(|entry| entry.path()).filter(|path| path.extension().is_some_and(|e| e == "json"));
     let mut found = Vec::new();
     for path in files {
@@ -230,13 +231,14 @@ fn receipts(folder: &Path) -> Result<Vec<Receipt>, StoreError> {
     Ok(found)
 }
 
-/// Why a raw frame, `name` in a recording's folder, is not there: it was pruned, where a receipt of its run has it.
+/// The error for a missing raw frame. `name` is its name in the recording's folder. Says where the copy is, if a receipt of the run lists
+/// the frame.
 pub(super) fn gone(recording: &Path, name: &str) -> StoreError {
     let path = recording.join(name);
     let copied = || {
         let whole = recording.canonicalize().ok()?;
         let well = Path::new(whole.file_name()?);
-        // Receipts that cannot be read tell nothing.
+        // Unreadable receipts count as none.
         let receipt = receipts(whole.parent()?).ok()?.into_iter().find(|receipt| receipt.files.contains_key(&well.join(name)))?;
         let copy = receipt.destination.join(well);
         Some(StoreError::ArchivedFrame { path: path.clone(), is_there: copy.join(name).is_file(), copy, archived: receipt.archived })
@@ -244,13 +246,13 @@ pub(super) fn gone(recording: &Path, name: &str) -> StoreError {
     copied().unwrap_or(StoreError::MissingFrame { path })
 }
 
-/// Whether a prune without `all` takes it: raw frames, of which nothing is looked up.
+/// Whether a prune without `all` removes this file. These are the raw frames, which no lookup needs.
 fn is_raw(name: &Path) -> bool {
     let mut parts = name.components().skip(1).map(std::path::Component::as_os_str);
     parts.next().is_some_and(|part| part == "frames" || part == "second") && parts.next().is_some()
 }
 
-/// The newest receipt of a run whose copy has every byte of what is `taken`, as it was read again just now.
+/// The newest receipt whose copy contains all files in `taken`. The copy is read again now.
 fn good_copy(folder: &Path, id: &str, taken: &BTreeMap<PathBuf, String>) -> Result<Receipt, StoreError> {
     let path = || folder.to_owned();
     let mut why = None;
@@ -259,7 +261,7 @@ fn good_copy(folder: &Path, id: &str, taken: &BTreeMap<PathBuf, String>) -> Resu
             why = Some(format!("a receipt in it is of the run {:?}", receipt.run));
             continue;
         }
-        // Nothing is taken: what was taken before needs no copy to be found today.
+        // If there is nothing to remove, the copy does not have to be reachable.
         if taken.is_empty() {
             return Ok(receipt);
         }
@@ -275,11 +277,11 @@ fn good_copy(folder: &Path, id: &str, taken: &BTreeMap<PathBuf, String>) -> Resu
     Err(why.map_or_else(|| StoreError::NeverArchived { path: path() }, |why| StoreError::NoGoodCopy { path: path(), why }))
 }
 
-/// Takes the raw frames of a run, or the whole of it, out of the data folder, where a copy that was read again just now has every
-/// byte of them. Without `really` it only says what it would take.
+/// Removes the raw frames of a run, or the whole run, from the data folder. The copy is read again first and must contain every removed
+/// file. Without `really` nothing is removed.
 ///
 /// # Errors
-/// A run under way, without a receipt, whose copy is not what the receipt says, or with files that are not in the copy.
+/// The run has not ended, has no receipt, its copy differs from the receipt, or the copy lacks a file.
 pub fn prune(root: &Path, id: &str, all: bool, really: bool) -> Result<Pruned, StoreError> {
     let folder = root.join("runs").join(id);
     ended(&folder)?;
@@ -289,7 +291,7 @@ pub fn prune(root: &Path, id: &str, all: bool, really: bool) -> Result<Pruned, S
     let bytes = bytes_of(&folder, &taken);
     if really {
         if all {
-            // Renamed first: half a run must not look like one.
+            // Rename first, so that a partly removed run does not look like a run.
             let gone = left(root, id);
             durable::rename(&folder, &gone)?;
             remove(&gone)?;
@@ -312,12 +314,12 @@ fn pruned(root: &Path, id: &str, taken: &BTreeMap<PathBuf, String>, bytes: u64, 
     Pruned { run: id.to_owned(), files: taken.len(), bytes, archived: receipt.map(|r| r.destination), index }
 }
 
-/// What a run is renamed to before it is removed.
+/// The name of a run while it is removed.
 fn left(root: &Path, id: &str) -> PathBuf {
     root.join("runs").join(format!(".{id}.pruned"))
 }
 
-/// Removes a run that was renamed, its receipts last: while a file of it is there, so is the receipt that says where its copy is.
+/// Removes a renamed run. The receipts go last, so that they say where the copy is until all files are removed.
 fn remove(gone: &Path) -> Result<(), StoreError> {
     let io = |what| StoreError::io(what, gone);
     for entry in std::fs::read_dir(gone).map_err(io("list"))? {
@@ -335,10 +337,10 @@ fn remove(gone: &Path) -> Result<(), StoreError> {
     durable::sync_folder(durable::folder_of(gone))
 }
 
-/// Runs of which a prune that was cut short has left something, by name.
+/// Names of the runs of which an interrupted prune has left files.
 ///
 /// # Errors
-/// A folder that cannot be listed.
+/// The folder cannot be listed.
 pub fn cut_short(root: &Path) -> Result<Vec<String>, StoreError> {
     let runs = root.join("runs");
     let mut found = Vec::new();
@@ -352,14 +354,14 @@ pub fn cut_short(root: &Path) -> Result<Vec<String>, StoreError> {
     Ok(found)
 }
 
-/// Removes what a prune that was cut short has left of a run, where the copy of what is left is still good.
+/// Completes an interrupted prune, if the copy of the remaining files is still good.
 ///
 /// # Errors
-/// A copy that is not good, or files that are not in it.
+/// The copy is not good, or lacks a file.
 pub fn end_prune(root: &Path, id: &str, really: bool) -> Result<Pruned, StoreError> {
     let gone = left(root, id);
     let taken = contents(&gone)?;
-    // Of a run whose receipts are gone all else was removed before them.
+    // Without receipts the rest is empty, because receipts are removed last.
     let receipt = if taken.is_empty() { None } else { Some(good_copy(&gone, id, &taken)?) };
     let bytes = bytes_of(&gone, &taken);
     if really {
@@ -368,10 +370,10 @@ pub fn end_prune(root: &Path, id: &str, really: bool) -> Result<Pruned, StoreErr
     Ok(pruned(root, id, &taken, bytes, receipt, really))
 }
 
-/// Runs of a data folder, by name.
+/// Names of the runs of a data folder.
 ///
 /// # Errors
-/// A folder that cannot be listed.
+/// The folder cannot be listed.
 pub fn run_names(root: &Path) -> Result<Vec<String>, StoreError> {
     index::run_names(root)
 }

@@ -1,9 +1,9 @@
-//! A specimen that is done again: the earlier attempt's folder is kept beside, the newest has the well's plain name.
+//! Folders of repeated attempts at a specimen. The newest attempt has the well's plain name, and earlier attempts are kept beside it.
 //!
 //! ```text
-//! runs/RUN/A01              the newest
-//! runs/RUN/A01.attempt-1    the first, when it was done again
-//! runs/RUN/A01.attempt-2    the second, when that was too
+//! runs/RUN/A01              the newest attempt
+//! runs/RUN/A01.attempt-1    the first attempt, if there was a second one
+//! runs/RUN/A01.attempt-2    the second attempt, if there was a third one
 //! ```
 
 use super::{StoreError, durable, sums};
@@ -11,12 +11,12 @@ use std::path::Path;
 
 const MARK: &str = ".attempt-";
 
-/// Name of a well's folder; 0 is the newest attempt.
+/// Name of the folder of an attempt. Attempt 0 is the newest one.
 pub(super) fn folder_name(well: &str, attempt: u32) -> String {
     if attempt == 0 { well.to_owned() } else { format!("{well}{MARK}{attempt}") }
 }
 
-/// Numbers of the earlier attempts at a well, the first first.
+/// Numbers of the earlier attempts at a well, in ascending order.
 pub(super) fn earlier(run: &Path, well: &str) -> Vec<u32> {
     let entries = std::fs::read_dir(run).into_iter().flatten().flatten();
     let number = |name: String| name.strip_prefix(well)?.strip_prefix(MARK)?.parse().ok().filter(|n| *n > 0);
@@ -25,17 +25,17 @@ pub(super) fn earlier(run: &Path, well: &str) -> Vec<u32> {
     found
 }
 
-/// Moves what is there of a well of this run aside, durably and with its sums; gives the number of the attempt that was kept. Nothing where the well
-/// has no folder.
+/// Renames the folder of a well to that of an earlier attempt, durably and with its checksums. Returns the number of this attempt. `None`
+/// if the well has no folder.
 ///
 /// # Errors
-/// A folder that cannot be moved; then nothing was.
+/// The folder cannot be renamed. Then nothing has changed.
 pub fn set_aside(run: &Path, well: &str) -> Result<Option<u32>, StoreError> {
     let newest = run.join(well);
     if !newest.is_dir() {
         return Ok(None);
     }
-    // A writer that a crash ended has left none; what cannot be hashed is kept all the same.
+    // After a crash the folder has no checksums yet. If they cannot be computed, the attempt is kept without them.
     if let Err(error) = sums::seal(&newest) {
         tracing::warn!(%error, well, "an attempt is kept without its SHA256SUMS");
     }

@@ -1,20 +1,20 @@
-//! What specimens take of the disk, and how much of it they may.
+//! Disk space of specimens, and the disk budget of the runs.
 
 use super::{Store, StoreError};
 use carved_core::frame::PixelFormat;
 use carved_core::geometry::Camera;
 use carved_records::Method;
 
-/// What the runs take, and what the configuration gives them.
+/// The disk space that all runs use, and their budget.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Budget {
     pub used_bytes: u64,
-    /// `[store] budget_gb`; none where there is no bound but the disk.
+    /// `[store] budget_gb`. `None` if only the disk limits the runs.
     pub budget_bytes: Option<u64>,
 }
 
 impl Budget {
-    /// Why so many more bytes are too many, where they are.
+    /// Why `more_bytes` exceed the budget. `None` if they fit.
     pub fn refuses(&self, more_bytes: u64) -> Option<String> {
         let budget = self.budget_bytes.filter(|budget| self.used_bytes + more_bytes > *budget)?;
         Some(format!(
@@ -27,7 +27,7 @@ impl Budget {
     }
 }
 
-/// So many bytes, for people.
+/// A size as text.
 pub fn size(bytes: u64) -> String {
     match bytes as f64 / 1e9 {
         gb if gb < 0.9995 => format!("{:.0} MB", gb * 1e3),
@@ -36,30 +36,30 @@ pub fn size(bytes: u64) -> String {
 }
 
 impl Store {
-    /// What all runs take, from the index.
+    /// The disk space of all runs, from the index.
     ///
     /// # Errors
-    /// An index that cannot be read.
+    /// The index cannot be read.
     pub fn budget(&self, budget_gb: Option<f64>) -> Result<Budget, StoreError> {
         let budget_bytes = budget_gb.map(|gb| (gb * 1e9) as u64);
         Ok(Budget { used_bytes: self.reader().used_bytes()?, budget_bytes })
     }
 }
 
-/// Masks, mesh, model and numbers beside the frames: a larva's at SD 5.5 um take some 8 MB, and as much again is room for finer ones.
+/// Allowance for masks, mesh, model and numbers. Those of a larva at SD 5.5 um take about 8 MB. The rest is room for smaller voxels.
 const RESULTS_BYTES: u64 = 16_000_000;
 
-/// A view's mask and its line in the ledger.
+/// Allowance for a view's mask and its entry in the ledger.
 const PER_VIEW_BYTES: u64 = 12_000;
 
-/// What a specimen can take at most: its frames as if they could not be made smaller, and what is made of them. The frames are the
-/// views, the closure view, the one on which the well is judged and the empty capillary's, and a second camera's of each view.
+/// Maximum disk space of a specimen, bytes: its frames without compression, and its results. The frames are the views, the closure view,
+/// the detection frame, the empty-capillary picture and the frames of a second camera.
 pub fn bytes_per_specimen(method: &Method, camera: &Camera, format: PixelFormat, second: Option<&Camera>) -> u64 {
     let frame = |c: &Camera, per_pixel: usize| u64::from(c.width) * u64::from(c.height) * per_pixel as u64;
     let views = u64::from(method.asd) + 1;
     let first = (views + 2) * frame(camera, format.bytes_per_pixel());
     let second = second.map_or(0, |c| views * frame(c, 1));
-    // PNG adds a little to what it cannot make smaller.
+    // PNG is slightly larger than incompressible data.
     (first + second) * 1001 / 1000 + views * PER_VIEW_BYTES + RESULTS_BYTES
 }
 
@@ -78,7 +78,7 @@ mod tests {
         assert_eq!(Budget { budget_bytes: None, ..budget }.refuses(u64::MAX / 2), None);
     }
 
-    /// A larva of the emulated rig at 84 views, stored, takes less.
+    /// A stored larva of the emulated rig with 84 views needs less.
     #[test]
     fn a_specimen_is_counted_with_all_its_frames() {
         let method: Method = serde_json::from_str(r#"{"asd": 84, "order": "sequential", "epsilon": 0.05, "voxel_um": 5.5}"#).unwrap();

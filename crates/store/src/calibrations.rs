@@ -1,9 +1,9 @@
-//! The folder of a rig's calibrations, as `carved calibrate beads` and `scale` leave them: which one counts.
+//! The folder of a rig's calibrations, written by `carved calibrate beads` and `scale`. Finds the one that is valid.
 //!
 //! ```text
-//! DATA/calibrations/calibration-DAY-ID.json   beads          the newest of this rig and mode
-//!                   scale-DAY-ID.json         scale
-//!                   marked-DAY-ID.json        sense and mirror: no size, it does not age
+//! DATA/calibrations/calibration-DAY-ID.json   from beads     the newest of this rig and mode counts
+//!                   scale-DAY-ID.json         from a scale
+//!                   marked-DAY-ID.json        sense and mirror: no scale, it does not expire
 //! ```
 
 use super::{StoreError, durable};
@@ -14,7 +14,7 @@ use std::path::Path;
 pub const BEADS_SCHEMA: &str = "carved.calibration-beads/1";
 pub const SCALE_SCHEMA: &str = "carved.calibration-scale/1";
 
-/// What stands in every such file; the rest is its reader's.
+/// The common part of these files. The rest depends on the schema.
 #[derive(Debug, Deserialize)]
 struct Kept {
     schema: String,
@@ -22,7 +22,7 @@ struct Kept {
     rest: serde_json::Value,
 }
 
-/// What the files of beads and of a scale have in common, and what beads have beside it.
+/// The common part of calibrations from beads and from a scale. The optional fields exist only for beads.
 #[derive(Debug, Deserialize)]
 struct OfSize {
     id: String,
@@ -43,19 +43,19 @@ struct Nominal {
     nominal_um: f64,
 }
 
-/// The newest calibration of a rig's size.
+/// The newest calibration of a rig's scale.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RigCalibration {
     pub id: String,
     /// `beads` or `scale`.
     pub kind: &'static str,
     pub measured: jiff::Timestamp,
-    /// Of the beads' mean diameter against what it should be; none of a scale.
+    /// Deviation of the beads' mean diameter from the nominal one, percent. `None` for a scale.
     pub bead_bias_percent: Option<f64>,
 }
 
 impl RigCalibration {
-    /// As the status shows it at a moment.
+    /// The calibration as the status shows it at the time `now`.
     pub fn status(self, max_age_days: f64, now: jiff::Timestamp) -> CalibrationStatus {
         let age_s = now.duration_since(self.measured).as_secs_f64();
         let max_age_s = max_age_days * 86400.0;
@@ -72,15 +72,15 @@ impl RigCalibration {
     }
 }
 
-/// The newest calibration of this rig in the folder. A file that cannot be read is told in the log, and is none.
+/// The newest calibration of this rig in the folder. A file that cannot be read is logged and skipped.
 ///
 /// # Errors
-/// A folder that is there and cannot be listed.
+/// The folder exists and cannot be listed.
 pub fn newest(folder: &Path, rig: &str, mode: Mode) -> Result<Option<RigCalibration>, StoreError> {
     let mut newest: Option<RigCalibration> = None;
     for path in durable::json_files(folder)? {
         match of_rig(&path, rig, mode) {
-            // Of two of one moment always the same: a folder has no order.
+            // The id makes the choice between equal times unique, because a folder has no order.
             Ok(Some(c)) if newest.as_ref().is_none_or(|n| (c.measured, &c.id) > (n.measured, &n.id)) => newest = Some(c),
             Ok(_) => {}
             Err(error) => tracing::warn!(%error, "a calibration is passed over"),

@@ -1,5 +1,5 @@
-//! The file operations that durability is made of, each in one place. The tests listen here: they play a power loss after
-//! every single one, and have every single one fail (`power_loss`).
+//! The file operations behind durable writes. The tests hook in here: they simulate a power loss after each operation, and a failure of
+//! each operation (`power_loss`).
 
 use std::fs::{self, File};
 use std::io::{self, Write};
@@ -8,7 +8,7 @@ use std::path::Path;
 #[cfg(any(test, feature = "testing"))]
 use crate::testing::trace;
 
-/// Told before an operation is done; an error is given instead of doing it.
+/// Reports an operation to the tests before it is done. Returns the error that a test injects.
 macro_rules! step {
     ($op:ident, $path:expr $(, $what:expr)*) => {
         let _: &Path = $path;
@@ -25,7 +25,7 @@ fn is_traced() -> bool {
     false
 }
 
-/// A new file of these bytes, not yet synced.
+/// Creates a file with these bytes. It is not synced yet.
 pub(super) fn create(path: &Path, bytes: &[u8]) -> io::Result<File> {
     step!(Create, path, bytes);
     let mut file = File::create(path)?;
@@ -34,7 +34,7 @@ pub(super) fn create(path: &Path, bytes: &[u8]) -> io::Result<File> {
 }
 
 pub(super) fn append(file: &mut File, path: &Path, bytes: &[u8]) -> io::Result<()> {
-    // A full disk may take part of a line: in tests the first half is an operation of its own.
+    // A full disk may accept a part of a line. In tests the first half is a separate operation.
     let (front, back) = bytes.split_at(if is_traced() { bytes.len() / 2 } else { 0 });
     for part in [front, back].into_iter().filter(|part| !part.is_empty()) {
         step!(Append, path, part);
@@ -43,7 +43,7 @@ pub(super) fn append(file: &mut File, path: &Path, bytes: &[u8]) -> io::Result<(
     Ok(())
 }
 
-/// Cuts a file to its first `bytes`.
+/// Truncates a file to its first `bytes`.
 pub(super) fn cut(file: &File, path: &Path, bytes: u64) -> io::Result<()> {
     step!(Cut, path, bytes);
     file.set_len(bytes)
@@ -69,7 +69,7 @@ pub(super) fn create_folder(folder: &Path) -> io::Result<()> {
     fs::create_dir(folder)
 }
 
-/// Makes the names in a folder last.
+/// Makes the names in a folder durable.
 pub(super) fn sync_folder(folder: &Path) -> io::Result<()> {
     step!(SyncFolder, folder);
     File::open(folder)?.sync_all()

@@ -1,10 +1,10 @@
-//! Acknowledged means durable: write beside, sync, rename over, sync the folder.
+//! Durable writes: write a temporary file, sync it, rename it, sync the folder.
 
 use super::{StoreError, disk};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Replaces `path` by `bytes`, so that a reader and a crash see the old file or the new one, never a mixture.
+/// Replaces `path` by `bytes`. A reader, or a start after a crash, sees the old or the new file, never a mixture.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
     let at = |what| StoreError::io(what, path);
     let folder = folder_of(path);
@@ -16,24 +16,24 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
         .and_then(|file| disk::sync(&file, &part).map_err(at("sync")))
         .and_then(|()| disk::rename(&part, path).map_err(at("rename")));
     if written.is_err() {
-        // What is left of it is of no use; that the write failed is the error to tell.
+        // The partial file is useless. The error of the write is the one to report.
         let _ = disk::remove(&part);
     }
     written?;
     sync_folder(folder)
 }
 
-/// The folder that a file lies in; of a bare name, the one that is worked in.
+/// The folder of a file. For a bare name it is the working directory.
 pub fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// Makes names in a folder durable.
+/// Makes the names in a folder durable.
 pub fn sync_folder(folder: &Path) -> Result<(), StoreError> {
     disk::sync_folder(folder).map_err(StoreError::io("sync the folder", folder))
 }
 
-/// Renames a file or folder to a name that is free, durably.
+/// Renames a file or folder durably. The new name must be free.
 pub fn rename(from: &Path, to: &Path) -> Result<(), StoreError> {
     if to.exists() {
         return Err(StoreError::Exists { path: to.to_owned() });
@@ -42,7 +42,7 @@ pub fn rename(from: &Path, to: &Path) -> Result<(), StoreError> {
     sync_folder(folder_of(to))
 }
 
-/// Creates a folder and those above it, each made durable in its parent.
+/// Creates a folder and its parents. Each one is made durable in its parent.
 pub fn create_folder(folder: &Path) -> Result<(), StoreError> {
     if folder.is_dir() {
         return Ok(());
@@ -55,8 +55,7 @@ pub fn create_folder(folder: &Path) -> Result<(), StoreError> {
     }
 }
 
-/// A value as indented JSON; `path` names it in errors only.
-/// The JSON files of a folder; none where there is no folder.
+/// The JSON files of a folder. Empty if the folder does not exist.
 pub fn json_files(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
     let entries = match fs::read_dir(folder) {
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
@@ -66,6 +65,7 @@ pub fn json_files(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
     Ok(paths.into_iter().filter(|path| path.extension().is_some_and(|e| e == "json")).collect())
 }
 
+/// A value as indented JSON. `path` is used only in errors.
 pub fn json_text<T: serde::Serialize>(path: &Path, value: &T) -> Result<Vec<u8>, StoreError> {
     let mut text = serde_json::to_vec_pretty(value).map_err(|e| StoreError::Format {
         path: path.to_owned(),
@@ -81,7 +81,7 @@ pub fn write_json<T: serde::Serialize>(path: &Path, value: &T) -> Result<(), Sto
     write(path, &json_text(path, value)?)
 }
 
-/// Reads a value from JSON; the error names the file and the line.
+/// Reads a value from JSON. The error names the file and the line.
 pub fn read_json<T: serde::de::DeserializeOwned>(path: &Path, expected: &'static str) -> Result<T, StoreError> {
     let text = carved_files::read(path).map_err(|source| StoreError::Io { what: "read", path: path.to_owned(), source })?;
     serde_json::from_slice(&text).map_err(|e| StoreError::Format { path: path.to_owned(), expected, found: e.to_string() })

@@ -1,4 +1,4 @@
-//! What can go wrong with files: which file, what was found, what was expected.
+//! Errors of the store. Each names the file, the finding and the expectation.
 
 use std::path::PathBuf;
 
@@ -64,12 +64,12 @@ pub enum StoreError {
 }
 
 impl StoreError {
-    /// The disk is full: nothing is wrong with what was asked.
+    /// Whether the disk is full. The request itself was correct.
     pub fn is_full(&self) -> bool {
         matches!(self, Self::Io { source, .. } if source.kind() == std::io::ErrorKind::StorageFull)
     }
 
-    /// For `map_err`: names what was tried on which file.
+    /// For `map_err`: adds the failed operation and the file to an I/O error.
     pub fn io(what: &'static str, path: &std::path::Path) -> impl Fn(std::io::Error) -> Self {
         let path = path.to_owned();
         move |source| Self::Io { what, path: path.clone(), source }

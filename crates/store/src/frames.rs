@@ -1,4 +1,4 @@
-//! Raw frames as PNG: one grey channel for mono and Bayer mosaics, three for RGB; not a bit is lost.
+//! Lossless raw frames as PNG: one grey channel for mono and Bayer mosaics, three channels for RGB.
 
 use super::StoreError;
 use carved_core::frame::{PixelFormat, RawFrame};
@@ -27,7 +27,7 @@ pub fn encode_mask(mask: &Mask) -> Result<Vec<u8>, StoreError> {
     png(mask.data(), mask.width() as u32, mask.height() as u32, ExtendedColorType::L8, FilterType::NoFilter)
 }
 
-/// Reads a frame back in the format it was taken in.
+/// Reads a frame in the pixel format of the camera.
 pub fn decode(path: &Path, format: PixelFormat) -> Result<RawFrame, StoreError> {
     let bytes = carved_files::read(path).map_err(StoreError::io("read", path))?;
     let wrong = |found: String| StoreError::Format { path: path.to_owned(), expected: "a PNG of a recorded frame", found };

@@ -1,4 +1,4 @@
-//! The daily bead gates of a rig: made of recordings, kept dated in the folder of its calibrations, read back newest and whole.
+//! The daily bead gates of a rig. They are computed from recordings of beads and stored with a date beside the rig's calibrations.
 //!
 //! ```text
 //!  recordings of beads ── made ── gate-DAY-ID.json ── newest: passed, how old
@@ -15,40 +15,40 @@ use std::path::{Path, PathBuf};
 
 pub const SCHEMA: &str = "carved.bead-gate/1";
 
-/// `gate-DAY-ID.json`.
+/// Content of `gate-DAY-ID.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct GateFile {
     pub schema: String,
-    /// The first 12 digits of the SHA-256 of what follows.
+    /// The first 12 digits of the SHA-256 of the fields in `found`.
     pub id: String,
     pub software: Software,
-    /// When it was computed, RFC 3339.
+    /// When the gate was computed, RFC 3339.
     pub date: jiff::Timestamp,
     #[serde(flatten)]
     pub found: Found,
 }
 
-/// What the beads say.
+/// The result of the beads.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Found {
     pub rig: String,
     pub mode: Mode,
-    /// When the last of the beads was begun: its day is the file's.
+    /// When the recording of the last bead began. Its day is in the file name.
     pub measured: jiff::Timestamp,
     pub recordings: Vec<PathBuf>,
-    /// Beads to which no sphere was fitted.
+    /// Recordings of beads to which no sphere was fitted.
     pub passed_over: Vec<PathBuf>,
     pub method: String,
     pub method_version: Option<String>,
-    /// The limits, of the last bead's method.
+    /// The limits, from the method of the last bead.
     pub settings: GateSettings,
-    /// Earlier gates say nothing of the rig as it is now.
+    /// Starts a new history: earlier gates do not describe the rig as it is now.
     pub begins_history: bool,
     pub gate: BeadGate,
 }
 
 impl GateFile {
-    /// Whether specimens may be measured by it at a moment.
+    /// Whether specimens may be measured with this gate at the time `now`.
     pub fn stands(&self, now: jiff::Timestamp) -> bool {
         self.found.gate.verdict.passes() && self.age_h(now) < self.found.settings.max_age_h
     }
@@ -58,20 +58,20 @@ impl GateFile {
     }
 }
 
-/// A bead's recording with its numbers.
+/// The recording of a bead and its numbers.
 struct Bead {
     path: PathBuf,
     measured: jiff::Timestamp,
     reader: RecordingReader,
-    /// Nothing where no sphere was fitted.
+    /// `None` if no sphere was fitted.
     turn: Option<BeadMeasured>,
 }
 
-/// The gate of the beads among these recordings, against this rig's earlier gates in `folder`; the same well of several runs is the
-/// same bead. Nothing where there are none.
+/// The gate of the beads among these recordings. It is compared with this rig's earlier gates in `folder`. The same well in several runs is
+/// the same bead. `None` if there are no beads.
 ///
 /// # Errors
-/// Recordings that cannot be read, or are of different rigs.
+/// A recording cannot be read, or the recordings are of different rigs.
 pub fn made(recordings: &[PathBuf], folder: &Path, begins_history: bool) -> Result<Option<GateFile>, StoreError> {
     let mut beads = Vec::new();
     for path in recordings {
@@ -108,7 +108,7 @@ pub fn made(recordings: &[PathBuf], folder: &Path, begins_history: bool) -> Resu
     Ok(Some(GateFile { schema: SCHEMA.into(), id, software: Software::this(), date: jiff::Timestamp::now(), found }))
 }
 
-/// Nothing of a recording that is of no bead.
+/// `None` if the recording is not of a bead.
 fn bead(path: &Path) -> Result<Option<Bead>, StoreError> {
     let reader = RecordingReader::open(path)?;
     let recording = reader.recording();
@@ -136,10 +136,10 @@ fn bead(path: &Path) -> Result<Option<Bead>, StoreError> {
     Ok(Some(Bead { path: path.to_owned(), measured, reader, turn }))
 }
 
-/// Writes it beside the rig's calibrations; one that is there is not overwritten.
+/// Writes a gate beside the rig's calibrations. An existing file is not overwritten.
 ///
 /// # Errors
-/// A folder that cannot be written, and a gate that is kept already.
+/// The folder cannot be written, or the gate exists already.
 pub fn keep(folder: &Path, file: &GateFile) -> Result<PathBuf, StoreError> {
     let path = folder.join(format!("gate-{}-{}.json", file.found.measured.strftime("%Y-%m-%d"), file.id));
     if path.exists() {
@@ -150,7 +150,7 @@ pub fn keep(folder: &Path, file: &GateFile) -> Result<PathBuf, StoreError> {
     Ok(path)
 }
 
-/// The gate of a run's beads, made and kept as soon as there are enough of them for one; nothing where there are not.
+/// Computes and stores the gate of a run's beads. `None` if there are too few of them.
 ///
 /// # Errors
 /// As [`made`] and [`keep`].
@@ -159,7 +159,7 @@ pub fn after_run(run: &Path, folder: &Path) -> Result<Option<GateFile>, StoreErr
         .map_err(StoreError::io("list", run))?
         .filter_map(|entry| Some(entry.ok()?.path()))
         .filter(|path| path.join(super::MEASUREMENT).is_file())
-        // An attempt that was taken again is no second turn.
+        // An earlier attempt at a bead does not count.
         .filter(|path| path.extension().is_none())
         .collect();
     recordings.sort();
@@ -171,10 +171,10 @@ pub fn after_run(run: &Path, folder: &Path) -> Result<Option<GateFile>, StoreErr
     Ok(Some(file))
 }
 
-/// This rig's gates, the oldest first. A file that cannot be read is told in the log, and is none.
+/// This rig's gates, oldest first. A file that cannot be read is logged and skipped.
 ///
 /// # Errors
-/// A folder that is there and cannot be listed.
+/// The folder exists and cannot be listed.
 pub fn all(folder: &Path, rig: &str, mode: Mode) -> Result<Vec<GateFile>, StoreError> {
     let mut gates: Vec<GateFile> = Vec::new();
     let is_gate = |path: &PathBuf| path.file_name().and_then(|n| n.to_str()).is_some_and(|n| n.starts_with("gate-"));
@@ -185,12 +185,12 @@ pub fn all(folder: &Path, rig: &str, mode: Mode) -> Result<Vec<GateFile>, StoreE
             Err(error) => tracing::warn!(%error, "a bead gate is passed over"),
         }
     }
-    // Of two of one moment always the same order: a folder has none.
+    // The id makes the order of equal times unique, because a folder has no order.
     gates.sort_by(|a, b| (a.found.measured, a.date, &a.id).cmp(&(b.found.measured, b.date, &b.id)));
     Ok(gates)
 }
 
-/// The newest gate of this rig: what a run asks before it measures.
+/// The newest gate of this rig. A run checks it before it measures.
 ///
 /// # Errors
 /// As [`all`].
@@ -198,7 +198,8 @@ pub fn newest(folder: &Path, rig: &str, mode: Mode) -> Result<Option<GateFile>, 
     Ok(all(folder, rig, mode)?.pop())
 }
 
-/// The gates before a moment that passed, from the newest beginning on; one per moment of measuring, the last that was computed.
+/// The passed gates before a time, back to the newest start of a history. If there are several of one measurement, the last computed one
+/// counts.
 fn history(folder: &Path, rig: &str, mode: Mode, before: jiff::Timestamp) -> Result<Vec<GateNumbers>, StoreError> {
     let mut gates: Vec<GateFile> = all(folder, rig, mode)?.into_iter().filter(|g| g.found.measured < before).collect();
     let from = gates.iter().rposition(|g| g.found.begins_history).unwrap_or(0);

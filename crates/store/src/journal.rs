@@ -1,15 +1,15 @@
-//! The append-only event journal: one JSON object per line, synced before anyone hears of it. What happens in a run stands in
-//! the run's own folder as well.
+//! The append-only event journal: one JSON object per line, synced before it is published. The events of a run are also in the run's own
+//! folder.
 //!
 //! ```text
-//! append ─> DATA/events.jsonl ─> DATA/runs/RUN/events.jsonl ─> the event counts ─> index
-//!               synced               synced, but for views                         follows by itself
+//! append ─> DATA/events.jsonl ─> DATA/runs/RUN/events.jsonl ─> the event is valid ─> index
+//!               synced               synced, except views
 //! ```
-//! A crash between the two leaves the run's file one line short. A power loss may also take views from it, which are synced there with
-//! the next other event. The next start adds what is missing.
+//! A crash between the two writes leaves the run's file one line short. A power loss may also remove views from it, which are synced there
+//! with the next other event. The next start adds the missing lines.
 //!
-//! Ids rise strictly. A start that finds one that does not (a file that was edited, or a bit that flipped) keeps the file as it is under
-//! another name and numbers on from the line before: no event is lost, and the ids before the damage stay.
+//! Ids increase strictly. If a start finds one that does not (an edited file, or a flipped bit), it keeps the file under another name and
+//! renumbers the events from there. No event is lost, and the ids before the damage stay.
 
 use super::index::Index;
 use super::lines::Lines;
@@ -22,10 +22,10 @@ use std::sync::Arc;
 
 pub(super) const FILE: &str = "events.jsonl";
 
-/// Events that are read at a start, for readers that come back.
+/// Number of events that are read at a start, for readers that reconnect.
 const TAIL: usize = 2000;
 
-/// What happens now.
+/// An event with the current time.
 pub fn now(run: Option<&str>, well: Option<&str>, data: EventData) -> EventBody {
     EventBody { time: jiff::Timestamp::now().to_string(), run: run.map(str::to_owned), well: well.map(str::to_owned), data }
 }
@@ -33,7 +33,7 @@ pub fn now(run: Option<&str>, well: Option<&str>, data: EventData) -> EventBody 
 pub struct Journal {
     all: Lines,
     runs: PathBuf,
-    /// The run that was told of last, and its file.
+    /// The run of the newest event, and its file.
     of_run: Option<(String, Lines)>,
     next_id: u64,
     /// Sequence number of the newest fault.
@@ -42,8 +42,7 @@ pub struct Journal {
 }
 
 impl Journal {
-    /// Opens or creates the journal of a data folder and reads its end. A line there that is not an event is an error, not
-    /// skipped.
+    /// Opens or creates the journal of a data folder and reads its end. A line there that is not an event is an error.
     pub(super) fn open(root: &Path, all: Lines, index: Arc<Index>) -> Result<(Self, Vec<Event>), StoreError> {
         let path = root.join(FILE);
         let lines = all.tail(TAIL)?;
@@ -63,7 +62,7 @@ impl Journal {
         self.last_fault
     }
 
-    /// Adds the newest events to the file of their run where a crash has kept them from it. `lines` are those of `tail`.
+    /// Adds the newest events that a crash has kept from the file of their run. `lines` are those of `tail`.
     fn mend(&mut self, tail: &[Event], lines: &[Vec<u8>]) -> Result<(), StoreError> {
         let Some((last, run)) = tail.iter().rev().find_map(|event| Some((event, event.body.run.as_deref()?))) else { return Ok(()) };
         if !is_plain_name(run) {
@@ -71,13 +70,13 @@ impl Journal {
             return Ok(());
         }
         let folder = self.runs.join(run);
-        // Runs of before the files of runs have none; one that was taken away is not to come back.
+        // Early versions wrote no file per run. The folder of a pruned run must not be created again.
         if !folder.is_dir() || !folder.join(FILE).exists() && !matches!(last.body.data, EventData::RunAccepted(_)) {
             return Ok(());
         }
         let kept = self.of_run(run)?.tail(TAIL)?;
         let kept: BTreeSet<u64> = kept.iter().filter_map(|line| serde_json::from_slice::<Id>(line).ok()).map(|line| line.id).collect();
-        // What lies before all that the run's file still shows is not looked at.
+        // Only events newer than the oldest event in the run's file are checked.
         let oldest = kept.first().copied().unwrap_or(0);
         let is_missing = |event: &Event| event.id > oldest && event.body.run.as_deref() == Some(run) && !kept.contains(&event.id);
         let missing: Vec<(&Event, &Vec<u8>)> = tail.iter().zip(lines).filter(|(event, _)| is_missing(event)).collect();
@@ -85,7 +84,7 @@ impl Journal {
         for (event, line) in missing {
             let line = [line, &b"\n"[..]].concat();
             match self.append_of_run(event, &line) {
-                // Nothing that a start decides depends on them, and a full disk must not keep the daemon from starting.
+                // A start does not depend on views, and a full disk must not prevent it.
                 Err(error) if only_views => {
                     tracing::warn!(%error, run, "views are missing in the run's file; the journal has them");
                     self.of_run = None;
@@ -99,7 +98,7 @@ impl Journal {
 
     fn of_run(&mut self, run: &str) -> Result<&mut Lines, StoreError> {
         let folder = self.runs.join(run);
-        // A run that was not accepted after all has taken its file with it.
+        // If the run was not accepted, its file was removed.
         if self.of_run.as_ref().is_none_or(|(of, _)| of != run || !folder.join(FILE).exists()) {
             durable::create_folder(&folder)?;
             self.of_run = Some((run.to_owned(), Lines::open(&folder.join(FILE))?));
@@ -113,7 +112,7 @@ impl Journal {
     fn append_of_run(&mut self, event: &Event, line: &[u8]) -> Result<(), StoreError> {
         let Some(run) = event.body.run.as_deref() else { return Ok(()) };
         let lines = self.of_run(run)?;
-        // A turn has a view in each second, and nothing of a restart depends on them.
+        // Views are not synced: there is one per second, and a restart does not depend on them.
         if event.body.data.kind() == kind::VIEW_TAKEN {
             lines.append_unsynced(line)?;
         } else {
@@ -123,17 +122,17 @@ impl Journal {
         Ok(())
     }
 
-    /// Writes what happens now, as [`Self::write`] does.
+    /// Writes an event with the current time, as [`Self::write`] does.
     pub fn append(&mut self, run: Option<&str>, well: Option<&str>, data: EventData) -> Result<Event, StoreError> {
         self.write(&now(run, well, data))
     }
 
-    /// Writes an event and syncs it; the id it got comes back with it.
+    /// Writes and syncs an event. Returns it with its id.
     pub fn write(&mut self, body: &EventBody) -> Result<Event, StoreError> {
         let event = Event { id: self.next_id, body: body.clone() };
         let line = line_of(&event)?;
         self.all.append(&line).and_then(|()| self.append_of_run(&event, &line)).inspect_err(|_| {
-            // Not acknowledged, so it is better gone; where that fails too the next line takes its place.
+            // The event is not acknowledged, so remove it. If this fails too, the next line overwrites it.
             self.all.drop_rest();
             self.of_run.iter_mut().for_each(|(_, lines)| lines.drop_rest());
         })?;
@@ -144,15 +143,15 @@ impl Journal {
     }
 }
 
-/// Ids that lie further apart than this are not of one journal: they rise by one.
+/// Maximum step between two ids of one journal. Normally ids increase by one.
 const JUMP: u64 = 1 << 32;
 
-/// Whether an id may stand behind another.
+/// Whether `id` may follow `before`.
 fn rises(before: u64, id: u64) -> bool {
     id > before && id - before <= JUMP
 }
 
-/// The id behind another.
+/// The id that follows `id`.
 fn after(path: &Path, id: u64) -> Result<u64, StoreError> {
     id.checked_add(1).ok_or_else(|| StoreError::Format {
         path: path.to_owned(),
@@ -161,13 +160,13 @@ fn after(path: &Path, id: u64) -> Result<u64, StoreError> {
     })
 }
 
-/// What of an event its order is told by.
+/// The part of an event that defines its order.
 #[derive(serde::Deserialize)]
 struct Id {
     id: u64,
 }
 
-/// Whether the ids of a journal rise from a byte on, behind the event that ends there. Lines that are no events have none.
+/// Whether the ids of a journal increase from this byte on, after the id `newest`. Lines that are not events are skipped.
 pub(super) fn is_in_order(path: &Path, from_byte: u64, mut newest: u64) -> Result<bool, StoreError> {
     let io = |what| StoreError::io(what, path);
     let mut file = carved_files::open(path).map_err(io("open"))?;
@@ -182,12 +181,12 @@ pub(super) fn is_in_order(path: &Path, from_byte: u64, mut newest: u64) -> Resul
     Ok(true)
 }
 
-/// What a repair has done.
+/// The result of a repair.
 #[derive(Debug)]
 pub(super) struct Repaired {
-    /// The journal as it was.
+    /// The journal before the repair.
     pub kept: PathBuf,
-    /// Events that have another id now.
+    /// Number of events with a new id.
     pub renumbered: usize,
 }
 
@@ -195,8 +194,8 @@ fn damaged(number: u32) -> String {
     format!("{FILE}.damaged-{number}")
 }
 
-/// Numbers the events on whose ids do not rise, in the journal and in the files of their runs; the journal as it was is kept beside.
-/// The journal comes last: where a crash cuts it short the next start does the same again.
+/// Renumbers the events whose ids do not increase, in the journal and in the files of their runs. A copy of the old journal is kept. The
+/// journal is written last, so that a start after a crash repeats the repair.
 pub(super) fn repair(root: &Path) -> Result<Repaired, StoreError> {
     let path = root.join(FILE);
     let text = carved_files::read(&path).map_err(StoreError::io("read", &path))?;
@@ -231,7 +230,7 @@ pub(super) fn repair(root: &Path) -> Result<Repaired, StoreError> {
         let Ok(old) = carved_files::read(&of_run) else { continue };
         let mut new = Vec::with_capacity(old.len());
         for line in old.split_inclusive(|&b| b == b'\n') {
-            // The same line may be there twice: the first belongs to the first.
+            // The same line may occur twice. The first change belongs to the first line.
             let at = changes.iter().position(|(from, _)| *from == line);
             let to = at.map(|at| changes.remove(at).1);
             new.extend_from_slice(to.as_deref().unwrap_or(line));
@@ -250,7 +249,7 @@ fn parse(path: &Path, line: &[u8]) -> Result<Event, StoreError> {
     })
 }
 
-/// The same line with another id; all else stays, also what this version does not know.
+/// The same line with another id. All other fields stay, also unknown ones.
 fn with_id(line: &[u8], id: u64) -> Result<Vec<u8>, StoreError> {
     let format = |e: serde_json::Error| StoreError::Format { path: FILE.into(), expected: "one event per line", found: e.to_string() };
     let mut event: serde_json::Map<String, serde_json::Value> = serde_json::from_slice(line).map_err(format)?;
@@ -270,7 +269,7 @@ fn line_of(event: &Event) -> Result<Vec<u8>, StoreError> {
     Ok(line)
 }
 
-/// The events of a journal one by one, those that are whole; it may be longer than memory.
+/// Calls `take` with each complete event of a journal. The journal may be larger than the memory.
 pub(super) fn each(path: &Path, mut take: impl FnMut(Event)) -> Result<(), StoreError> {
     let io = |what| StoreError::io(what, path);
     for line in BufReader::new(carved_files::open(path).map_err(io("open"))?).split(b'\n') {
@@ -281,7 +280,7 @@ pub(super) fn each(path: &Path, mut take: impl FnMut(Event)) -> Result<(), Store
     Ok(())
 }
 
-/// Where the index cannot say it: the newest fault of the whole journal.
+/// The newest fault of the whole journal, for use without an index.
 fn last_fault(path: &Path) -> Result<u64, StoreError> {
     let mut newest = 0;
     each(path, |e| {
@@ -292,7 +291,7 @@ fn last_fault(path: &Path) -> Result<u64, StoreError> {
     Ok(newest)
 }
 
-/// Where the index cannot say it: the newest `most` events without the views, and of before all on faults, plates and runs' beginnings.
+/// The newest `most` events without views, and all earlier events about faults, plates and starts of runs. For use without an index.
 pub(super) fn remembered(path: &Path, most: usize) -> Result<Vec<Event>, StoreError> {
     let (mut lasting, mut newest) = (Vec::new(), VecDeque::new());
     each(path, |event| {
@@ -316,7 +315,7 @@ mod tests {
     use std::fs::OpenOptions;
     use std::io::Write;
 
-    /// Of a kind that nobody knows.
+    /// An event of an unknown kind.
     fn other(kind: &str) -> EventData {
         EventData::of(kind, json!({"x": 1}))
     }
@@ -341,7 +340,7 @@ mod tests {
         assert_eq!(events[2].body.data.kind(), "c");
     }
 
-    /// The newest fault may lie far before the tail.
+    /// The newest fault may be far before the tail.
     #[test]
     fn a_start_reads_the_end_of_a_long_journal_and_knows_its_newest_fault() {
         let dir = tempfile::tempdir().unwrap();
@@ -352,7 +351,7 @@ mod tests {
         let text: String = (1..=5000).map(|id| line(id, if id == 7 { "fault.raised" } else { "x" })).collect();
         std::fs::write(dir.path().join("events.jsonl"), &text).unwrap();
         drop(Claim::on(dir.path()).and_then(Store::open).unwrap());
-        // Indexed once, what lies before the tail is not looked at again.
+        // Events before the tail are indexed, and are not read again.
         std::fs::write(dir.path().join("events.jsonl"), text.replacen("fault.raised", "xxxxx.xxxxxx", 1)).unwrap();
         let (_store, mut journal, events) = Claim::on(dir.path()).and_then(Store::open).unwrap();
         assert_eq!((journal.last_fault(), events.len(), events[0].id), (41, 2000, 3001));
@@ -363,7 +362,7 @@ mod tests {
         format!("{}\n", json!({"id": id, "time": "2026-01-01T00:00:00Z", "kind": kind, "run": run, "well": null, "data": null}))
     }
 
-    /// Whatever ids stand in the file: every event is there after a start, in its order, and the next id is above all of them.
+    /// For any ids in the file: after a start every event is there in its order, and the next id is above all of them.
     #[test]
     fn ids_that_do_not_rise_are_numbered_on_and_nothing_is_lost() {
         let max = u64::MAX;
@@ -380,7 +379,7 @@ mod tests {
                 let dir = tempfile::tempdir().unwrap();
                 let path = dir.path().join("events.jsonl");
                 if has_index && super::rises(0, ids[0]) {
-                    // Indexed as far as it was in order.
+                    // The index contains the part that was in order.
                     std::fs::write(&path, line(ids[0], "k0", Some("r1"))).unwrap();
                     drop(Claim::on(dir.path()).and_then(Store::open).unwrap());
                 }

@@ -1,13 +1,13 @@
-//! What outlives the daemon: run folders that are sufficient by themselves, the event journal, and an index over both.
+//! The persistent state: self-contained run folders, the event journal, and an index of both.
 //!
 //! ```text
 //! DATA/events.jsonl               append-only, synced line by line
-//! DATA/index.sqlite               to look things up; made anew from the rest whenever it is missing (see `index`)
-//! DATA/calibrations/              what is known of the rig's size (see `calibrations`)
+//! DATA/index.sqlite               for lookups; rebuilt from the rest if it is missing (see `index`)
+//! DATA/calibrations/              calibrations of the rig (see `calibrations`)
 //! DATA/runs/RUN/run.json          plan, method, outcome, one entry per well
-//! DATA/runs/RUN/events.jsonl      what happened in this run, as in the journal
+//! DATA/runs/RUN/events.jsonl      the events of this run, as in the journal
 //! DATA/runs/RUN/A01/              a recording with its results (see `recording`)
-//! DATA/runs/RUN/A01.attempt-1/    an earlier attempt at it (see `attempts`)
+//! DATA/runs/RUN/A01.attempt-1/    an earlier attempt (see `attempts`)
 //! ```
 
 mod archive;
@@ -56,17 +56,17 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Events that are remembered at a start, without the views: those of some three plates of 96 wells.
+/// Number of events, without views, that a start reads: about three plates of 96 wells.
 const REMEMBERED: usize = 4000;
 
-/// A data folder that nobody else uses while this lives. Whoever drives devices takes it before the first of them is opened: another
-/// daemon on the same folder has the same instrument, and merely opening a controller's port may reset it in the middle of a move.
+/// An exclusive lock of a data folder. Take it before any device is opened: another daemon on this folder uses the same instrument, and
+/// opening a controller's port may reset the controller during a move.
 pub struct Claim {
     root: PathBuf,
     lock: File,
 }
 
-/// Not only by closing it: a child process that is just being started has the open file too, until it becomes its own program.
+/// Unlock explicitly. Closing the file is not enough, because a child process shares the open file until it calls `exec`.
 impl Drop for Claim {
     fn drop(&mut self) {
         if let Err(error) = self.lock.unlock() {
@@ -76,10 +76,10 @@ impl Drop for Claim {
 }
 
 impl Claim {
-    /// Takes the folder, which is created where it is not there.
+    /// Locks the folder. Creates it if it does not exist.
     ///
     /// # Errors
-    /// Another carved has it, or it cannot be written.
+    /// Another carved has the lock, or the folder cannot be written.
     pub fn on(root: &Path) -> Result<Self, StoreError> {
         durable::create_folder(&root.join("runs"))?;
         let path = root.join("lock");
@@ -92,24 +92,24 @@ impl Claim {
     }
 }
 
-/// The data folder, held by one daemon at a time.
+/// The data folder. One daemon at a time has it open.
 pub struct Store {
     root: PathBuf,
     index: Arc<Index>,
-    /// Runs that were found without an outcome when the folder was opened.
+    /// Runs without an outcome when the folder was opened.
     open: Vec<String>,
     _claim: Claim,
 }
 
-/// Makes the index of a data folder that no daemon uses anew from its run folders.
+/// Rebuilds the index of a data folder from its run folders. No daemon may use the folder.
 pub fn rebuild_index(root: &Path) -> Result<Found, StoreError> {
     let _claim = Claim::on(root)?;
     index::rebuild(root).map(|(_, found)| found)
 }
 
 impl Store {
-    /// Opens or creates what the data folder holds: its journal and its index. A run whose `run.json` cannot be read is told, in the log
-    /// and as an event, and left alone.
+    /// Opens or creates the journal and the index of the data folder. A run whose `run.json` cannot be read is reported in the log and as
+    /// an event, and is not changed.
     pub fn open(claim: Claim) -> Result<(Self, Journal, Vec<Event>), StoreError> {
         let root = claim.root.as_path();
         for run in cut_short(root)? {
@@ -127,7 +127,7 @@ impl Store {
             None
         } else {
             let repaired = journal::repair(root)?;
-            // It has the ids of before.
+            // The index contains the old ids.
             index::remove(root)?;
             lines = Lines::open(&path)?;
             Some(repaired)
@@ -147,18 +147,17 @@ impl Store {
         Ok((Self { root: root.to_owned(), index, open: found.open, _claim: claim }, journal, events))
     }
 
-    /// What of the journal a start has to know, oldest first: of the newest events all but the views, of before what still means
-    /// something.
+    /// The events that a start needs, oldest first: the newest events without views, and the earlier events that are still valid.
     pub fn remembered(&self) -> Result<Vec<Event>, StoreError> {
         let indexed = self.index.remembered(REMEMBERED);
         indexed.map_or_else(|| journal::remembered(&self.root.join(journal::FILE), REMEMBERED), Ok)
     }
 
-    /// All that happened in a run but its views.
+    /// All events of a run except its views.
     pub fn events_of(&self, run: &str) -> Result<Vec<Event>, StoreError> {
         let own = self.run_folder(run).join(journal::FILE);
         let mut events = Vec::new();
-        // Runs of before the files of runs have none.
+        // Early versions wrote no file per run.
         let path = if own.exists() { own } else { self.root.join(journal::FILE) };
         journal::each(&path, |event| {
             let is_meant = event.body.run.as_deref() == Some(run) && event.body.data.kind() != kind::VIEW_TAKEN;
@@ -167,12 +166,12 @@ impl Store {
         Ok(events)
     }
 
-    /// Why the index does not hold all that is on disk, where it does not. Runs go on all the same.
+    /// Why the index lacks something that is on disk. `None` if it is complete. Runs continue in any case.
     pub fn index_trouble(&self) -> Option<String> {
         self.index.trouble()
     }
 
-    /// For everyone who reads beside the daemon.
+    /// A reader for use beside the daemon.
     pub fn reader(&self) -> StoreReader {
         StoreReader::new(&self.root)
     }
@@ -189,7 +188,7 @@ impl Store {
         Ok(())
     }
 
-    /// Takes back a run that was not accepted after all.
+    /// Removes a run that was not accepted.
     pub fn forget_run(&self, id: &str) -> Result<(), StoreError> {
         let folder = self.run_folder(id);
         for file in [run::FILE, journal::FILE].map(|name| folder.join(name)) {
@@ -202,12 +201,12 @@ impl Store {
         if folder.is_dir() { durable::sync_folder(&folder) } else { Ok(()) }
     }
 
-    /// The run of this name, if there is one.
+    /// The run of this name. `None` if there is none.
     pub fn run(&self, id: &str) -> Result<Option<RunRecord>, StoreError> {
         self.reader().run(id)
     }
 
-    /// What a crash left open, oldest first.
+    /// The runs without an outcome after a crash, oldest first.
     pub fn open_runs(&self) -> Result<Vec<RunRecord>, StoreError> {
         let mut open = Vec::new();
         for id in &self.open {
@@ -217,13 +216,13 @@ impl Store {
         Ok(open)
     }
 
-    /// The run of instruments, or of simulations, that was started last.
+    /// The newest run of this mode.
     pub fn newest_run(&self, mode: Mode) -> Result<Option<RunRecord>, StoreError> {
         let newest = self.reader().runs(&RunsQuery { limit: 1, mode: index::word(&mode), ..RunsQuery::default() })?;
         newest.first().map_or(Ok(None), |row| self.run(&row.id))
     }
 
-    /// Free space where the data are, bytes.
+    /// Free space on the disk of the data folder, bytes.
     pub fn free_bytes(&self) -> Option<u64> {
         let s = nix::sys::statvfs::statvfs(&self.root).ok()?;
         Some(s.blocks_available() * s.fragment_size())
@@ -239,7 +238,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let claim = Claim::on(dir.path()).unwrap();
         assert!(matches!(Claim::on(dir.path()), Err(StoreError::Locked { .. })));
-        // As a child process does until it becomes its own program.
+        // As in a child process before it calls `exec`.
         let inherited = claim.lock.try_clone().unwrap();
         drop(claim);
         assert!(Claim::on(dir.path()).is_ok());

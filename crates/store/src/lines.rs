@@ -1,7 +1,7 @@
-//! A file of lines that only grows: what was appended and kept is whole; the rest of a line is cut off.
+//! An append-only file of lines. Lines that were appended and kept are complete. The rest of a torn line is cut off.
 //!
 //! ```text
-//! line\nline\nline\n│li          open: cut behind the last whole line
+//! line\nline\nline\n│li          open: cut after the last complete line
 //!                   └ good_bytes
 //! ```
 
@@ -10,18 +10,18 @@ use std::fs::{File, OpenOptions};
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
-/// How much is read at a time from the end.
+/// Number of bytes per read, backwards from the end.
 const CHUNK: usize = 64 * 1024;
 
 pub(super) struct Lines {
     file: File,
     path: PathBuf,
-    /// Length up to which every line is whole, synced and kept.
+    /// Length up to which every line is complete, synced and kept.
     good_bytes: u64,
 }
 
 impl Lines {
-    /// Opens or creates the file. A last line that a crash tore is cut off: it was never acknowledged.
+    /// Opens or creates the file. A torn last line is cut off, because it was never acknowledged.
     pub fn open(path: &Path) -> Result<Self, StoreError> {
         let io = |what| StoreError::io(what, path);
         if !path.exists() {
@@ -44,7 +44,7 @@ impl Lines {
         self.good_bytes
     }
 
-    /// The file's end from some chunk on, the first with which it is `enough`, and where that begins.
+    /// The end of the file: the smallest number of chunks that is `enough`, and its position.
     fn last_chunk(&self, enough: impl Fn(&[u8]) -> bool) -> Result<(u64, Vec<u8>), StoreError> {
         let (mut start, mut text) = (self.good_bytes, Vec::new());
         while start > 0 && !enough(&text) {
@@ -58,9 +58,9 @@ impl Lines {
         Ok((start, text))
     }
 
-    /// The last `count` lines, oldest first, without their ends.
+    /// The last `count` lines, oldest first, without line feeds.
     pub fn tail(&self, count: usize) -> Result<Vec<Vec<u8>>, StoreError> {
-        // One more end than lines: the first chunk begins in the middle of one.
+        // One line feed more than lines, because the first chunk begins inside a line.
         let (start, text) = self.last_chunk(|text| text.split(|&b| b == b'\n').count() > count + 1)?;
         let mut lines: Vec<&[u8]> = text.split(|&b| b == b'\n').collect();
         if start > 0 {
@@ -71,24 +71,24 @@ impl Lines {
         Ok(lines[skip..].iter().map(|line| line.to_vec()).collect())
     }
 
-    /// Writes a line (with its end) and syncs it, with all lines before it. It counts when it is kept; else the next one takes its
-    /// place.
+    /// Writes a line (with its line feed), and syncs it with all lines before it. The line counts once it is kept. Otherwise the next line
+    /// overwrites it.
     pub fn append(&mut self, line: &[u8]) -> Result<(), StoreError> {
         self.append_unsynced(line)?;
         disk::sync(&self.file, &self.path).map_err(StoreError::io("sync", &self.path))
     }
 
-    /// Writes a line that a power loss may take away.
+    /// Writes a line that a power loss may remove.
     pub fn append_unsynced(&mut self, line: &[u8]) -> Result<(), StoreError> {
         let io = |what| StoreError::io(what, &self.path);
-        // What an earlier failure left behind the last good line must not become the beginning of this one.
+        // After a failed write there may be a torn line behind the last good one.
         if self.file.metadata().map_err(io("look at"))?.len() != self.good_bytes {
             disk::cut(&self.file, &self.path, self.good_bytes).map_err(io("cut the torn last line of"))?;
         }
         disk::append(&mut self.file, &self.path, line).map_err(io("append to"))
     }
 
-    /// Takes away what was written and not kept, where that can be done.
+    /// Removes what was written and not kept. An error is ignored, because the next append does the same.
     pub fn drop_rest(&mut self) {
         let _the_next_append_does_it = disk::cut(&self.file, &self.path, self.good_bytes);
     }
@@ -102,7 +102,7 @@ impl Lines {
 mod tests {
     use super::*;
 
-    /// Longer than a chunk, so that lines lie across its border.
+    /// Longer than a chunk, so that lines cross its border.
     #[test]
     fn the_tail_is_the_last_lines_whatever_their_length() {
         let dir = tempfile::tempdir().unwrap();

@@ -1,9 +1,8 @@
-//! What a power loss leaves, played after every single file operation of a short life of the store; and every single operation
-//! failing once, as on a full disk.
+//! Simulates a power loss after each file operation of a short use of the store, and a failure of each operation, as on a full disk.
 //!
 //! ```text
-//! life ── operations, recorded by `disk` ──> for each prefix and each way to lose what was not synced:
-//!                                              a folder as the disk would have it ──> the store opens ──> what was acknowledged is there
+//! operations, recorded by `disk` ──> for each prefix and each kind of loss of unsynced data:
+//!                                      a folder as the disk would have it ──> the store opens ──> what was acknowledged is there
 //! ```
 
 use super::*;
@@ -12,7 +11,7 @@ use carved_core::frame::{PixelFormat, RawFrame};
 use carved_records::{EventData, Fault, LedgerEntry, Mode, RunAccepted, RunOutcome, RunPlan, fault_table};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// A folder whose files need no real disk: thousands of them are written here.
+/// A temporary folder in memory, if possible: thousands of files are written here.
 fn scratch() -> tempfile::TempDir {
     tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).unwrap()
 }
@@ -38,7 +37,7 @@ pub(super) fn entry(view: u32) -> LedgerEntry {
     .unwrap()
 }
 
-/// What the outside world has been told is on disk.
+/// What was acknowledged to clients.
 #[derive(Debug, Clone, Default, PartialEq)]
 struct Told {
     events: usize,
@@ -48,7 +47,7 @@ struct Told {
     closed: bool,
 }
 
-/// Data of an event; only of a fault and of an accepted run it matters here what they say.
+/// Data of an event. Only those of a fault and of an accepted run matter here.
 fn event_data(kind: &str) -> EventData {
     match kind {
         "fault.raised" => EventData::FaultRaised(Fault::new(1, &fault_table::CAMERA_LOST, "gone".into(), "2026-01-01T00:00:00Z".into())),
@@ -57,7 +56,7 @@ fn event_data(kind: &str) -> EventData {
     }
 }
 
-/// A run of one specimen; `told` hears after each acknowledgement.
+/// A run of one specimen. Calls `told` after each acknowledgement.
 fn life(root: &Path, mut told: impl FnMut(&Told)) -> Result<(), StoreError> {
     let (store, mut journal, _) = Claim::on(root).and_then(Store::open)?;
     let mut now = Told::default();
@@ -96,20 +95,20 @@ fn life(root: &Path, mut told: impl FnMut(&Told)) -> Result<(), StoreError> {
     Ok(())
 }
 
-/// How what was not synced may be lost.
+/// Kinds of loss of unsynced data.
 #[derive(Debug, Clone, Copy)]
 enum Loss {
-    /// All of it, names and contents.
+    /// All unsynced names and contents are lost.
     Everything,
-    /// New names are there, contents are not: what a file system may do that orders neither.
+    /// New names are there without their contents, as with a file system that does not order both.
     Contents,
-    /// New names are there, and of each content the first half.
+    /// New names are there with half of the unsynced contents.
     Torn,
 }
 
 #[derive(Default)]
 struct Disk {
-    /// Content on disk, and as the running system reads it.
+    /// For each file: its content on disk, and its content as the running system reads it.
     files: Vec<(Vec<u8>, Vec<u8>)>,
     kept: BTreeMap<PathBuf, usize>,
     names: BTreeMap<PathBuf, usize>,
@@ -150,7 +149,7 @@ impl Disk {
         }
     }
 
-    /// Writes what the power loss leaves of `from` into `to`.
+    /// Writes what is left of `from` after the power loss into `to`.
     fn lose(&self, loss: Loss, from: &Path, to: &Path) {
         let (names, folders) = match loss {
             Loss::Everything => (&self.kept, &self.kept_folders),
@@ -158,7 +157,7 @@ impl Disk {
         };
         let at = |path: &Path| to.join(path.strip_prefix(from).unwrap());
         for folder in folders {
-            // A folder whose own folder was lost is lost.
+            // Fails if the parent folder was lost. Then this folder is lost too.
             let _ = std::fs::create_dir(at(folder));
         }
         for (path, file) in names {
@@ -170,7 +169,7 @@ impl Disk {
     }
 }
 
-/// Opens the store on what is left, and holds it against what was told.
+/// Opens the store on what is left, and checks that everything acknowledged is there.
 fn check(root: &Path, told: &Told, when: &str) {
     let (store, journal, events) = Claim::on(root).and_then(Store::open).unwrap_or_else(|e| panic!("{when}: {e}"));
     let ids: Vec<u64> = events.iter().filter(|e| e.body.data.kind() != "run.unreadable").map(|e| e.id).collect();
@@ -222,7 +221,7 @@ fn what_was_acknowledged_outlives_a_power_loss_after_any_operation() {
     }
 }
 
-/// A disk that is full for one operation: the same event and the same run are taken once there is room, none twice.
+/// One operation fails on a full disk. The same event and the same run are accepted once there is room, and neither is doubled.
 #[test]
 fn any_operation_may_fail_once_and_nothing_is_lost_or_doubled() {
     for fails in 0.. {

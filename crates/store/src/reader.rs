@@ -1,8 +1,8 @@
-//! Reading what the store has, beside the daemon that writes it: lists from the index, everything else from the run folders.
+//! Reads the store beside the daemon that writes it. Lists come from the index, everything else from the run folders.
 //!
 //! ```text
-//! runs(query) ─────────────── index.sqlite, read-only, a connection per question
-//! run, specimen, file ─────── runs/RUN/..., names checked before they become a path, bytes against SHA256SUMS
+//! runs(query) ─────────────── index.sqlite, read-only, a connection per query
+//! run, specimen, file ─────── runs/RUN/..., names are checked before they become a path, bytes against SHA256SUMS
 //! ```
 
 use super::index::{self, EventsAfter, RunRow, RunsQuery};
@@ -13,40 +13,40 @@ use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// A handle that anyone may have; it holds nothing open.
+/// A cloneable read handle. It keeps nothing open.
 #[derive(Debug, Clone)]
 pub struct StoreReader {
     root: Arc<Path>,
 }
 
-/// A well of a run as it is stored.
+/// A stored well of a run.
 #[derive(Debug)]
 pub struct StoredSpecimen {
-    /// Of the newest attempt.
+    /// Status of the newest attempt. `None` for an earlier attempt.
     pub status: Option<WellStatus>,
     /// Numbers of the earlier attempts.
     pub earlier: Vec<u32>,
     pub recording: Value,
     pub measurement: Option<Value>,
-    /// The views of the newest attempt as the journal has them; none of an earlier one.
+    /// Views of the newest attempt, from the journal. Empty for an earlier attempt.
     pub views: Vec<ViewTaken>,
     pub files: Vec<SpecimenFile>,
 }
 
-/// A file of a specimen that can be asked for.
+/// A file of a specimen that clients can request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum SpecimenFile {
     Mesh,
     Model,
-    /// The frame on which the well was judged: all that there is of one that was skipped.
+    /// The detection frame. A skipped well has no other frame.
     Detection,
-    /// By the ledger's number, as it was carved with: the newest take. The closure view has none.
+    /// The newest take of a view, by its number in the ledger. The closure view is not available.
     View(u32),
     Profile(u32),
 }
 
 impl SpecimenFile {
-    /// Within the recording.
+    /// File name in the recording.
     fn name(self, recording: &Path) -> String {
         match self {
             Self::Mesh => "mesh.ply".into(),
@@ -61,7 +61,7 @@ impl SpecimenFile {
     }
 }
 
-/// A file that is there: its hash where the recording is closed, and how to get at it.
+/// An existing file, and its hash if the recording is closed.
 #[derive(Debug)]
 pub struct StoredFile {
     path: PathBuf,
@@ -73,10 +73,10 @@ impl StoredFile {
         self.sha256.as_deref()
     }
 
-    /// The bytes that were stored, or an error that names the file.
+    /// The stored bytes.
     ///
     /// # Errors
-    /// A file that cannot be read, or is not what was recorded.
+    /// The file cannot be read, or differs from the recorded one.
     pub fn read(self) -> Result<Vec<u8>, StoreError> {
         let bytes = carved_files::read(&self.path).map_err(StoreError::io("read", &self.path))?;
         if let Some(expected) = &self.sha256 {
@@ -94,23 +94,23 @@ impl StoreReader {
     /// Runs, newest first.
     ///
     /// # Errors
-    /// An index that cannot be read.
+    /// The index cannot be read.
     pub fn runs(&self, query: &RunsQuery) -> Result<Vec<RunRow>, StoreError> {
         index::runs(&self.root, query)
     }
 
-    /// The journal behind an event.
+    /// The events behind the one with this id.
     ///
     /// # Errors
-    /// An index that cannot be read.
+    /// The index cannot be read.
     pub fn events_after(&self, id: u64, most: usize) -> Result<EventsAfter, StoreError> {
         index::events_after(&self.root, id, most)
     }
 
-    /// Whether the journal knows a run of this name, also one whose folder is gone.
+    /// Whether the journal contains a run of this name, even if its folder was removed.
     ///
     /// # Errors
-    /// An index that cannot be read.
+    /// The index cannot be read.
     pub fn was_accepted(&self, run: &str) -> Result<bool, StoreError> {
         index::was_accepted(&self.root, run)
     }
@@ -128,19 +128,19 @@ impl StoreReader {
         folder.is_dir().then_some(folder)
     }
 
-    /// A run, if there is one of this name.
+    /// The run of this name. `None` if there is none.
     ///
     /// # Errors
-    /// A run that cannot be read.
+    /// The run cannot be read.
     pub fn run(&self, id: &str) -> Result<Option<RunRecord>, StoreError> {
         let Some(file) = self.folder(id).map(|f| f.join(run::FILE)).filter(|f| f.is_file()) else { return Ok(None) };
         RunRecord::read(&file).map(Some)
     }
 
-    /// A well of a run, 0 being its newest attempt; none where nothing was ever recorded of it.
+    /// An attempt at a well of a run. Attempt 0 is the newest one. `None` if nothing was recorded.
     ///
     /// # Errors
-    /// Files that are there and cannot be read.
+    /// A file exists and cannot be read.
     pub fn specimen(&self, run: &str, well: &str, attempt: u32) -> Result<Option<StoredSpecimen>, StoreError> {
         let Some(folder) = self.specimen_folder(run, well, attempt) else { return Ok(None) };
         let record = self.run(run)?;
@@ -155,22 +155,22 @@ impl StoreReader {
         let mut files = vec![SpecimenFile::Mesh, SpecimenFile::Model, SpecimenFile::Detection];
         files.extend(views.iter().flat_map(|&v| [SpecimenFile::View(v), SpecimenFile::Profile(v)]));
         files.sort_unstable();
-        // A view that was taken again stands in the ledger with every take.
+        // The ledger lists each take of a retaken view.
         files.dedup();
         files.retain(|file| folder.join(file.name(&folder)).is_file());
         let earlier = folder.parent().map(|run| attempts::earlier(run, well)).unwrap_or_default();
         let measurement = json(MEASUREMENT)?;
         let newest = (attempt == 0).then(|| index::views(&self.root, run, well)).transpose();
-        // What counts is in the folder: a broken index takes away a curve to look at, and nothing else.
+        // The folder has all results. Without the index only the curve of volumes is missing.
         let broken = |error: &StoreError| tracing::warn!(%error, "the volumes after each view are not read");
         let taken = newest.inspect_err(broken).ok().flatten().unwrap_or_default();
         Ok(Some(StoredSpecimen { status, earlier, recording, measurement, views: taken, files }))
     }
 
-    /// A file of a specimen, if it is there.
+    /// A file of a specimen. `None` if it does not exist.
     ///
     /// # Errors
-    /// Sums that cannot be read, or that do not know it.
+    /// The checksums cannot be read, or do not list the file.
     pub fn file(&self, run: &str, well: &str, attempt: u32, file: SpecimenFile) -> Result<Option<StoredFile>, StoreError> {
         let Some(folder) = self.specimen_folder(run, well, attempt) else { return Ok(None) };
         let name = file.name(&folder);

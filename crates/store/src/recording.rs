@@ -1,19 +1,19 @@
-//! A recording: what a run keeps of one specimen, and what replay and offline measuring read.
+//! A recording: the files of one specimen. Replay and offline measurement read it.
 //!
 //! ```text
 //! runs/RUN/A01/recording.json          rig, method, ledger (rewritten durably after each view)
 //!              frames/view_000.png     the raw frame, lossless; Bayer frames stay mosaics
-//!              frames/view_000.retake-1.png   the same view taken again, where the first take did not belong
+//!              frames/view_000.retake-1.png   a retake of this view, if the first take did not fit
 //!              frames/closure.png      the view at 360 deg
-//!              second/view_000.png     the second camera's frame of the same view, where there is one
-//!              frames/empty.png        the empty capillary that the frames are compared with, where there is one
-//!              frames/detect.png       the frame on which the well was judged
+//!              second/view_000.png     the frame of the second camera for this view, if there is one
+//!              frames/empty.png        the empty-capillary picture that frames are compared with, if there is one
+//!              frames/detect.png       the detection frame, on which the well was judged
 //!              profiles/view_000.png   the mask that was carved with
-//!              references.json         the larvae that a larva of known age is compared with
+//!              references.json         the reference larvae for a larva of known age
 //!              measurement.json        the numbers
 //!              mesh.ply                the surface, um
-//!              model.glb               the same in fewer triangles
-//!              SHA256SUMS              of all of the above, when the record is closed
+//!              model.glb               the surface with fewer triangles
+//!              SHA256SUMS              checksums of all of the above, once the recording is closed
 //! ```
 
 use super::{StoreError, archive, durable, frames, schema, sums};
@@ -33,32 +33,32 @@ use std::path::{Path, PathBuf};
 
 const SCHEMA: &str = "carved.recording/1";
 pub(super) const RECORDING: &str = "recording.json";
-/// The frame on which the well was judged.
+/// The detection frame, on which the well was judged.
 pub(super) const DETECTION: &str = "frames/detect.png";
 
 /// Name of the file with a recording's numbers.
 pub const MEASUREMENT: &str = "measurement.json";
 
-/// `measurement.json`: the numbers, and whether they are an instrument's. No clock and no name of a run stands in it, so
-/// that equal numbers are equal bytes.
+/// Content of `measurement.json`: the numbers, and the mode. It contains no time and no name of a run, so that equal numbers give equal
+/// bytes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MeasurementFile {
     pub mode: Mode,
     #[serde(flatten)]
     pub record: SpecimenRecord,
-    /// What the second camera says, where there was one.
+    /// Result of the second camera, if there is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fluorescence: Option<Fluorescence>,
-    /// The place among reference larvae, of a larva whose age is known.
+    /// Comparison with reference larvae. `None` for a bead, or for a larva of unknown age.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reference: Option<Standing>,
-    /// What the lab calls this state of the method, where it does.
+    /// The lab's version of the method. `None` if the method has none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub method_version: Option<String>,
 }
 
 impl MeasurementFile {
-    /// The numbers of a recording, compared with the references that it holds.
+    /// The numbers of a recording, compared with these references.
     pub fn new(recording: &Recording, references: &[References], mut record: SpecimenRecord) -> Self {
         let measurement = &record.measurement;
         let standing = |dpf| {
@@ -84,7 +84,7 @@ impl MeasurementFile {
     }
 }
 
-/// The second camera's numbers of a specimen: of its frames beside their ledger entries, the closure view's left out.
+/// The numbers of the second camera. `frames`: its frames with their ledger entries. The closure view is left out.
 pub fn fluorescence<'a>(
     mesh: &Mesh,
     measurement: &Measurement,
@@ -104,7 +104,7 @@ pub fn fluorescence<'a>(
     Fluorescence::measure(mesh, &views, measurement.volume_um3, measurement.volume_sd_um3)
 }
 
-/// Which program wrote a file.
+/// The program that wrote a file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Software {
     pub name: String,
@@ -117,33 +117,33 @@ impl Software {
     }
 }
 
-/// The rig as it was.
+/// The rig at the time of the recording.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RigRecord {
     pub name: String,
-    /// psi; the angles are the ledger's.
+    /// The model camera psi. The angles are in the ledger.
     pub camera: Camera,
     pub pixel_format: PixelFormat,
-    /// Of the bytes of `frames/empty.png`, where frames were compared with the empty capillary.
+    /// SHA-256 of the pixels of `frames/empty.png`, if frames were compared with it.
     #[serde(default)]
     pub empty_capillary_sha256: Option<String>,
     pub steps_per_revolution: StepsPerRevolution,
     pub sense: Sense,
     pub rotation_identity: String,
     pub camera_identity: String,
-    /// The second camera, where there was one.
+    /// The second camera, if there was one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub second: Option<SecondRecord>,
 }
 
-/// The second camera as it was.
+/// The second camera at the time of the recording.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SecondRecord {
     pub optics: SecondOptics,
     pub identity: String,
 }
 
-/// `recording.json`.
+/// Content of `recording.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Recording {
     pub schema: String,
@@ -156,15 +156,15 @@ pub struct Recording {
     pub rig: RigRecord,
     pub method_name: String,
     pub method: Method,
-    /// Of a simulated specimen: what a perfect measurement would find. `null` on an instrument.
+    /// The true values of a simulated specimen. `null` on an instrument.
     pub truth: Option<serde_json::Value>,
-    /// Of `references.json`, where there are references of a larva.
+    /// SHA-256 of `references.json`, if the larva is compared with references.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub references_sha256: Option<String>,
-    /// The turn was ended after so many of its planned views, by the method's rule.
+    /// The method's rule ended the turn after this number of views.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ended_after_views: Option<u32>,
-    /// The turn was taken for good before the specimen was let go: its numbers are to be had from these frames, and from nowhere else.
+    /// The turn was accepted before the specimen was released. The numbers are computed from these frames only.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub accepted: bool,
     /// In the order in which the views were taken.
@@ -193,7 +193,7 @@ impl Recording {
 }
 
 impl Recording {
-    /// Its names may become paths: they lead nowhere else.
+    /// Checks names that may become paths.
     fn check(&self, file: &Path) -> Result<(), StoreError> {
         let named = |expected, found: &str, is: bool| {
             let wrong = || StoreError::Format { path: file.to_owned(), expected, found: format!("{found:?}") };
@@ -220,7 +220,7 @@ fn picture_file(folder: &str, entry: &LedgerEntry) -> String {
     take_name(folder, &name, entry.retake)
 }
 
-/// The frame file of a take of a view, 0 being the first, relative to the recording.
+/// The frame file of a take of a view, relative to the recording. Take 0 is the first one.
 pub(super) fn frame_name(view: u32, retake: u32) -> String {
     take_name("frames", &view_name(view), retake)
 }
@@ -236,23 +236,22 @@ fn take_name(folder: &str, name: &str, retake: u32) -> String {
     }
 }
 
-/// The frame of the empty capillary, relative to the recording.
+/// The empty-capillary picture, relative to the recording.
 const EMPTY: &str = "frames/empty.png";
 
 /// The reference larvae, relative to the recording.
 const REFERENCES: &str = "references.json";
 
-/// Writes a recording; what `add_view` has returned from survives a crash.
+/// Writes a recording. Once `add_view` returns, the view survives a crash.
 pub struct RecordingWriter {
     folder: PathBuf,
     recording: Recording,
-    /// SHA-256 of every file as it was written, by its name in the folder.
+    /// SHA-256 of each written file, by its name in the folder.
     written: BTreeMap<String, String>,
 }
 
 impl RecordingWriter {
-    /// Starts a recording in a folder that has none. With the frame of the empty capillary that its frames are compared
-    /// with, it is reproducible from its own folder.
+    /// Starts a recording in a folder that has none. With the empty-capillary picture, the recording is reproducible from its own folder.
     pub fn create(folder: &Path, recording: Recording, empty: Option<&RawFrame>) -> Result<Self, StoreError> {
         if folder.join(RECORDING).exists() {
             return Err(StoreError::Exists { path: folder.to_owned() });
@@ -271,7 +270,7 @@ impl RecordingWriter {
         Ok(writer)
     }
 
-    /// Goes on with a recording of an earlier life, to add the results that it lacks and to close it.
+    /// Continues a recording after a restart, to add missing results and to close it.
     pub fn resume(reader: &RecordingReader) -> Self {
         Self { folder: reader.folder.clone(), recording: reader.recording.clone(), written: BTreeMap::new() }
     }
@@ -287,14 +286,14 @@ impl RecordingWriter {
         self.put(RECORDING, &text)
     }
 
-    /// The frame on which the well was judged, and what is known of the specimen's truth (simulation only).
+    /// Adds the detection frame, and the true values of a simulated specimen.
     pub fn add_detection(&mut self, frame: &RawFrame, truth: Option<serde_json::Value>) -> Result<(), StoreError> {
         self.put(DETECTION, &frames::encode(frame)?)?;
         self.recording.truth = truth;
         self.save()
     }
 
-    /// What the specimen is compared with: of a larva of known age, so that its recording gives its place from its own folder.
+    /// Adds the references of a larva of known age, so that the recording gives the comparison from its own folder.
     pub fn add_references(&mut self, references: &[References]) -> Result<(), StoreError> {
         if self.recording.specimen.age_of_larva().is_none() || references.is_empty() {
             return Ok(());
@@ -309,19 +308,19 @@ impl RecordingWriter {
         &self.recording
     }
 
-    /// Says that the turn is whole with fewer views than were planned.
+    /// Marks the turn as complete with fewer views than planned.
     pub fn end_after(&mut self, views: u32) -> Result<(), StoreError> {
         self.recording.ended_after_views = Some(views);
         self.save()
     }
 
-    /// Says that the turn is taken for good: what it is worth outlasts a crash from now on, and the specimen may go.
+    /// Marks the turn as accepted. Once this returns it is durable, and the specimen may be released.
     pub fn accept(&mut self) -> Result<(), StoreError> {
         self.recording.accepted = true;
         self.save()
     }
 
-    /// Frame first, then the ledger that names it: a ledger never lists a frame that is not there.
+    /// Writes the frame first, then the ledger. The ledger never lists a missing frame.
     pub fn add_view(&mut self, entry: LedgerEntry, frame: &RawFrame) -> Result<(), StoreError> {
         self.put(&frame_file(&entry), &frames::encode(frame)?)?;
         self.recording.ledger.push(entry).map_err(|e| StoreError::Format {
@@ -332,7 +331,7 @@ impl RecordingWriter {
         self.save()
     }
 
-    /// The second camera's frame of a view that `add_view` is then told of.
+    /// Adds the second camera's frame of a view. Call it before `add_view`.
     pub fn add_second(&mut self, entry: &LedgerEntry, frame: &RawFrame) -> Result<(), StoreError> {
         self.put(&second_file(entry), &frames::encode(frame)?)
     }
@@ -341,12 +340,12 @@ impl RecordingWriter {
         self.put(&format!("profiles/view_{index:03}.png"), &frames::encode_mask(mask)?)
     }
 
-    /// Whether a file of this name is there.
+    /// Whether the recording has a file of this name.
     pub fn has(&self, name: &str) -> bool {
         self.folder.join(name).is_file()
     }
 
-    /// A result beside the frames.
+    /// Adds a result.
     pub fn add_file(&mut self, name: &str, bytes: &[u8]) -> Result<(), StoreError> {
         self.put(name, bytes)
     }
@@ -356,8 +355,8 @@ impl RecordingWriter {
         self.put(name, &text)
     }
 
-    /// Hashes everything and closes the record; also for a revolution that was cut short. A file that is not any more what
-    /// was written is an error, not a line in the sums.
+    /// Writes the checksums and closes the recording, also after an interrupted turn. A file that differs from what was written is an
+    /// error.
     pub fn close(self) -> Result<(), StoreError> {
         let sums = sums::of_folder(&self.folder)?;
         for (name, expected) in self.written {
@@ -371,14 +370,14 @@ impl RecordingWriter {
     }
 }
 
-/// Reads a recording back; every frame it gives is the one that was recorded, or an error that names the file.
+/// Reads a recording. Each frame is verified against its recorded hash.
 pub struct RecordingReader {
     folder: PathBuf,
     recording: Recording,
 }
 
 impl RecordingReader {
-    /// `path` is the recording's folder or its `recording.json`.
+    /// Opens a recording. `path` is its folder or its `recording.json`.
     pub fn open(path: &Path) -> Result<Self, StoreError> {
         let folder = if path.is_file() { durable::folder_of(path).to_owned() } else { path.to_owned() };
         let file = folder.join(RECORDING);
@@ -396,7 +395,7 @@ impl RecordingReader {
         &self.recording
     }
 
-    /// A whole revolution, or the error that says how much of it there is.
+    /// Returns an error with the number of views, unless the turn is complete.
     pub fn require_finished(&self) -> Result<(), StoreError> {
         let expected = self.recording.ended_after_views.unwrap_or(self.recording.method.asd);
         let found = self.recording.ledger.carved().count();
@@ -406,35 +405,35 @@ impl RecordingReader {
         Ok(())
     }
 
-    /// Whether the specimen was let go on the strength of these frames, and all of them are there.
+    /// Whether the turn was accepted and all its frames are recorded.
     pub fn is_accepted(&self) -> bool {
         self.recording.accepted && self.require_finished().is_ok()
     }
 
-    /// The numbers of a record that was closed with them; nothing where they are still to be made.
+    /// The numbers of a closed recording. `None` if they are not computed yet.
     pub fn closed_numbers(&self) -> Option<MeasurementFile> {
         let closed = [super::sums::FILE, MEASUREMENT].iter().all(|name| self.folder.join(name).is_file());
         self.measurement().ok().filter(|_| closed)
     }
 
-    /// The frame of a ledger entry, checked against the hash that the ledger has.
+    /// The frame of a ledger entry, verified against the hash in the ledger.
     pub fn frame(&self, entry: &LedgerEntry) -> Result<RawFrame, StoreError> {
         self.raw(&frame_file(entry), self.recording.rig.pixel_format, &entry.sha256)
     }
 
-    /// The second camera's frame of a ledger entry; none where there was no second camera.
+    /// The second camera's frame of a ledger entry. `None` without a second camera.
     pub fn second(&self, entry: &LedgerEntry) -> Result<Option<RawFrame>, StoreError> {
         let Some(second) = &entry.second else { return Ok(None) };
         self.raw(&second_file(entry), PixelFormat::Mono8, &second.sha256).map(Some)
     }
 
-    /// The empty capillary that the frames were compared with, if they were.
+    /// The empty-capillary picture that the frames were compared with. `None` without one.
     pub fn empty_capillary(&self) -> Result<Option<RawFrame>, StoreError> {
         let expected = self.recording.rig.empty_capillary_sha256.as_deref();
         expected.map(|expected| self.raw(EMPTY, self.recording.rig.pixel_format, expected)).transpose()
     }
 
-    /// A raw frame; one that was pruned is told with the place where it can be had.
+    /// A raw frame. If it was pruned, the error says where its copy is.
     fn raw(&self, name: &str, format: PixelFormat, expected: &str) -> Result<RawFrame, StoreError> {
         let path = self.folder.join(name);
         if !path.exists() {
@@ -445,13 +444,13 @@ impl RecordingReader {
         Ok(frame)
     }
 
-    /// The numbers that are stored beside the frames.
+    /// The stored numbers.
     pub fn measurement(&self) -> Result<MeasurementFile, StoreError> {
         super::sums::check_one(&self.folder, MEASUREMENT)?;
         durable::read_json(&self.folder.join(MEASUREMENT), "the numbers of a specimen")
     }
 
-    /// The larvae that the specimen is compared with; none of a bead, or of a larva whose age is not known.
+    /// The references of the larva. Empty for a bead, or for a larva of unknown age.
     pub fn references(&self) -> Result<Vec<References>, StoreError> {
         let Some(expected) = &self.recording.references_sha256 else { return Ok(Vec::new()) };
         let path = self.folder.join(REFERENCES);

@@ -1,4 +1,4 @@
-//! What a specimen gives by another method: `WELL/replays/NAME/`, beside the stored result, which stays as it is.
+//! Results of a specimen by another method, in `WELL/replays/NAME/`. The stored result is not changed.
 
 use super::{MEASUREMENT, Software, StoreError, durable, schema, sums};
 use carved_records::Method;
@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 const SCHEMA: &str = "carved.replay/1";
 const FILE: &str = "replay.json";
 
-/// `replay.json`.
+/// Content of `replay.json`.
 #[derive(Serialize, Deserialize)]
 struct Replay {
     schema: String,
@@ -25,7 +25,7 @@ pub struct ReplayWriter {
 }
 
 impl ReplayWriter {
-    /// Results by the method of this (plain) name, of the recording in this folder.
+    /// A writer for results by the method of this (plain) name. `recording`: the recording's folder.
     pub fn new(recording: &Path, name: &str) -> Self {
         Self { folder: recording.join("replays").join(name), name: name.to_owned() }
     }
@@ -34,12 +34,12 @@ impl ReplayWriter {
         &self.folder
     }
 
-    /// Whether these very numbers by this very method are there, whole.
+    /// Whether the same numbers by the same method are stored already and complete.
     ///
     /// # Errors
-    /// Results of another method, or other numbers, under this name: nothing is overwritten.
+    /// The folder of this name has results of another method, or other numbers. Nothing is overwritten.
     pub fn is_there(&self, method: &Method, numbers: &[u8]) -> Result<bool, StoreError> {
-        // The sums are written last: without them an earlier replay was cut short.
+        // The checksums are written last. Without them an earlier replay was interrupted.
         if !self.folder.join(sums::FILE).is_file() {
             return Ok(false);
         }
@@ -50,8 +50,10 @@ impl ReplayWriter {
         if same { Ok(true) } else { Err(StoreError::Exists { path: self.folder.clone() }) }
     }
 
+    /// Writes the results.
+    ///
     /// # Errors
-    /// Files that cannot be written.
+    /// A file cannot be written.
     pub fn write(&self, method: &Method, files: &[(&str, Vec<u8>)]) -> Result<(), StoreError> {
         durable::create_folder(&self.folder)?;
         let replay = Replay {

@@ -12,7 +12,7 @@ const SCHEMA: &str = "carved.run/1";
 
 pub(super) const FILE: &str = "run.json";
 
-/// `run.json`.
+/// Content of `run.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RunRecord {
     pub schema: String,
@@ -21,10 +21,10 @@ pub struct RunRecord {
     pub mode: Mode,
     pub plan: RunPlan,
     pub method: Method,
-    /// Of the empty capillary's picture that the frames are compared with, as in every `recording.json`.
+    /// SHA-256 of the empty-capillary picture, as in every `recording.json`.
     #[serde(default)]
     pub empty_capillary_sha256: Option<String>,
-    /// The rig's calibration that was the newest when the run started.
+    /// The newest calibration of the rig when the run started.
     #[serde(default)]
     pub calibration: Option<CalibrationStatus>,
     /// RFC 3339, UTC.
@@ -58,7 +58,7 @@ impl RunRecord {
         self.outcome = Some(outcome);
     }
 
-    /// Ends a run that nobody will go on with: it must not look as if somebody did.
+    /// Ends a run that cannot be continued.
     pub fn end_interrupted(&mut self) {
         for well in self.wells.iter_mut().filter(|w| w.outcome.is_none()) {
             well.end(SpecimenOutcome::Interrupted, Some("the daemon ended before this well was done"));
@@ -66,15 +66,15 @@ impl RunRecord {
         self.end(RunOutcome::Interrupted);
     }
 
-    /// Reads the `run.json` of a run's folder, which may have another name than the run: a copy may.
+    /// Reads the `run.json` of a folder. The folder may have another name than the run, as in a copy.
     ///
     /// # Errors
-    /// A newer format, or names that lead out of the folder.
+    /// The format is newer, or a name leads out of the folder.
     pub fn of_folder(folder: &Path) -> Result<Self, StoreError> {
         Self::checked(&folder.join(FILE))
     }
 
-    /// Its names become paths.
+    /// Checks the names, because they become paths.
     fn checked(file: &Path) -> Result<Self, StoreError> {
         let run: Self = schema::read(file, SCHEMA)?;
         let wrong = |expected, found: &str| StoreError::Format { path: file.to_owned(), expected, found: format!("{found:?}") };
@@ -88,7 +88,7 @@ impl RunRecord {
         Ok(run)
     }
 
-    /// Reads a `run.json`, of the folder that has the run's name.
+    /// Reads a `run.json`. Its folder must have the run's name.
     pub(super) fn read(file: &Path) -> Result<Self, StoreError> {
         let run = Self::checked(file)?;
         let folder = file.parent().and_then(Path::file_name).unwrap_or_default();

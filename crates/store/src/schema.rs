@@ -1,11 +1,11 @@
-//! Files that say which format they are of: `carved.run/1`. What a newer carved wrote is refused by name, not misread.
+//! Reads files that name their format, such as `carved.run/1`. A file of a newer carved is refused.
 
 use super::StoreError;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use std::path::Path;
 
-/// What every version of every such file has.
+/// The common part of all versions of these files.
 #[derive(Deserialize)]
 struct Stamp {
     schema: String,
@@ -18,7 +18,7 @@ struct Writer {
     version: String,
 }
 
-/// Reads a file of the format `known`, which is the newest that is known of its kind.
+/// Reads a file of the format `known`, the newest known version of its kind.
 pub(super) fn read<T: DeserializeOwned>(path: &Path, known: &'static str) -> Result<T, StoreError> {
     let text = carved_files::read(path).map_err(StoreError::io("read", path))?;
     let format = |found: String| StoreError::Format { path: path.to_owned(), expected: known, found };

@@ -1,4 +1,4 @@
-//! `SHA256SUMS`, as `sha256sum -c` reads it.
+//! `SHA256SUMS` files in the format of `sha256sum -c`.
 
 use super::{StoreError, durable};
 use carved_records::{is_well, sha256_hex};
@@ -21,7 +21,7 @@ fn files(folder: &Path, under: &Path, found: &mut Vec<PathBuf>) -> Result<(), St
     Ok(())
 }
 
-/// SHA-256 of every file of the folder, by its name in it.
+/// SHA-256 of each file of the folder, by its name in the folder.
 pub fn of_folder(folder: &Path) -> Result<BTreeMap<PathBuf, String>, StoreError> {
     let mut names = Vec::new();
     files(folder, Path::new(""), &mut names)?;
@@ -33,10 +33,10 @@ pub fn of_folder(folder: &Path) -> Result<BTreeMap<PathBuf, String>, StoreError>
     names.into_iter().map(hash).collect()
 }
 
-/// Writes the sums of a recording's folder that has none, because its writer ended before it could close it.
+/// Writes the checksums of a recording that has none, because it was not closed.
 ///
 /// # Errors
-/// A file that cannot be read, or sums that cannot be written.
+/// A file cannot be read, or the checksums cannot be written.
 pub fn seal(folder: &Path) -> Result<(), StoreError> {
     let sums = folder.join(FILE);
     if !folder.is_dir() || sums.exists() {
@@ -45,10 +45,10 @@ pub fn seal(folder: &Path) -> Result<(), StoreError> {
     durable::write(&sums, text(&of_folder(folder)?).as_bytes())
 }
 
-/// Seals every well's folder of a run, earlier attempts included.
+/// Seals the folder of every well of a run, including earlier attempts.
 ///
 /// # Errors
-/// The last folder that could not be sealed; the others are.
+/// The last folder that could not be sealed. The others are sealed.
 pub fn seal_run(run: &Path) -> Result<(), StoreError> {
     let mut sealed = Ok(());
     for entry in std::fs::read_dir(run).map_err(StoreError::io("list", run))?.flatten() {
@@ -73,7 +73,7 @@ pub fn read(sums: &Path) -> Result<Vec<(String, String)>, StoreError> {
     Ok(text.lines().filter_map(|l| l.split_once("  ")).map(|(hash, name)| (name.to_owned(), hash.to_owned())).collect())
 }
 
-/// What a file of the folder should be; none in an interrupted record, which has no sums.
+/// The recorded hash of a file. `None` if the folder has no checksums, as in an interrupted recording.
 pub fn expected(folder: &Path, name: &str) -> Result<Option<String>, StoreError> {
     let sums = folder.join(FILE);
     if !sums.exists() {
@@ -87,7 +87,7 @@ pub fn expected(folder: &Path, name: &str) -> Result<Option<String>, StoreError>
     }
 }
 
-/// Checks one file against the folder's sums, where there are any.
+/// Verifies one file against the checksums of its folder, if there are any.
 pub fn check_one(folder: &Path, name: &str) -> Result<(), StoreError> {
     let Some(expected) = expected(folder, name)? else { return Ok(()) };
     let path = folder.join(name);
@@ -95,7 +95,7 @@ pub fn check_one(folder: &Path, name: &str) -> Result<(), StoreError> {
     same(&path, &expected, &sha256_hex(&bytes))
 }
 
-/// Whether a file is what was recorded, by its hash.
+/// Returns an error unless both hashes are equal.
 pub fn same(path: &Path, expected: &str, found: &str) -> Result<(), StoreError> {
     if found == expected {
         return Ok(());

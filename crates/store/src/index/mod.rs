@@ -1,16 +1,16 @@
-//! `DATA/index.sqlite`: runs, wells, specimens, numbers, beads, faults and events, to be looked up without opening every folder.
+//! `DATA/index.sqlite`: an index of runs, wells, specimens, numbers, beads, faults and events. Lookups do not open every folder.
 //!
 //! ```text
-//! run folders, events.jsonl ──── the truth
-//!        │ each write is followed here, in one transaction (WAL, synchronous NORMAL: after a power loss it may lack the newest)
+//! run folders, events.jsonl ──── the source of truth
+//!        │ each write is followed by a transaction here (WAL, synchronous NORMAL: a power loss may drop the newest ones)
 //!        ▼
-//!   index.sqlite ──── refreshed at a start: what was written since, by length of the journal and stamp of each run.json
-//!        │            missing or broken: made anew from the folders
+//!   index.sqlite ──── updated at a start by the length of the journal and the stamp of each run.json
+//!        │            rebuilt from the folders if it is missing or broken
 //!        ▼
-//!   readers (`reader`), each with a connection of its own
+//!   readers (`reader`), each with its own connection
 //! ```
-//! It is an index: a write to it that fails is told in the log and stops nothing. From then on it is *behind*, says so
-//! ([`Index::trouble`]), and further writes try to bring it up to the folders first, each [`AGAIN`] at most.
+//! A write to the index that fails is logged and stops nothing. From then on the index is *behind* and reports this ([`Index::trouble`]).
+//! Later writes first try to update it from the folders, at most once per [`AGAIN`].
 
 mod query;
 mod refresh;
@@ -33,13 +33,13 @@ use std::time::{Duration, Instant};
 
 const FILE: &str = "index.sqlite";
 
-/// How long another program (`carved prune`) may hold the index before it is told to be behind.
+/// How long to wait for another program (`carved prune`) that locks the index, before the index counts as behind.
 const BUSY: Duration = Duration::from_millis(500);
 
-/// How often it is tried to bring up an index that is behind: all run folders are looked at for it, and a run waits.
+/// Interval of the attempts to update an index that is behind. Each attempt reads all run folders, and a run waits for it.
 const AGAIN: Duration = Duration::from_secs(60);
 
-/// The writing end; one per daemon.
+/// The writer of the index. There is one per daemon.
 pub struct Index {
     root: PathBuf,
     state: Mutex<State>,
@@ -47,17 +47,17 @@ pub struct Index {
 
 struct State {
     connection: Option<Connection>,
-    /// Why what is on disk is not all in it, if so.
+    /// Why the index lacks something that is on disk. `None` if it is complete.
     behind: Option<String>,
-    /// When it is brought up the next time; the first try comes at once.
+    /// When the index is updated next. The first attempt is immediate.
     again: Instant,
 }
 
 impl Index {
-    /// Opens the index and brings it up to the folders, or makes it anew from them.
+    /// Opens the index and updates it from the folders, or rebuilds it.
     ///
     /// # Errors
-    /// Only where a newer carved made it: this one must not work in a folder of which it does not know all.
+    /// A newer carved wrote the index. This version must not work in a folder that it does not fully know.
     pub fn open(root: &Path) -> Result<(Self, Found), StoreError> {
         let path = root.join(FILE);
         let opened = if path.exists() {
@@ -83,31 +83,31 @@ impl Index {
         Ok((Self { root: root.to_owned(), state: Mutex::new(State { connection, behind, again: Instant::now() }) }, found))
     }
 
-    /// Why it does not hold all that is on disk, where it does not.
+    /// Why the index lacks something that is on disk. `None` if it is complete.
     pub fn trouble(&self) -> Option<String> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner).behind.clone()
     }
 
-    /// Sequence number of the newest fault; none where the index cannot say.
+    /// Sequence number of the newest fault. `None` if the index is not usable.
     pub fn last_fault(&self) -> Option<u64> {
         let state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         let connection = state.connection.as_ref().filter(|_| state.behind.is_none())?;
         connection.query_row("SELECT COALESCE(MAX(seq), 0) FROM faults", [], |row| row.get(0)).ok()
     }
 
-    /// What of the journal a start has to know, its newest `most` events among it; nothing where the index cannot say.
+    /// The events that a start needs, with the newest `most` events of the journal. `None` if the index is not usable.
     pub fn remembered(&self, most: usize) -> Option<Vec<Event>> {
         let state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         let connection = state.connection.as_ref().filter(|_| state.behind.is_none())?;
         query::remembered(connection, most).inspect_err(|error| tracing::warn!(%error, "the index remembers nothing")).ok()
     }
 
-    /// An event that is on disk; the journal is so long with it.
+    /// Adds an event that is on disk. `journal_bytes`: length of the journal including this event.
     pub fn event(&self, event: &Event, journal_bytes: u64) {
         self.follow(|tx, _| rows::put_event(tx, event, journal_bytes));
     }
 
-    /// A run that is on disk: what of its wells changed is read from their folders.
+    /// Adds or updates a run that is on disk. The folders of changed wells are read.
     pub fn run(&self, record: &RunRecord) {
         self.follow(|tx, root| rows::put_run(tx, root, record, false));
     }
@@ -125,7 +125,7 @@ impl Index {
             return;
         }
         let done = in_one(connection, |tx| {
-            // What is to be written is on disk already, so that the refresh has it too.
+            // The write is on disk already, so the refresh includes it.
             if was_behind { refresh::all(tx, &self.root).map(|_| ()) } else { work(tx, &self.root) }
         });
         match done {
@@ -178,19 +178,19 @@ fn existing(root: &Path) -> Result<(Connection, Found), StoreError> {
     Ok((connection, found))
 }
 
-/// How far the index has followed the journal: to which byte, and to which event. Nowhere where it cannot say, or where the journal does
-/// not go on from there.
+/// How far the index has followed the journal: the byte, and the id of the event. Both are 0 if the index is not usable or belongs to
+/// another journal.
 pub(super) fn followed(root: &Path) -> (u64, u64) {
     let (bytes, newest) = query::followed(root).unwrap_or_default();
     if refresh::goes_on(&root.join(super::journal::FILE), bytes, newest) { (bytes, newest) } else { (0, 0) }
 }
 
-/// Removes the index; the next that opens it makes it anew.
+/// Removes the index. It is rebuilt when it is opened next.
 pub(super) fn remove(root: &Path) -> Result<(), StoreError> {
     removed(&root.join(FILE))
 }
 
-/// A database with its log, where it is there.
+/// Removes a database with its log, if it exists.
 fn removed(path: &Path) -> Result<(), StoreError> {
     for end in ["", "-wal", "-shm"] {
         let path = path.with_file_name(format!("{}{end}", path.file_name().unwrap_or_default().display()));
@@ -207,10 +207,10 @@ pub(super) fn run_names(root: &Path) -> Result<Vec<String>, StoreError> {
     Ok(refresh::folders(root)?.into_keys().collect())
 }
 
-/// A run that another program than the daemon has added, has taken files of, or has removed: its rows follow, where there is an index.
+/// Updates the rows of a run that another program has added, pruned or removed. Does nothing without an index.
 ///
 /// # Errors
-/// The index or the run's record cannot be read. The folder is as it was.
+/// The index or the run's record cannot be read. The index is unchanged.
 pub fn follow_run(root: &Path, id: &str) -> Result<(), StoreError> {
     let path = root.join(FILE);
     if !path.exists() {
@@ -227,7 +227,7 @@ pub fn follow_run(root: &Path, id: &str) -> Result<(), StoreError> {
     in_one(&mut connection, follow).map_err(failed("follow the run's folder; carved index rebuild makes it anew", &path))
 }
 
-/// Makes the index from the folders, beside its place, and puts it there whole.
+/// Rebuilds the index from the folders in a temporary file, then renames it.
 pub(super) fn rebuild(root: &Path) -> Result<(Connection, Found), StoreError> {
     let path = root.join(FILE);
     let new = root.join("index.sqlite.new");
@@ -235,7 +235,7 @@ pub(super) fn rebuild(root: &Path) -> Result<(Connection, Found), StoreError> {
     let mut connection = connect(&new)?;
     tables::migrate(&mut connection, &new)?;
     let found = in_one(&mut connection, |tx| refresh::all(tx, root)).map_err(failed("be made", &new))?;
-    // Closing it takes its log in.
+    // Closing the connection writes its log into the database.
     connection.close().map_err(|(_, e)| failed("be closed", &new)(e))?;
     removed(&path)?;
     std::fs::rename(&new, &path).map_err(StoreError::io("rename", &new))?;

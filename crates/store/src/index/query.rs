@@ -1,4 +1,4 @@
-//! What is asked of the index. Every question has a connection of its own, which cannot write.
+//! Queries of the index. Each query has its own read-only connection.
 
 use super::{BUSY, FILE, failed};
 use crate::StoreError;
@@ -7,11 +7,11 @@ use rusqlite::{Connection, OpenFlags, OptionalExtension, Row, params};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// Which runs; what is not given does not matter.
+/// Filter of a list of runs. `None` matches all.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct RunsQuery {
     pub limit: usize,
-    /// Only those behind this place in the list.
+    /// Only runs behind this place in the list.
     pub after: Option<Cursor>,
     pub plate_barcode: Option<String>,
     pub method: Option<String>,
@@ -19,7 +19,7 @@ pub struct RunsQuery {
     pub external_id: Option<String>,
     /// `hardware` or `simulated`.
     pub mode: Option<String>,
-    /// `open` are those that have none.
+    /// `open` matches runs without an outcome.
     pub outcome: Option<String>,
 }
 
@@ -30,7 +30,7 @@ pub struct Cursor {
     pub id: String,
 }
 
-/// A run in a list.
+/// A run in a list of runs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RunRow {
     pub id: String,
@@ -50,18 +50,18 @@ pub struct RunRow {
 }
 
 impl RunRow {
-    /// Where a list that ends with it goes on.
+    /// The place in the list behind this run.
     pub fn cursor(&self) -> Cursor {
         Cursor { started_us: self.started_us, id: self.id.clone() }
     }
 }
 
-/// Events behind one that a reader has seen.
+/// The events behind one that a reader has seen.
 #[derive(Debug, PartialEq)]
 pub enum EventsAfter {
-    /// The next ones, oldest first, without a gap.
+    /// The next events, oldest first, without a gap.
     Events(Vec<Event>),
-    /// So old an event, or one of another journal, cannot be gone on from.
+    /// The event is unknown: it is too old, or of another journal.
     Unknown,
 }
 
@@ -164,8 +164,8 @@ fn data_of(kind: &str, json: &str) -> EventData {
     EventData::of(kind, serde_json::from_str(json).unwrap_or_default())
 }
 
-/// The newest `most` events without the views, and those of before that still mean something: faults that nothing has ended, the newest
-/// word on a plate and on its handover, and which methods the runs among them have.
+/// The newest `most` events without views, and the earlier events that are still valid: open faults, the newest events of a plate and of
+/// its handover, and the acceptance of the runs among the newest events.
 pub(super) fn remembered(c: &Connection, most: usize) -> rusqlite::Result<Vec<Event>> {
     let mut select = c.prepare(
         "WITH newest AS (SELECT id, run FROM events WHERE kind <> ?2 ORDER BY id DESC LIMIT ?1)
@@ -189,7 +189,7 @@ pub(super) fn remembered(c: &Connection, most: usize) -> rusqlite::Result<Vec<Ev
     select.query_map(kinds, event_row)?.collect()
 }
 
-/// Length of the journal as far as it is indexed, and its newest event there.
+/// The indexed length of the journal, and the id of the newest indexed event.
 pub fn followed(root: &Path) -> Result<(u64, u64), StoreError> {
     ask(root, |c| {
         c.query_row("SELECT journal_bytes, (SELECT COALESCE(MAX(id), 0) FROM events) FROM place", [], |row| Ok((row.get(0)?, row.get(1)?)))

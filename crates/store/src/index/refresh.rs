@@ -1,4 +1,4 @@
-//! Bringing the index up to what is on disk; from an empty one that is a rebuild.
+//! Updates the index from the folders. From an empty index this is a rebuild.
 
 use super::rows;
 use crate::{RunRecord, StoreError, journal, run};
@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-/// What a look at the run folders found.
+/// The result of a scan of the run folders.
 #[derive(Debug, Default)]
 pub struct Found {
     pub runs: usize,
@@ -17,14 +17,14 @@ pub struct Found {
     pub unreadable: Vec<Unreadable>,
 }
 
-/// A run whose `run.json` cannot be read. It is left alone.
+/// A run whose `run.json` cannot be read. It is not changed.
 #[derive(Debug)]
 pub struct Unreadable {
     pub run: String,
     pub why: String,
 }
 
-/// The run folders by name; what begins with a dot is none.
+/// The run folders by name. Names that begin with a dot are skipped.
 pub(super) fn folders(root: &Path) -> Result<BTreeMap<String, PathBuf>, StoreError> {
     let runs = root.join("runs");
     let mut found = BTreeMap::new();
@@ -41,7 +41,7 @@ pub(super) fn folders(root: &Path) -> Result<BTreeMap<String, PathBuf>, StoreErr
     Ok(found)
 }
 
-/// As a refresh finds it, without an index.
+/// Scans the run folders without an index.
 pub(super) fn look(root: &Path) -> Result<Found, StoreError> {
     let (mut found, mut open) = (Found::default(), Vec::new());
     for (name, file) in folders(root)? {
@@ -56,12 +56,12 @@ pub(super) fn look(root: &Path) -> Result<Found, StoreError> {
     Ok(found)
 }
 
-/// For `map_err`: a folder or file that cannot be read, as the index' transaction reports it.
+/// For `map_err`: an I/O error as an error of the index transaction.
 fn unfit(why: impl std::error::Error + Send + Sync + 'static) -> rusqlite::Error {
     rusqlite::Error::ToSqlConversionFailure(Box::new(why))
 }
 
-/// Follows the journal and every `run.json` that is not the one that was indexed; forgets runs that are gone.
+/// Follows the journal and every changed `run.json`. Removes runs whose folders are missing.
 pub(super) fn all(c: &Connection, root: &Path) -> rusqlite::Result<Found> {
     events(c, &root.join(journal::FILE))?;
     let mut known: BTreeMap<String, (i64, i64)> = c
@@ -92,7 +92,7 @@ pub(super) fn all(c: &Connection, root: &Path) -> rusqlite::Result<Found> {
     Ok(found)
 }
 
-/// The journal from where it was left. Where it does not go on from there it is another one, and all of it is read.
+/// Reads the journal from the last position. If the journal is another one, all of it is read.
 fn events(c: &Connection, path: &Path) -> rusqlite::Result<()> {
     let mut from: u64 = c.query_row("SELECT journal_bytes FROM place", [], |row| row.get(0))?;
     let newest: Option<u64> = c.query_row("SELECT MAX(id) FROM events", [], |row| row.get(0))?;
@@ -119,7 +119,7 @@ fn events(c: &Connection, path: &Path) -> rusqlite::Result<()> {
     }
 }
 
-/// Whether the line that ends at `from` is the event that was indexed last.
+/// Whether the line that ends at `from` is the last indexed event.
 pub(super) fn goes_on(path: &Path, from: u64, newest: u64) -> bool {
     if from == 0 {
         return newest == 0;

@@ -1,4 +1,4 @@
-//! What stands in the index of a run, a specimen and an event. Whoever writes it, the daemon or a rebuild, writes it here.
+//! The rows of a run, a specimen and an event. The daemon and a rebuild both write them here.
 
 use crate::{MEASUREMENT, RECORDING, RunRecord, attempts, run};
 use carved_records::{Event, EventData, WellStatus, sha256_hex};
@@ -7,17 +7,17 @@ use serde_json::Value;
 use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 
-/// A word as serde writes it: `succeeded`, `simulated`.
+/// A value as serde writes it: `succeeded`, `simulated`.
 pub(crate) fn word<T: serde::Serialize>(value: &T) -> Option<String> {
     serde_json::to_value(value).ok()?.as_str().map(str::to_owned)
 }
 
-/// When and how long `run.json` was written: whether it is the one that is known. Zeros where there is none.
+/// Modification time and length of a `run.json`, which show whether it has changed. Zeros if it does not exist.
 pub(super) fn stamp(file: &Path) -> (i64, i64) {
     std::fs::metadata(file).map_or((0, 0), |m| (m.mtime() * 1_000_000_000 + m.mtime_nsec(), m.len() as i64))
 }
 
-/// A run's row and those of its wells. Of wells that read as they did, the folders are left alone, unless all is to be read anew.
+/// Writes the rows of a run and its wells. The folders of unchanged wells are not read, unless `anew` is set.
 pub(super) fn put_run(c: &Connection, root: &Path, record: &RunRecord, anew: bool) -> rusqlite::Result<()> {
     let folder = root.join("runs").join(&record.id);
     if anew {
@@ -76,7 +76,7 @@ pub(super) fn remove_run(c: &Connection, id: &str) -> rusqlite::Result<()> {
     c.execute("DELETE FROM runs WHERE id = ?", [id]).map(|_| ())
 }
 
-/// One attempt at a well. What became of an earlier one its folder says, as far as it does.
+/// Writes the row of one attempt at a well. The fields of an earlier attempt come from its folder, as far as possible.
 fn put_specimen(
     c: &Connection,
     run: &str,
@@ -133,13 +133,13 @@ fn put_specimen(
     Ok(())
 }
 
-/// A JSON file and the hash of its bytes; none where it is not there or no JSON, which is for whoever reads the recording to tell.
+/// A JSON file and the hash of its bytes. `None` if it is missing or invalid. A reader of the recording reports this error.
 fn json(path: &Path) -> Option<(String, Value)> {
     let text = carved_files::read(path).ok()?;
     Some((sha256_hex(&text), serde_json::from_slice(&text).ok()?))
 }
 
-/// What a folder takes of the disk.
+/// Disk space of a folder, bytes.
 fn bytes_of(folder: &Path) -> u64 {
     let Ok(entries) = std::fs::read_dir(folder) else { return 0 };
     let one = |entry: std::fs::DirEntry| match entry.metadata() {
@@ -150,7 +150,7 @@ fn bytes_of(folder: &Path) -> u64 {
     entries.flatten().map(one).sum()
 }
 
-/// An event, what it says of faults, and how long the journal is with it.
+/// Writes an event, its effect on faults, and the length of the journal including this event.
 pub(super) fn put_event(c: &Connection, event: &Event, journal_bytes: u64) -> rusqlite::Result<()> {
     let body = &event.body;
     c.prepare_cached("INSERT INTO events VALUES (?, ?, ?, ?, ?, ?)")?.execute(params![

@@ -1,11 +1,11 @@
-//! The index's tables, by version. A step is never changed once it was released: a newer one follows it.
+//! The tables of the index, by version. A released step is never changed. A newer step follows it.
 
 use super::{failed, in_one};
 use crate::StoreError;
 use rusqlite::Connection;
 use std::path::Path;
 
-/// Step `i` leads from version `i` to version `i + 1`, which the file keeps as `user_version`.
+/// Step `i` migrates version `i` to version `i + 1`. The file stores its version as `user_version`.
 pub(super) const STEPS: &[&str] = &[
     "
     CREATE TABLE runs (
@@ -70,10 +70,10 @@ pub(super) const STEPS: &[&str] = &[
 ",
 ];
 
-/// Brings an index to the newest version, each step whole or not at all.
+/// Migrates an index to the newest version. Each step is one transaction.
 ///
 /// # Errors
-/// An index of a version that this carved does not know.
+/// The version of the index is unknown to this carved.
 pub(super) fn migrate(connection: &mut Connection, path: &Path) -> Result<(), StoreError> {
     let newest = STEPS.len();
     let found: usize = connection.pragma_query_value(None, "user_version", |row| row.get(0)).map_err(failed("be read", path))?;

@@ -49,7 +49,7 @@ fn fault(seq: u64) -> serde_json::Value {
     json!(Fault::new(seq, &fault_table::CAMERA_LOST, "gone".into(), "2026-01-01T00:00:00Z".into()))
 }
 
-/// Two runs, one of them still open, faults that are over and one that is not.
+/// Two runs, one of them open, with cleared faults and an open one.
 fn live(root: &Path) -> (Store, Journal) {
     let (store, mut journal, _) = Claim::on(root).and_then(Store::open).unwrap();
     let mut first = record("r1");
@@ -96,7 +96,7 @@ fn what_the_index_missed_is_found_at_the_next_start() {
     let (store, journal) = live(dir.path());
     drop((store, journal));
     let expected = rows(dir.path());
-    // As a crash between a file and its row leaves it, and as somebody who takes a run away does.
+    // As after a crash between a file and its row, and as after the removal of a run.
     let c = connect(&dir.path().join(FILE)).unwrap();
     c.execute_batch(
         "DELETE FROM specimens WHERE well = 'A02'; UPDATE runs SET run_json_ns = 1 WHERE id = 'r1'; DELETE FROM runs WHERE id = 'r2'",
@@ -209,7 +209,7 @@ fn a_run_that_cannot_be_read_is_told_and_left_alone() {
     assert!(std::fs::read_to_string(runs.join("broken/run.json")).unwrap().ends_with("bro"));
 }
 
-/// What was open at the first of two starts; at the second nothing is.
+/// The open runs at the first of two starts. At the second start there are none.
 fn store_open(store: &Store) -> Vec<&str> {
     store.open.iter().map(String::as_str).collect()
 }

@@ -1,4 +1,4 @@
-//! For tests of the store and of what is built on it: a recording of a small specimen, and a disk that can be watched and filled.
+//! Test helpers of the store: a recording of a small specimen, and a disk whose operations can be traced and refused.
 
 #![allow(clippy::unwrap_used, reason = "the values are constants")]
 
@@ -7,7 +7,7 @@ pub mod trace;
 use crate::Recording;
 use carved_records::{Mode, PlannedWell};
 
-/// A method of three views.
+/// A method with three views.
 pub fn method() -> carved_records::Method {
     serde_json::from_str(r#"{"asd": 3, "order": "sequential", "epsilon": 0.05, "voxel_um": 20.0}"#).unwrap()
 }

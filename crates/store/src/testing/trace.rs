@@ -1,4 +1,4 @@
-//! The file operations that this thread does: counted, watched, and refused as by a full disk.
+//! Traces the file operations of this thread, and refuses them as a full disk does.
 
 use std::cell::RefCell;
 use std::io;
@@ -19,13 +19,13 @@ pub enum Op {
 #[derive(Default)]
 pub struct Trace {
     pub ops: Vec<Op>,
-    /// The operation of this number is not done.
+    /// Number of the operation that fails.
     pub fails: Option<usize>,
-    /// Nor is any that follows, until there is room.
+    /// All later operations fail too, until there is room.
     pub stays_full: bool,
-    /// How many were not done.
+    /// Number of refused operations.
     pub refused: usize,
-    /// Looks on before each operation.
+    /// Called before each operation.
     pub witness: Option<Box<dyn Fn()>>,
 }
 
@@ -37,7 +37,7 @@ pub fn step(op: Op) -> io::Result<()> {
         if let Some(witness) = &trace.witness {
             witness();
         }
-        // Room is made on a full disk as well.
+        // Operations that free space succeed on a full disk.
         let frees = trace.stays_full && matches!(op, Op::Cut(..) | Op::Remove(..));
         if trace.fails.is_some_and(|at| trace.ops.len() >= at) && !frees {
             trace.fails = trace.fails.filter(|_| trace.stays_full);
@@ -58,7 +58,7 @@ pub fn begin(fails: Option<usize>) {
     TRACE.set(Some(Trace { fails, ..Trace::default() }));
 }
 
-/// From the operation of this number on the disk is full, until [`make_room`]; `witness` looks on before each.
+/// Fills the disk at the operation of this number, until [`make_room`]. `witness` is called before each operation.
 pub fn fill(at: usize, witness: impl Fn() + 'static) {
     TRACE.set(Some(Trace { fails: Some(at), stays_full: true, witness: Some(Box::new(witness)), ..Trace::default() }));
 }

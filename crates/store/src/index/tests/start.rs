@@ -1,10 +1,10 @@
-//! What a start asks of it, and how an index that is behind is brought up.
+//! The queries of a start, and the update of an index that is behind.
 
 use super::*;
 use crate::journal;
 use carved_records::Event;
 
-/// With an index and without one.
+/// With an index and without.
 #[test]
 fn what_lies_before_the_newest_events_is_remembered_where_it_still_means_something() {
     let dir = tempfile::tempdir().unwrap();
@@ -35,7 +35,7 @@ fn what_lies_before_the_newest_events_is_remembered_where_it_still_means_somethi
     assert!(of_run.len() == 24 && of_run.iter().all(|e| e.body.data.kind() != "view.taken"), "{}", of_run.len());
 }
 
-/// A refresh looks at every run folder: one that has just failed is not tried again with each event of a run.
+/// A refresh reads every run folder. After a failure it is not tried again with each event of a run.
 #[test]
 fn an_index_that_stays_behind_is_left_alone_for_a_while() {
     let dir = tempfile::tempdir().unwrap();
