@@ -1,4 +1,4 @@
-//! Raw to checked: every breach is found and said, then nothing needs to be doubted again.
+//! Checks a raw configuration once. All breaches are listed. The checked values need no further checks.
 
 use super::HttpSettings;
 use super::plausible::implausible;
@@ -18,7 +18,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// A configuration that may be acted on.
+/// A checked configuration.
 #[derive(Debug, Clone)]
 pub struct Config {
     pub http: HttpSettings,
@@ -26,31 +26,30 @@ pub struct Config {
     pub calibration: CalibrationConfig,
     pub rig_name: String,
     pub steps_per_revolution: StepsPerRevolution,
-    /// Taken up by approaching every stop from the same side.
+    /// Every stop is approached from the same side by at least this many motor steps.
     pub backlash_steps: u32,
     pub acquisition: AcquisitionSettings,
     /// The rig's nominal camera.
     pub optics: Camera,
-    /// What this camera sees of the capillary when it is empty.
+    /// The empty-capillary picture of this camera.
     pub empty_capillary: Option<Arc<RawFrame>>,
-    /// Inner diameter of the capillary, um: the scale is held against it before a specimen is measured. `None` where it is not
-    /// configured.
+    /// Inner diameter of the capillary, um. The scale is compared with it before a specimen is measured. `None` if it is not configured.
     pub bore_um: Option<f64>,
     pub rotation: RotationDriver,
-    /// The axis along the capillary, where the rotation's controller drives it.
+    /// The axis along the capillary. The rotation's controller drives it. `None` without one.
     pub translation: Option<TranslationSettings>,
     pub camera: CameraDriver,
-    /// A second camera, which is triggered per view after the first.
+    /// A second camera. It is triggered for each view after the first camera.
     pub second: Option<SecondCamera>,
     pub sampler: SamplerDriver,
     pub methods: BTreeMap<String, Method>,
-    /// The larvae that specimens are compared with.
+    /// The reference larvae.
     pub references: Arc<[References]>,
-    /// Values that may be meant and hardly ever are, each a sentence.
+    /// Unlikely values that are allowed. Each entry is a sentence.
     pub doubts: Vec<String>,
 }
 
-/// The second camera and where it looks from.
+/// The second camera and its optics.
 #[derive(Debug, Clone)]
 pub struct SecondCamera {
     pub camera: CameraDriver,
@@ -60,7 +59,7 @@ pub struct SecondCamera {
 #[derive(Debug, Clone)]
 pub struct StoreConfig {
     pub data_dir: PathBuf,
-    /// What the runs may take of the disk, where there is a bound.
+    /// Maximum disk space of all runs, GB. `None` without a limit.
     pub budget_gb: Option<f64>,
 }
 
@@ -68,7 +67,7 @@ pub struct StoreConfig {
 pub enum ConfigError {
     #[error("{}: cannot read the configuration: {source}", path.display())]
     Read { path: PathBuf, source: std::io::Error },
-    /// `key` is the path of the key, or empty where the file is no TOML.
+    /// `key` is the path of the key. It is empty if the file is not valid TOML.
     #[error("{}: {key}{source}", path.display())]
     Syntax { path: PathBuf, key: String, source: Box<toml::de::Error> },
     #[error("{}: {} value(s) cannot be used:\n{}", path.display(), breaches.len(), breaches.join("\n"))]
@@ -94,18 +93,18 @@ impl Config {
         self.calibration.folder.clone().unwrap_or_else(|| self.store.data_dir.join("calibrations"))
     }
 
-    /// `path` names the source in errors; what the text names is looked for beside it.
+    /// Parses and checks a configuration. `path` names the source in errors. Relative paths in the text start at its folder.
     pub fn parse(text: &str, path: &Path) -> Result<Self, ConfigError> {
         let syntax = |key, source| ConfigError::Syntax { path: path.to_owned(), key, source: Box::new(source) };
         let written = toml::Deserializer::parse(text).map_err(|e| syntax(String::new(), e))?;
         let raw: Raw = serde_path_to_error::deserialize(written).map_err(|e| {
-            // A table that is missing has no path.
+            // A missing table has no path.
             let key = e.path().iter().next().map_or(String::new(), |_| format!("{}: ", e.path()));
             syntax(key, e.into_inner())
         })?;
         let drivers = raw.read_drivers().map_err(|breaches| ConfigError::Breaches { path: path.to_owned(), breaches })?;
         let outside: Vec<OutOfRange> = raw.outside().into_iter().chain(drivers.outside()).collect();
-        // What is said of several numbers together is only said where each of them can be meant.
+        // Rules for several numbers are only checked if each number is in its range.
         let in_range = |table: &str| !outside.iter().any(|breach| breach.key.starts_with(&format!("{table}.")));
         let o = &raw.optics;
         let optics = Camera {
@@ -199,14 +198,14 @@ impl Config {
     }
 }
 
-/// The methods whose box a camera would stand in; one that is no camera at all is told elsewhere.
+/// The methods whose box contains the camera. An invalid camera is reported elsewhere.
 fn too_near(methods: &BTreeMap<String, Method>, table: &str, camera: &Camera) -> Vec<String> {
     let is_camera = camera.check().is_ok();
     let near = methods.iter().filter(|_| is_camera).filter_map(|(name, method)| Some((name, method.clears(camera).err()?)));
     near.map(|(name, e)| format!("  with method {name:?}: {table}.{e}")).collect()
 }
 
-/// What ends at the rotation's controller besides the rotation, and what no program outside of carved can be asked for.
+/// Checks what else the rotation's controller drives, and what another program does not support.
 fn wires(raw: &Raw, drivers: &Drivers, breaches: &mut Vec<String>) {
     if let RotationDriver::Folder(_) = &drivers.rotation {
         breaches.extend(raw.methods.iter().flat_map(|(name, method)| of_another_program(name, method)));
@@ -239,7 +238,7 @@ fn wires(raw: &Raw, drivers: &Drivers, breaches: &mut Vec<String>) {
     }
 }
 
-/// What a method cannot ask of a program that carved does not drive.
+/// Settings of a method that a program outside of carved does not support.
 fn of_another_program(name: &str, method: &Method) -> Vec<String> {
     let mut breaches = Vec::new();
     if method.order != ViewOrder::Sequential {
@@ -252,7 +251,7 @@ fn of_another_program(name: &str, method: &Method) -> Vec<String> {
     breaches
 }
 
-/// Both tables of a second camera, or neither.
+/// The second camera. Both of its tables are needed, or none.
 fn second_camera(camera: Option<CameraDriver>, optics: Option<&RawSecondOptics>, breaches: &mut Vec<String>) -> Option<SecondCamera> {
     let (camera, o) = match (camera, optics) {
         (None, None) => return None,
@@ -283,13 +282,13 @@ fn second_camera(camera: Option<CameraDriver>, optics: Option<&RawSecondOptics>,
     Some(SecondCamera { camera, optics: SecondOptics { camera: optics, around: o.around_deg.to_radians() } })
 }
 
-/// The named files, looked for beside the configuration `path`, or the paper's references.
+/// The named reference files, relative to the folder of `path`. If none are named: the references of the paper.
 fn configured_references(named: Option<&[PathBuf]>, path: &Path) -> Result<Arc<[References]>, ReferencesError> {
     let beside = path.parent().unwrap_or(Path::new(""));
     named.map_or_else(references::embedded, |files| files.iter().map(|file| references::load(&beside.join(file))).collect())
 }
 
-/// Reads the picture of the empty capillary and looks whether every method finds the walls in it.
+/// Reads the empty-capillary picture, and checks that every method finds the walls in it.
 fn empty_capillary(file: &Path, raw: &Raw, format: PixelFormat) -> Result<Arc<RawFrame>, String> {
     const WAY_OUT: &str = "put the `frames/detect.png` of a well there that was skipped as empty, or leave the key out";
     let frame = frames::decode(file, format).map_err(|e| format!("{e}; {WAY_OUT}"))?;

@@ -102,7 +102,7 @@ impl Ranged for HttpSettings {
 }
 
 impl HttpSettings {
-    /// Everything besides the numbers for which the port would not be opened. The port itself stays closed.
+    /// All breaches except numbers out of range. The port is not opened.
     pub(super) fn check(&self) -> Vec<HttpSettingsError> {
         let hosts = self.allowed_hosts.iter().filter_map(|name| bare(name).err());
         self.token(self.listen).err().into_iter().chain(hosts).collect()
@@ -120,7 +120,7 @@ impl HttpSettings {
     /// The access rules, checked for a listener at `local`.
     ///
     /// # Errors
-    /// The first setting with which nothing may be served there.
+    /// The first setting that prevents serving.
     pub fn guard(&self, local: SocketAddr) -> Result<Guard, HttpSettingsError> {
         if let Some(breach) = self.outside().into_iter().next() {
             return Err(HttpSettingsError::Number(breach));

@@ -1,8 +1,8 @@
-//! Configuration: raw TOML (unknown keys refused) becomes checked values once, at start.
+//! Configuration: raw TOML is checked once, at start, and becomes typed values. Unknown keys are refused.
 //!
 //! ```text
 //! file ─> Raw (serde, deny_unknown_fields) ─> check: every breach is listed ─> Config
-//!          │                                   └─ plausible: what no instrument has
+//!          │                                   └─ plausible: values that no instrument has
 //!          └─> schema: `carved config schema`, docs/configuration.md
 //! ```
 

@@ -1,44 +1,44 @@
-//! Values that are in their range and cannot be meant: another unit, another digit, or two keys that contradict each other.
+//! Checks for values that are in their range but cannot be meant: a wrong unit, a missing digit, or two keys that contradict each other.
 //!
 //! ```text
 //! Raw, Drivers ─┬─> breaches   cannot work: the configuration is refused
-//!               └─> doubts     can be meant, hardly ever is: said by `carved config check` and by each start
+//!               └─> doubts     unlikely: reported by `carved config check` and by each start
 //! ```
-//! A range says what a number can be. These rules say what it can be on an instrument that looks at a capillary.
+//! A range limits a single number. These rules know the instrument: a camera that looks at a capillary.
 
 use super::raw::{CameraDriver, Drivers, Raw, RotationDriver};
 use carved_devices::camera::{AravisSettings, Trigger};
 use carved_devices::rotation::Port;
 use std::path::Path;
 
-/// Scales, um per px: from a twentieth of the resolution of VAST's cameras to a pixel of a sixth of a capillary.
+/// Range of scales, um per px: from a twentieth of the resolution of VAST's cameras to a sixth of a capillary per pixel.
 const UM_PER_PX: [f64; 2] = [0.25, 100.0];
-/// Largest ratio of both scales of a camera. The glass refracts by a third.
+/// Maximum ratio of the two scales of a camera. The refraction of the glass changes the scale by a third.
 const MOST_RATIO: f64 = 2.0;
-/// Largest tilt and roll of a capillary, deg.
+/// Maximum tilt and roll of a capillary, deg.
 const MOST_TILT_DEG: f64 = 30.0;
-/// Tilt and roll that no holder has by mistake, deg.
+/// Tilt and roll above this value, deg, do not happen by inaccurate mounting.
 const DOUBTFUL_TILT_DEG: f64 = 3.0;
-/// Play above this share of a turn is no play.
+/// Maximum backlash, in turns. A larger value is not backlash.
 const MOST_BACKLASH_TURNS: f64 = 0.125;
-/// Bores of capillaries for larvae, um.
+/// Usual bores of capillaries for larvae, um.
 const USUAL_BORE_UM: [f64; 2] = [300.0, 1500.0];
-/// Few sensors have more columns or rows.
+/// Maximum columns or rows of most sensors.
 const USUAL_SENSOR_PX: u32 = 4096;
-/// The rates that serial adapters and controllers share.
+/// Baud rates that serial adapters and controllers share.
 const USUAL_BAUD: [u32; 14] =
     [1200, 2400, 4800, 9600, 14_400, 19_200, 38_400, 57_600, 115_200, 230_400, 250_000, 460_800, 500_000, 921_600];
-/// Folders of the kernel, which hold no files of runs.
+/// Virtual folders of the kernel. They cannot store runs.
 const KERNEL: [&str; 3] = ["/proc", "/sys", "/dev"];
 
-/// What is wrong, and what is doubtful, each a line with key, numbers and way out.
+/// Errors and unlikely values. Each line has the key, the numbers and what to do.
 #[derive(Debug, Default)]
 pub(super) struct Implausible {
     pub breaches: Vec<String>,
     pub doubts: Vec<String>,
 }
 
-/// Reads all keys together. `in_range` says whether every number of a table is in its range: otherwise this is said already.
+/// Checks all keys together. `in_range` says whether every number of a table is in its range. Otherwise the range is reported already.
 pub(super) fn implausible(raw: &Raw, drivers: &Drivers, in_range: impl Fn(&str) -> bool) -> Implausible {
     let mut found = Implausible::default();
     found.store(&raw.store.data_dir);
@@ -82,7 +82,7 @@ pub(super) fn implausible(raw: &Raw, drivers: &Drivers, in_range: impl Fn(&str) 
     found
 }
 
-/// What a camera sees: scales (px/um), principal point (px), angles of the capillary (deg), size (px).
+/// Optics of a camera: scales (px/um), principal point (px), angles of the capillary (deg), size (px).
 struct View {
     k: [f64; 2],
     axis: [f64; 2],

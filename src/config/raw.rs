@@ -1,11 +1,11 @@
-//! The configuration as it is written: every key with its unit in its name.
+//! The raw configuration, as in the file. Each key has its unit in its name.
 //!
 //! ```text
-//! file ─ toml ─> Raw ─ read_drivers ─> Drivers      tables whose `driver` says which keys they have
+//! file ─ toml ─> Raw ─ read_drivers ─> Drivers      tables whose keys depend on their `driver`
 //!                 └──── outside ─────> numbers out of range, with the full path of their keys
 //! ```
-//! The documentation of the fields is the reference of the keys: `carved config schema` prints it. `x-level` says who sets a key;
-//! a key has the level of its table, unless it has its own.
+//! The documentation of the fields is the reference of the keys. `carved config schema` prints it. `x-level` says who sets a key. A key has
+//! the level of its table, unless it has its own.
 
 use super::HttpSettings;
 use carved_core::frame::PixelFormat;
@@ -149,13 +149,13 @@ impl Ranged for RawRig {
     ];
 }
 
-/// Inner diameters that a capillary for larvae may have, um: a larva is 300 um thick. A bore in mm is below.
+/// Range of the inner diameter of a capillary for larvae, um. A larva is 300 um thick. A value in mm is below the range.
 const BORE_UM: [f64; 2] = [100.0, 5000.0];
-/// Distances of a camera, um. A telecentric lens is written as a large distance.
+/// Range of the distance of a camera, um. A telecentric lens has a large distance.
 const DISTANCE_UM: [f64; 2] = [1.0, 1e9];
-/// Scales of a camera, px/um: a pixel sees from 10 mm to 10 nm.
+/// Range of the scale of a camera, px/um: a pixel covers 10 nm to 10 mm.
 const SCALE: [f64; 2] = [1e-4, 100.0];
-/// Furthest principal point, px. It may lie outside of the picture.
+/// Maximum coordinate of the principal point, px. It may be outside of the picture.
 const PRINCIPAL_MOST_PX: f64 = 1e5;
 
 /// psi as a rig's data sheet has it; angles in degrees, lengths in um, image positions in px.
@@ -249,7 +249,7 @@ impl Ranged for RawSecondOptics {
 }
 
 impl Raw {
-    /// Every number that is out of its range, with the full path of its key: without those of [`Drivers`] and of the methods.
+    /// Every number that is out of its range, with the full path of its key. Does not include [`Drivers`] and the methods.
     pub fn outside(&self) -> Vec<OutOfRange> {
         outside_in("http", &self.http)
             .chain(outside_in("store", &self.store))
@@ -262,10 +262,10 @@ impl Raw {
             .collect()
     }
 
-    /// Reads the tables whose `driver` says which keys they have.
+    /// Reads the tables whose keys depend on their `driver`.
     ///
     /// # Errors
-    /// Every table that cannot be read, with the full path of the key.
+    /// All tables that cannot be read, with the full path of the key.
     pub fn read_drivers(&self) -> Result<Drivers, Vec<String>> {
         if let Some(views) = &self.views {
             return self.read_views(views);
@@ -282,7 +282,7 @@ impl Raw {
         }
     }
 
-    /// The drivers of a rig whose views another program takes.
+    /// The drivers of a rig on which another program takes the views.
     fn read_views(&self, views: &toml::Table) -> Result<Drivers, Vec<String>> {
         let beside = [
             ("rotation", self.rotation.is_some()),
@@ -313,7 +313,7 @@ impl Raw {
     }
 }
 
-/// A driver that every rig has which is not another program's.
+/// Reads a table that every rig without `[views]` needs.
 fn required<T: DeserializeOwned>(name: &str, table: Option<&toml::Table>) -> Result<T, String> {
     let table = table.ok_or_else(|| {
         format!("  [{name}] is missing; expected a table with a driver (or [views], where another program takes the pictures)")
@@ -353,7 +353,7 @@ impl Drivers {
     }
 }
 
-/// serde reads a table with a tag into a buffer and forgets where in it an error was. So the table becomes `{ grbl = { keys } }`.
+/// Converts the table into `{ grbl = { keys } }` first. For a tagged table, serde would buffer the keys and lose the path of an error.
 fn read_driver<T: DeserializeOwned>(name: &str, table: &toml::Table) -> Result<T, String> {
     let mut keys = table.clone();
     let driver = match keys.remove("driver") {
@@ -363,7 +363,7 @@ fn read_driver<T: DeserializeOwned>(name: &str, table: &toml::Table) -> Result<T
     };
     let tagged = toml::Table::from_iter([(driver.clone(), toml::Value::Table(keys))]);
     serde_path_to_error::deserialize(toml::Value::Table(tagged)).map_err(|error| {
-        // Without a key it is the driver's own name that is unknown.
+        // Without a path, the driver's name itself is unknown.
         let path = error.path().to_string();
         let key = path.strip_prefix(&driver).unwrap_or(".driver");
         format!("  {name}{key}: {}", error.inner().message())
@@ -400,7 +400,7 @@ pub enum RotationDriver {
 }
 
 impl RotationDriver {
-    /// The outputs of the controller, of which nothing is known yet.
+    /// The outputs of the controller, with unknown states.
     pub fn outputs(&self) -> Vec<OutputStatus> {
         match self {
             Self::Grbl(settings) => outputs::unknown(&settings.outputs),
@@ -410,8 +410,10 @@ impl RotationDriver {
         }
     }
 
+    /// Checks the settings of the driver.
+    ///
     /// # Errors
-    /// The first setting that no such controller can have.
+    /// The first setting that the controller does not support.
     pub(super) fn check(&self, per_revolution: StepsPerRevolution) -> Result<(), DeviceError> {
         match self {
             Self::Grbl(settings) => settings.check(),
@@ -465,7 +467,7 @@ impl CameraDriver {
         }
     }
 
-    /// The settings of a camera that carved drives.
+    /// The settings of the camera. `None` if another program has the camera.
     pub fn aravis(&self) -> Option<&AravisSettings> {
         match self {
             Self::Aravis(settings) => Some(settings),

@@ -1,10 +1,10 @@
-//! Reference larvae from TOML: the paper's, which are built in, and a lab's own files.
+//! Reference larvae from TOML: the built-in ones of the paper, or a lab's own files.
 
 use carved_core::measure::references::{Breach, References};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// The paper's, as they stand in `config/references/`.
+/// The references of the paper, from `config/references/`.
 const EMBEDDED: [(&str, &str); 2] = [
     ("guo2017-fixed.toml (built in)", include_str!("../../config/references/guo2017-fixed.toml")),
     ("guo2017-living.toml (built in)", include_str!("../../config/references/guo2017-living.toml")),
@@ -24,7 +24,7 @@ fn list(breaches: &[Breach]) -> String {
     breaches.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
 }
 
-/// The paper's reference larvae.
+/// The reference larvae of the paper.
 pub fn embedded() -> Result<Arc<[References]>, ReferencesError> {
     EMBEDDED.iter().map(|(name, text)| parse(text, Path::new(name))).collect()
 }
@@ -34,7 +34,7 @@ pub fn load(path: &Path) -> Result<References, ReferencesError> {
     parse(&text, path)
 }
 
-/// `path` names the source in errors.
+/// Parses and checks references. `path` names the source in errors.
 fn parse(text: &str, path: &Path) -> Result<References, ReferencesError> {
     let found: References = toml::from_str(text).map_err(|e| ReferencesError::Syntax { path: path.to_owned(), source: Box::new(e) })?;
     let breaches = found.check();

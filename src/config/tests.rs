@@ -1,4 +1,4 @@
-//! The limits of a method, in a whole configuration.
+//! Tests of the limits of a method in a whole configuration.
 
 use carved_records::Method;
 

@@ -5,37 +5,37 @@ use serde_json::Value;
 /// A key of the configuration.
 #[derive(Debug, Clone)]
 pub struct Key<'a> {
-    /// The tables and the key. A name that the file may choose is [`Key::NAME`].
+    /// The tables and the key. [`Key::NAME`] stands for a name that the file chooses.
     pub path: Vec<&'a str>,
-    /// The `driver` of the table in which there is such a key.
+    /// The `driver` of the table that has this key. `None` if the table has no driver.
     pub driver: Option<&'a str>,
-    /// What the schema says of it.
+    /// The node of the schema that describes the key.
     pub node: &'a Value,
-    /// Whether it must be given where its table is given.
+    /// Whether the key is required if its table is given.
     pub is_required: bool,
 }
 
 impl Key<'_> {
-    /// Stands in a path for a name that the file may choose.
+    /// Placeholder in a path for a name that the file chooses.
     pub const NAME: &'static str = "NAME";
 
-    /// Whether its value is a number, or a list of them.
+    /// Whether its value is a number or a list of numbers.
     pub fn is_number(&self) -> bool {
         number(self.node).is_some()
     }
 
-    /// The range of its numbers, if it has one.
+    /// The range of its numbers. `None` if they have none.
     pub fn range(&self) -> Option<[f64; 2]> {
         let node = number(self.node)?;
         Some([node["minimum"].as_f64()?, node["maximum"].as_f64()?])
     }
 
-    /// The unit of its numbers, if it has one.
+    /// The unit of its numbers. `None` if they have none.
     pub fn unit(&self) -> Option<&str> {
         number(self.node)?["x-unit"].as_str()
     }
 
-    /// Who sets it: `operator`, `method` or `expert`.
+    /// Who sets the key: `operator`, `method` or `expert`.
     pub fn level(&self) -> &str {
         self.node["x-level"].as_str().unwrap_or_default()
     }
@@ -48,8 +48,7 @@ fn number(node: &Value) -> Option<&Value> {
     described.find(|node| node["type"] == "number" || node["type"] == "integer")
 }
 
-/// Every key of the schema of a configuration. In each table the keys come before the tables inside of it, both in the order of the
-/// alphabet.
+/// All keys of the schema. In each table the keys come before the inner tables, both in alphabetical order.
 pub fn keys(schema: &Value) -> Vec<Key<'_>> {
     let mut found = Vec::new();
     below(schema, &Key { path: Vec::new(), driver: None, node: schema, is_required: true }, &mut found);
@@ -61,7 +60,7 @@ pub(super) fn variants(node: &Value) -> impl Iterator<Item = &Value> {
     ["oneOf", "anyOf"].into_iter().filter_map(|choice| node[choice].as_array()).flatten()
 }
 
-/// Whether the file has a table here, with keys of its own.
+/// Whether the node is a table with its own keys.
 pub(super) fn is_table(node: &Value) -> bool {
     let is_tagged = variants(node).any(|variant| variant["properties"]["driver"].is_object());
     node["properties"].is_object() || node["additionalProperties"].is_object() || is_tagged
@@ -75,7 +74,7 @@ fn below<'a>(node: &'a Value, at: &Key<'a>, found: &mut Vec<Key<'a>>) {
     let is_required = |name: &str| node["required"].as_array().is_some_and(|names| names.iter().any(|given| given == name));
     let (tables, own): (Vec<_>, Vec<_>) = node["properties"].as_object().into_iter().flatten().partition(|(_, child)| is_table(child));
     for (name, child) in own.into_iter().chain(tables) {
-        // The driver is the key that chooses the others; the tagged table has named it.
+        // The key `driver` was added with the tagged table.
         if name != "driver" || child.get("const").is_none() {
             below(child, &key(name, child, is_required(name)), found);
         }
@@ -91,7 +90,7 @@ fn below<'a>(node: &'a Value, at: &Key<'a>, found: &mut Vec<Key<'a>>) {
         }
     } else if !is_table(node) {
         found.push(at.clone());
-        // A value that may also be a table with one key of several.
+        // The value may also be a table with one of several keys.
         for variant in variants(node) {
             for (name, child) in variant["properties"].as_object().into_iter().flatten() {
                 below(child, &key(name, child, false), found);

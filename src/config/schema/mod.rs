@@ -1,11 +1,11 @@
-//! The schema of the configuration, and what is made from it.
+//! The schema of the configuration, which is generated from the types of the settings.
 //!
 //! ```text
-//! settings' types: fields, defaults, documentation ── schemars ──┐
-//! RANGES ─────────────────────────────────────────── in_schema ──┼─> tidy ─> schema ─┬─> `carved config schema`, for editors
-//! x-level beside the fields ─────────────────────────────────────┘                   └─> keys ─> reference_page, and the tests
+//! types of the settings: fields, defaults, documentation ── schemars ──┐
+//! RANGES ───────────────────────────────────────────────── in_schema ──┼─> tidy ─> schema ─┬─> `carved config schema`, for editors
+//! x-level of the fields ───────────────────────────────────────────────┘                   └─> keys ─> reference_page, and the tests
 //! ```
-//! So no key is listed a second time anywhere.
+//! No key is listed a second time.
 
 mod keys;
 mod page;
@@ -19,8 +19,8 @@ use serde_json::{Map, Value};
 
 const LEVEL: &str = "x-level";
 
-/// The JSON schema (draft 2020-12) of a configuration. Beside the standard words a key has `x-level` (who sets it: `operator`, `method`
-/// or `expert`), and a number has `x-unit`.
+/// The JSON schema (draft 2020-12) of a configuration. Each key also has `x-level` (who sets it: `operator`, `method` or `expert`), and
+/// each number has `x-unit`.
 pub fn schema() -> Value {
     let settings = SchemaSettings::draft2020_12().with(|settings| settings.inline_subschemas = true);
     let mut schema = settings.into_generator().into_root_schema_for::<Raw>().to_value();
@@ -29,7 +29,7 @@ pub fn schema() -> Value {
     schema
 }
 
-/// Removes what TOML cannot say, and gives every key its own level and default.
+/// Removes what TOML cannot express, and gives each key its own level and default.
 fn tidy(node: &mut Value, level: Option<&str>, default: Option<Value>) {
     without_null(node);
     let Value::Object(found) = node else { return };
@@ -40,7 +40,7 @@ fn tidy(node: &mut Value, level: Option<&str>, default: Option<Value>) {
     let required: Vec<Value> = found.get("required").and_then(Value::as_array).cloned().unwrap_or_default();
     if let Some(Value::Object(properties)) = found.get_mut("properties") {
         for (key, child) in properties {
-            // A table that is given whole or not at all has a default, and its keys have none.
+            // The required keys of a table with a default have no default of their own.
             let own = default.as_ref().and_then(|table| table.get(key)).filter(|_| !required.iter().any(|name| name == key));
             tidy(child, level, own.cloned());
         }
@@ -56,12 +56,12 @@ fn tidy(node: &mut Value, level: Option<&str>, default: Option<Value>) {
             }
         }
     }
-    // The words of a list are all that there is.
+    // The allowed values of a list need no range.
     if found.contains_key("enum") {
         found.remove("minimum");
         found.remove("maximum");
     }
-    // A table with a driver stands for the key `driver`, too.
+    // A table with a driver also represents the key `driver`.
     let is_key = !(found.contains_key("properties") || found.contains_key("additionalProperties"));
     if is_key {
         found.extend(level.map(|level| (LEVEL.to_owned(), level.into())));
@@ -71,7 +71,7 @@ fn tidy(node: &mut Value, level: Option<&str>, default: Option<Value>) {
     }
 }
 
-/// serde's words for `{ line = "Line1" }` are documented at the variant. The reader looks for its key.
+/// For a value such as `{ line = "Line1" }`, the description is at the variant. Copies it to the key.
 fn describe_only_key(variant: &mut Value) {
     let about = variant["description"].clone();
     let Some(Value::Object(properties)) = variant.get_mut("properties") else { return };
@@ -82,7 +82,7 @@ fn describe_only_key(variant: &mut Value) {
     }
 }
 
-/// A key that may be left out is no key that may be null: TOML has no null.
+/// Removes null. TOML has no null, so an optional key cannot be null.
 fn without_null(node: &mut Value) {
     let Value::Object(found) = node else { return };
     if let Some(Value::Array(types)) = found.get_mut("type") {
@@ -95,7 +95,7 @@ fn without_null(node: &mut Value) {
     let Some(Value::Array(variants)) = found.get_mut("anyOf") else { return };
     variants.retain(|variant| variant["type"] != "null");
     if let [Value::Object(only)] = variants.as_slice() {
-        // What is said of the key counts more than what is said of its type.
+        // The description of the key overrides that of its type.
         let mut merged: Map<String, Value> = only.clone();
         found.remove("anyOf");
         merged.append(found);

@@ -1,4 +1,4 @@
-//! The reference page of the configuration, `docs/configuration.md`.
+//! Generates the reference page of the configuration, `docs/configuration.md`.
 
 use super::keys::{Key, is_table, keys, variants};
 use serde_json::Value;
@@ -26,7 +26,7 @@ The level of a key says who sets it:
 has no value.
 ";
 
-/// The reference page, made from the schema.
+/// The reference page of this schema.
 pub fn reference_page(schema: &Value) -> String {
     let keys = keys(schema);
     let mut page = HEAD.to_owned();
@@ -47,14 +47,14 @@ pub fn reference_page(schema: &Value) -> String {
     page
 }
 
-/// The table's own path, and the key in it. A key of an inline table is written with its dot.
+/// The path of the table, and the key in it. A key of an inline table is written with a dot.
 fn table_and_key<'a>(schema: &Value, key: &Key<'a>) -> (Vec<&'a str>, String) {
     let tables = &key.path[..key.path.len() - 1];
     let depth = (1..=tables.len()).take_while(|&depth| is_table(node_of(schema, &tables[..depth], key.driver))).count();
     (key.path[..depth].to_vec(), key.path[depth..].join("."))
 }
 
-/// What the schema says of a table; below a table with a driver, of that driver.
+/// The node of a table. Below a table with a driver: the node for this driver.
 fn node_of<'a>(schema: &'a Value, table: &[&str], driver: Option<&str>) -> &'a Value {
     table.iter().fold(schema, |node, name| {
         let node = variant(node, driver).unwrap_or(node);
@@ -62,7 +62,7 @@ fn node_of<'a>(schema: &'a Value, table: &[&str], driver: Option<&str>) -> &'a V
     })
 }
 
-/// What a table with a driver says of one of them.
+/// The variant of a table for this driver. `None` without a driver.
 fn variant<'a>(node: &'a Value, driver: Option<&str>) -> Option<&'a Value> {
     driver.and_then(|driver| variants(node).find(|variant| variant["properties"]["driver"]["const"] == driver))
 }
@@ -77,7 +77,7 @@ fn heading(schema: &Value, table: &[&str], driver: Option<&str>) -> String {
     format!("\n## {name}\n\n{about}| key | unit or value | default | range | level | meaning |\n|---|---|---|---|---|---|\n")
 }
 
-/// Documentation on one line, as a cell of a table needs it.
+/// A description on one line, for a cell of a table.
 fn text(description: &Value) -> String {
     description.as_str().unwrap_or_default().split_whitespace().collect::<Vec<_>>().join(" ").replace('|', "\\|")
 }
@@ -93,7 +93,7 @@ fn row(key: &Key, name: &str) -> String {
     format!("| `{name}` | {} | {default} | {range} | {} | {} |\n", value(key, name), key.level(), meaning(key, name))
 }
 
-/// A default as the file would have it.
+/// A default in TOML syntax.
 fn toml_of(value: &Value) -> String {
     match value {
         Value::Array(list) => format!("[{}]", list.iter().map(toml_of).collect::<Vec<_>>().join(", ")),
@@ -105,7 +105,7 @@ fn toml_of(value: &Value) -> String {
     }
 }
 
-/// The words that may stand for a value, with what each means.
+/// The literal values of a key, with their meanings.
 fn words(key: &Key, name: &str) -> Vec<(String, String)> {
     if name == "driver" {
         let drivers = variants(key.node).filter_map(|variant| Some((variant["properties"]["driver"]["const"].as_str()?, variant)));
@@ -121,7 +121,7 @@ fn words(key: &Key, name: &str) -> Vec<(String, String)> {
     listed(key.node).into_iter().chain(said).collect()
 }
 
-/// The unit of a number, or what else the value is.
+/// The unit of a number, or the kind of another value.
 fn value(key: &Key, name: &str) -> String {
     let node = key.node;
     let count = node["minItems"].as_u64().map_or("list of".into(), |count| format!("{count} numbers,"));
@@ -139,7 +139,7 @@ fn value(key: &Key, name: &str) -> String {
     }
 }
 
-/// What a value is that is no number with a unit and no word of a list.
+/// The kind of a value. `None` for a literal value or a driver.
 fn kind(node: &Value) -> Option<&'static str> {
     if node.get("const").is_some() || node.get("enum").is_some() || node["properties"]["driver"].is_object() {
         return None;
