@@ -11,7 +11,7 @@ Messages are the same on both sides: a length of four bytes, little endian, and 
 answer. If the pipe cannot be used, the answer begins with "error:" and says what to do.
 
 VastNavigateServer serves one client per press of its Connect button. So this program keeps the pipe open while carved's connections
-come and go. The protocol has no password: let --listen be an address that only carved's computer can reach.
+come and go. Only the newest connection is served. The protocol has no password: let --listen be an address that only carved's computer can reach.
 """
 
 import argparse
@@ -60,27 +60,42 @@ class Pipe:
         self.path = path
         self.file = None
         self.lock = threading.Lock()
+        self.newest = None
 
-    def ask(self, request):
-        """The answer to a request, or a text that begins with "error:"."""
-        with self.lock:
-            if self.file is None:
-                try:
-                    self.file = open_pipe(self.path)
-                except OSError as error:
-                    return f"error: no pipe {self.path} ({error.strerror}): {PRESS_CONNECT}".encode("ascii", "replace")
-                say(f"connected to {self.path}")
+    def ask(self, request, client):
+        """The answer to a request, or a text that begins with "error:". EOFError if a newer client has come.
+
+        While the pipe hangs, carved connects again after each timeout. What its earlier connections asked must not be done later.
+        """
+        while not self.lock.acquire(timeout=0.2):
+            if client is not self.newest:
+                raise EOFError("a newer client has come")
+        try:
+            if client is not self.newest:
+                raise EOFError("a newer client has come")
+            return self.exchange(request)
+        finally:
+            self.lock.release()
+
+    def exchange(self, request):
+        """One request and its answer, with the lock held."""
+        if self.file is None:
             try:
-                write_all(self.file, frame(request))
-                turn_round(self.file)
-                answer = read_frame(self.file.read, LONGEST_ANSWER)
-                turn_round(self.file)
-                return answer
-            except (OSError, EOFError, ValueError) as error:
-                say(f"the pipe has failed: {error}")
-                self.file.close()
-                self.file = None
-                return f"error: the pipe has failed: {PRESS_CONNECT}".encode("ascii")
+                self.file = open_pipe(self.path)
+            except OSError as error:
+                return f"error: no pipe {self.path} ({error.strerror}): {PRESS_CONNECT}".encode("ascii", "replace")
+            say(f"connected to {self.path}")
+        try:
+            write_all(self.file, frame(request))
+            turn_round(self.file)
+            answer = read_frame(self.file.read, LONGEST_ANSWER)
+            turn_round(self.file)
+            return answer
+        except (OSError, EOFError, ValueError) as error:
+            say(f"the pipe has failed: {error}")
+            self.file.close()
+            self.file = None
+            return f"error: the pipe has failed: {PRESS_CONNECT}".encode("ascii")
 
 
 def open_pipe(path):
@@ -108,7 +123,7 @@ def serve(client, pipe):
     with client:
         try:
             while True:
-                answer = pipe.ask(read_frame(client.recv, LONGEST_REQUEST))
+                answer = pipe.ask(read_frame(client.recv, LONGEST_REQUEST), client)
                 client.sendall(frame(answer))
         except (OSError, EOFError, ValueError) as error:
             say(f"a client has gone: {error}")
@@ -133,6 +148,7 @@ def main():
         client, peer = listener.accept()
         say(f"a client has come: {peer[0]}")
         client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        pipe.newest = client
         threading.Thread(target=serve, args=(client, pipe), daemon=True).start()
 
 

@@ -9,7 +9,9 @@ use carved_devices::{Capabilities, DeviceError, Position, RotationAxis};
 use carved_records::ViewOrder;
 use hardware_sim::RigSettings;
 use hardware_sim::relay::{self, Knobs};
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
+use std::os::unix::net::UnixListener;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
@@ -291,4 +293,43 @@ fn the_shipped_relay_program_keeps_the_servers_pipe_while_carved_comes_and_goes(
     axis.check().unwrap();
     axis.reference(&CancelToken::new()).unwrap();
     assert!((true_steps(&bench.emulated) - zero - 48.0).abs() < 1e-6, "the turn was made once");
+}
+
+/// While the pipe hangs, carved connects again after each timeout.
+#[test]
+#[cfg_attr(not(has_python), ignore = "no Python 3 with venv: apt-get install python3-venv")]
+fn the_shipped_relay_program_drops_what_an_earlier_connection_asked() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("pipe");
+    let server = UnixListener::bind(&path).unwrap();
+    let program = PipeRelay::start(&path);
+    let ask = |request: &str| {
+        let mut client = TcpStream::connect(&program.address).unwrap();
+        client.write_all(&frame(request)).unwrap();
+        client
+    };
+    let read = |from: &mut dyn Read| {
+        let mut length = [0; 4];
+        from.read_exact(&mut length).unwrap();
+        let mut text = vec![0; u32::from_le_bytes(length) as usize];
+        from.read_exact(&mut text).unwrap();
+        String::from_utf8(text).unwrap()
+    };
+    let mut first = ask("first");
+    let (mut pipe, _) = server.accept().unwrap();
+    assert_eq!(read(&mut pipe), "first", "the pipe hangs from here on");
+    let mut second = ask("second");
+    let mut third = ask("third");
+    assert_eq!(second.read(&mut [0]).unwrap(), 0, "closed without an answer");
+    for (request, client) in [("first", &mut first), ("third", &mut third)] {
+        pipe.write_all(&frame(&format!("{request} done"))).unwrap();
+        assert_eq!(read(client), format!("{request} done"));
+        if request == "first" {
+            assert_eq!(read(&mut pipe), "third");
+        }
+    }
+}
+
+fn frame(text: &str) -> Vec<u8> {
+    [&(text.len() as u32).to_le_bytes()[..], text.as_bytes()].concat()
 }
