@@ -1,33 +1,33 @@
-//! What a run and the status say of the rig's calibration and of its daily beads.
+//! The rig's calibration and daily bead gate, as a run and the status show them.
 
 use serde::{Deserialize, Serialize};
 
-/// The newest calibration of this rig, by beads or by scale; looked up when the daemon and when a run starts.
+/// The newest calibration of this rig, from beads or from a scale. It is looked up at the start of the daemon and of each run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CalibrationStatus {
     pub id: String,
-    /// `beads` or `scale`; `gate` where neither is kept, and only daily beads are.
+    /// `beads` or `scale`. `gate` if the rig has no calibration and only a bead gate.
     pub kind: String,
-    /// When its last recording was made, RFC 3339, UTC.
+    /// Time of its last recording, RFC 3339, UTC.
     pub measured: String,
     pub age_s: f64,
-    /// From this age on it is not valid.
+    /// Age at which it expires, s.
     pub max_age_s: f64,
-    /// Of the beads' mean diameter against what it should be; `null` of a scale.
+    /// Deviation of the beads' mean diameter from the nominal one, percent. `null` for a scale.
     pub bead_bias_percent: Option<f64>,
     pub valid: bool,
-    /// The rig's newest daily beads; `null` where none were kept.
+    /// The rig's newest bead gate. `null` if there is none.
     #[serde(default)]
     pub gate: Option<GateStatus>,
 }
 
 impl CalibrationStatus {
-    /// Its age at a moment.
+    /// The age at the time `now`, s. `None` if `measured` is not a time.
     pub fn age_s(&self, now: jiff::Timestamp) -> Option<f64> {
         age_s(&self.measured, now)
     }
 
-    /// Notes what is too old from this moment on; whether anything is that was not before.
+    /// Marks the calibration and the gate as expired if they are too old at the time `now`. Returns whether one of them has just expired.
     pub fn grows_too_old(&mut self, now: jiff::Timestamp) -> bool {
         let passes = |good: &mut bool, measured: &str, max_age_s: f64| {
             *good && {
@@ -41,26 +41,26 @@ impl CalibrationStatus {
     }
 }
 
-/// Seconds from `measured` (RFC 3339) to `now`.
+/// Seconds from `measured` (RFC 3339) to `now`. `None` if `measured` is not a time.
 fn age_s(measured: &str, now: jiff::Timestamp) -> Option<f64> {
     Some(now.duration_since(measured.parse().ok()?).as_secs_f64())
 }
 
-/// The newest gate of this rig.
+/// The newest bead gate of this rig.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct GateStatus {
     pub id: String,
-    /// `passed`, `no_history` (passed, with too few earlier gates to tell a change), `failed` or `too_few_beads`.
+    /// `passed`, `no_history` (passed, with too few earlier gates to detect a change), `failed` or `too_few_beads`.
     pub verdict: String,
-    /// When its last bead was recorded, RFC 3339, UTC.
+    /// Time of the recording of its last bead, RFC 3339, UTC.
     pub measured: String,
-    /// From this age on it does not stand.
+    /// Age at which it expires, s.
     pub max_age_s: f64,
-    /// It passed, and is not too old yet.
+    /// Whether it passed and has not expired.
     pub stands: bool,
-    /// What a technician does about it, in short; empty where an earlier build looked it up.
+    /// Summary for the operator, with the next action. Empty in records of earlier versions.
     #[serde(default)]
     pub summary: String,
-    /// What was found, in every number, and what to do.
+    /// All results, with what to do.
     pub words: Vec<String>,
 }

@@ -1,9 +1,8 @@
-//! Units of concentration that a plate map may use: written one way over HTTP and in results, read from files in the ways in which
-//! people write them.
+//! Units of concentration in plate maps. HTTP bodies and results use one spelling. Files may use common variants.
 
 use serde::{Deserialize, Serialize};
 
-/// A unit keeps what the lab wrote: `ug/mL` and `mg/L` are the same amount, and are not made one.
+/// A unit as the lab wrote it. `ug/mL` and `mg/L` are the same amount, but are not converted into each other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ConcentrationUnit {
     #[serde(rename = "M")]
@@ -60,7 +59,7 @@ impl ConcentrationUnit {
         Self::PartsPerMillion,
     ];
 
-    /// The one spelling of HTTP bodies and results.
+    /// The spelling in HTTP bodies and results.
     pub fn symbol(self) -> &'static str {
         match self {
             Self::Molar => "M",
@@ -82,8 +81,8 @@ impl ConcentrationUnit {
         }
     }
 
-    /// A unit as it stands in a file: with either micro sign, `l` for litre, `mol/L` for `M`, blanks and brackets as one likes. Case
-    /// counts in front of `M` (`mM` is no `MM`) and nowhere else.
+    /// Reads a unit from a file: with either micro sign, `l` for litre, `mol/L` for `M`, and any blanks and brackets. The case matters only
+    /// before `M` (`mM` is not `MM`). `None` if the unit is unknown.
     pub fn from_file(written: &str) -> Option<Self> {
         let meant = |c: char| if matches!(c, 'µ' | 'μ') { 'u' } else { c };
         let plain: String = written.chars().filter(|c| !c.is_whitespace() && !matches!(c, '(' | ')')).map(meant).collect();
@@ -95,7 +94,7 @@ impl ConcentrationUnit {
         })
     }
 
-    /// All symbols, as a refusal lists them.
+    /// All symbols, for an error message.
     pub fn known() -> String {
         Self::ALL.map(Self::symbol).join(", ")
     }
@@ -129,7 +128,7 @@ mod tests {
         ] {
             assert_eq!(U::from_file(written), Some(unit), "{written}");
         }
-        // A thousandfold error hides in a letter's case; what could be either is not guessed.
+        // A wrong case can hide an error by a factor of 1000. Ambiguous units are refused.
         for wrong in ["", "m", "um", "MM", "UM", "uMol", "ol/L", "xmol/L", "furlong", "mg"] {
             assert_eq!(U::from_file(wrong), None, "{wrong}");
         }

@@ -1,12 +1,12 @@
-//! One line of the event journal, with its data typed.
+//! A line of the event journal, with typed data.
 //!
 //! ```text
 //! {"id": 7, "time": "...", "kind": "run.held", "run": "P-1", "well": null, "data": {"by": "fault", "code": "camera_lost", ...}}
 //!      │                       └──────────────── EventData::RunHeld(RunHeld { .. }) ────────────────┘
 //!      └ Event { id, body: EventBody { time, run, well, data: EventData } }
 //! ```
-//! A line of a kind that this version does not know, or whose data has another form, is read as [`EventData::Other`]: it is kept and
-//! served as it is, and changes no state.
+//! A line with an unknown kind, or with data of another form, is read as [`EventData::Other`]. It is stored and served unchanged, and does
+//! not change the state.
 
 use crate::{Fault, Handoff, Interrupted, LiveEstimate, Mode, Phase, RunOutcome, WellCounts, WellStatus, WellTimes};
 use carved_core::profile::Detection;
@@ -14,39 +14,39 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::Value;
 
-/// Something that happened, as it is to be written: it has no id yet.
+/// An event before it is written. It has no id yet.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EventBody {
-    /// RFC 3339, UTC: when it happened, not when the disk took it.
+    /// Time of the event, not of the write to disk. RFC 3339, UTC.
     pub time: String,
-    /// The run that it happened in.
+    /// The run of the event. `None` if it belongs to no run.
     pub run: Option<String>,
-    /// The well that it concerns, `A01` to `P24`.
+    /// The well of the event, `A01` to `P24`. `None` if it belongs to no well.
     pub well: Option<String>,
     /// What happened.
     pub data: EventData,
 }
 
-/// Something that happened and is written. Ids rise by one and last across restarts.
+/// A written event. Ids increase by one, also across restarts.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Event {
-    /// Its place in the journal, from 1.
+    /// Its number in the journal, from 1.
     pub id: u64,
     /// What happened.
     pub body: EventBody,
 }
 
-/// Something that happened. Ids rise by one and last across restarts.
+/// An event as a line of the journal.
 #[derive(Serialize, Deserialize)]
 struct Line {
     id: u64,
     /// RFC 3339, UTC.
     time: String,
-    /// One of the kinds that `docs/files.md` lists.
+    /// One of the kinds in `docs/files.md`.
     kind: String,
     run: Option<String>,
     well: Option<String>,
-    /// Its data; `docs/files.md` has those of each kind.
+    /// Its data. `docs/files.md` describes them for each kind.
     data: Value,
 }
 
@@ -74,7 +74,7 @@ macro_rules! read {
     };
 }
 
-/// Early journals have `null` where all of the data may be missing.
+/// Early journals have `null` instead of an empty object.
 fn read_data<T: DeserializeOwned>(data: &Value) -> Option<T> {
     let whole = T::deserialize(data).ok();
     whole.or_else(|| if data.is_null() { T::deserialize(Value::Object(serde_json::Map::new())).ok() } else { None })
@@ -90,31 +90,31 @@ macro_rules! json_of {
     };
 }
 
-/// Makes the enum, the words of its kinds and both conversions of one list.
+/// Defines the enum, the names of its kinds and both conversions from one list.
 macro_rules! events {
     ($($(#[$doc:meta])* $name:ident: $variant:ident $(($payload:ty))? = $word:literal;)*) => {
-        /// What happened, by its kind. `docs/files.md` describes the data of each.
+        /// The kind of an event, with its data. `docs/files.md` describes them.
         #[derive(Debug, Clone, PartialEq)]
         pub enum EventData {
             $($(#[$doc])* $variant $(($payload))?,)*
-            /// A kind that this version does not know, or data of another form.
+            /// An unknown kind, or data of another form.
             Other {
                 /// Its kind.
                 kind: String,
-                /// Its data as they were read.
+                /// Its data, unchanged.
                 data: Value,
             },
         }
 
-        /// The words of the kinds.
+        /// Names of the kinds.
         pub mod kind {
             $($(#[$doc])* pub const $name: &str = $word;)*
-            /// All of them.
+            /// All names.
             pub const ALL: &[&str] = &[$($name),*];
         }
 
         impl EventData {
-            /// The word of its kind.
+            /// The name of the kind.
             pub fn kind(&self) -> &str {
                 match self {
                     $(Self::$variant { .. } => $word,)*
@@ -122,7 +122,7 @@ macro_rules! events {
                 }
             }
 
-            /// Data of a kind, as they stand in a line.
+            /// Reads the data of a kind from a line of the journal.
             pub fn of(kind: &str, data: Value) -> Self {
                 let known = match kind {
                     $($word => read!($variant, data $(, $payload)?),)*
@@ -131,7 +131,7 @@ macro_rules! events {
                 known.unwrap_or_else(|| Self::Other { kind: kind.to_owned(), data })
             }
 
-            /// Its data, as they stand in a line.
+            /// The data for a line of the journal.
             pub fn to_json(&self) -> Value {
                 match self {
                     $(Self::$variant { .. } => json_of!(self, $variant $(, $payload)?),)*
@@ -147,11 +147,11 @@ events! {
     DAEMON_STARTED: DaemonStarted(DaemonStarted) = "daemon.started";
     /// The daemon was told to end while a run was open.
     DAEMON_STOPPING: DaemonStopping = "daemon.stopping";
-    /// The daemon ended in order.
+    /// The daemon ended normally.
     DAEMON_STOPPED: DaemonStopped = "daemon.stopped";
     /// A run was accepted.
     RUN_ACCEPTED: RunAccepted(RunAccepted) = "run.accepted";
-    /// The instrument is ready and the wells follow; also each time the run goes on.
+    /// The instrument is ready, and the wells follow. Also written each time the run continues.
     RUN_STARTED: RunStarted = "run.started";
     /// An operator asked to hold the run.
     RUN_HOLD_REQUESTED: RunHoldRequested = "run.hold_requested";
@@ -161,7 +161,7 @@ events! {
     RUN_ABORT_REQUESTED: RunAbortRequested = "run.abort_requested";
     /// The run is held.
     RUN_HELD: RunHeld(RunHeld) = "run.held";
-    /// A held run goes on.
+    /// A held run continues.
     RUN_RESUMED: RunResumed(RunResumed) = "run.resumed";
     /// A start of the daemon found the run open.
     RUN_INTERRUPTED: RunInterrupted(RunInterrupted) = "run.interrupted";
@@ -171,23 +171,23 @@ events! {
     RUN_UNREADABLE: RunUnreadable(RunUnreadable) = "run.unreadable";
     /// The loader is asked for the specimen of a well.
     WELL_AWAITED: WellAwaited = "well.awaited";
-    /// The loader says that the specimen of a well is in the capillary.
+    /// The loader reports that the specimen of a well is in the capillary.
     WELL_LOADED: WellLoaded(WellLoaded) = "well.loaded";
-    /// The loader says that the specimen of a well was taken out.
+    /// The loader reports that the specimen of a well was taken out.
     WELL_UNLOADED: WellUnloaded = "well.unloaded";
     /// A specimen entered a phase.
     SPECIMEN_PHASE: SpecimenPhase(PhaseEntered) = "specimen.phase";
-    /// What the first frame shows; no data where it cannot be judged.
+    /// What the detection frame shows. No data if the frame cannot be judged.
     SPECIMEN_DETECTED: SpecimenDetected(Option<Detection>) = "specimen.detected";
     /// An attempt at a specimen failed, and another follows.
     SPECIMEN_TRIED_AGAIN: SpecimenTriedAgain(AttemptFailed) = "specimen.tried_again";
-    /// A specimen that was begun has no end.
+    /// A specimen was interrupted before its end.
     SPECIMEN_INTERRUPTED: SpecimenInterrupted(SpecimenInterrupted) = "specimen.interrupted";
-    /// An attempt to make the numbers of a specimen from its stored frames begins.
+    /// An attempt to compute the numbers of a specimen from its stored frames begins.
     SPECIMEN_RECOVERING: SpecimenRecovering(RecoveryBegun) = "specimen.recovering";
-    /// That attempt has ended; `specimen.done` follows.
+    /// This attempt has ended. `specimen.done` follows.
     SPECIMEN_RECOVERED: SpecimenRecovered = "specimen.recovered";
-    /// All of a well is on disk.
+    /// All files of a well are on disk.
     SPECIMEN_DONE: SpecimenDone(Box<SpecimenDone>) = "specimen.done";
     /// A view was taken.
     VIEW_TAKEN: ViewTaken(ViewTaken) = "view.taken";
@@ -195,11 +195,11 @@ events! {
     FAULT_RAISED: FaultRaised(Fault) = "fault.raised";
     /// Somebody acknowledged a fault.
     FAULT_ACKNOWLEDGED: FaultAcknowledged(FaultAcknowledged) = "fault.acknowledged";
-    /// Faults whose cause is over.
+    /// The causes of faults are over.
     FAULT_CLEARED: FaultsCleared(FaultsCleared) = "fault.cleared";
-    /// The disk takes writes again.
+    /// The disk accepts writes again.
     STORE_REGAINED: StoreRegained = "store.regained";
-    /// A start of the daemon numbered events anew whose ids did not rise.
+    /// A start of the daemon renumbered events whose ids did not increase.
     JOURNAL_REPAIRED: JournalRepaired(JournalRepaired) = "journal.repaired";
     /// The loader announced a plate.
     PLATE_ANNOUNCED: PlateAnnounced(Handoff) = "plate.announced";
@@ -207,12 +207,12 @@ events! {
     PLATE_LOADED: PlateLoaded(PlateNamed) = "plate.loaded";
     /// The plate was taken away.
     PLATE_UNLOADED: PlateUnloaded(PlateNamed) = "plate.unloaded";
-    /// The handover of a plate was called off.
+    /// The handover of a plate was cancelled.
     PLATE_HANDOFF_ABORTED: PlateHandoffAborted(PlateNamed) = "plate.handoff_aborted";
 }
 
 impl EventData {
-    /// Whether it still means something to a start of the daemon, however long ago it was.
+    /// Whether a start of the daemon needs the event, however old it is.
     pub fn is_lasting(&self) -> bool {
         matches!(
             self,
@@ -233,7 +233,7 @@ impl EventData {
 pub struct DaemonStarted {
     /// Version of the program.
     pub version: String,
-    /// What the daemon drives.
+    /// Mode of the daemon.
     pub mode: Mode,
 }
 
@@ -249,7 +249,7 @@ pub struct RunAccepted {
     pub left_in_capillary: Option<String>,
 }
 
-/// Who holds a run.
+/// The cause of a hold.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum HeldBy {
@@ -262,19 +262,19 @@ pub enum HeldBy {
 /// Data of `run.held`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RunHeld {
-    /// Who holds it.
+    /// The cause of the hold.
     pub by: HeldBy,
-    /// Code of the fault, or `operator`; journals of before 0.1.0 lack it.
+    /// Code of the fault, or `operator`. Journals before 0.1.0 lack it.
     pub code: Option<String>,
-    /// The same in words.
+    /// The cause as text.
     pub cause: Option<String>,
 }
 
-/// Who lets a run go on.
+/// Who continues a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ResumedBy {
-    /// The instrument: what held it is over.
+    /// The instrument. The cause of the hold is over.
     Instrument,
     /// An operator.
     Operator,
@@ -283,7 +283,7 @@ pub enum ResumedBy {
 /// Data of `run.resumed`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RunResumed {
-    /// Who lets it go on.
+    /// Who continues the run.
     pub by: ResumedBy,
 }
 
@@ -291,7 +291,7 @@ pub struct RunResumed {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LoadedBy {
-    /// A loader or a person outside of the instrument, who says what is inside.
+    /// A loader or a person outside of the instrument, who reports what is inside.
     Loader,
     /// A sampler that the daemon drives.
     Sampler,
@@ -302,7 +302,7 @@ pub enum LoadedBy {
 pub struct RunInterrupted {
     /// When it was found: `at start`.
     pub found: String,
-    /// Who fills the capillary now, where the run is taken up. It decides what is taken to be in the capillary.
+    /// Who fills the capillary, if the run is taken up. It decides what is assumed to be in the capillary.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub loaded_by: Option<LoadedBy>,
 }
@@ -328,7 +328,7 @@ pub struct RunUnreadable {
 /// Data of `well.loaded`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct WellLoaded {
-    /// The well whose specimen was taken out for it.
+    /// The well whose specimen was replaced by this one.
     pub in_place_of: Option<String>,
 }
 
@@ -337,7 +337,7 @@ pub struct WellLoaded {
 pub struct PhaseEntered {
     /// The phase.
     pub phase: Phase,
-    /// Whether its specimen is in the capillary.
+    /// Whether the specimen is in the capillary.
     #[serde(default)]
     pub in_capillary: bool,
 }
@@ -357,10 +357,10 @@ pub struct SpecimenInterrupted {
     /// What interrupted it.
     #[serde(default)]
     pub reason: String,
-    /// What the method says of such a specimen.
+    /// The method's policy for interrupted specimens.
     #[serde(default)]
     pub policy: Interrupted,
-    /// It stays in the capillary, and the run goes on with it.
+    /// Whether it stays in the capillary and the run continues with it.
     #[serde(default)]
     pub kept: bool,
 }
@@ -379,9 +379,9 @@ pub struct SpecimenDone {
     /// Its outcome and numbers.
     #[serde(flatten)]
     pub result: WellStatus,
-    /// Where its time went.
+    /// Times of the well.
     pub times: Option<WellTimes>,
-    /// How long it had the instrument, s; none where its numbers were made from stored frames.
+    /// How long it used the instrument, s. `None` if its numbers were computed from stored frames.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub seconds: Option<f64>,
 }
@@ -392,13 +392,13 @@ pub struct SpecimenDone {
 pub struct ViewTaken {
     /// Place of the view in the plan of the revolution, from 0.
     pub index: u32,
-    /// The view after a whole turn.
+    /// Whether it is the closure view.
     pub closure: bool,
     /// Angle in motor steps from the reference.
     pub achieved_steps: i64,
-    /// Volume of the hull of all views until now; none for the closure and for a view that is taken again.
+    /// Volume of the hull of all views so far. `None` for the closure view and for a retake.
     pub hull_volume_um3: Option<f64>,
-    /// The estimate of all views until now.
+    /// The estimate from all views so far.
     #[serde(flatten)]
     pub estimate: LiveEstimate,
 }
@@ -416,7 +416,7 @@ pub struct FaultAcknowledged {
 /// Data of `fault.cleared`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FaultsCleared {
-    /// Numbers of the faults; early journals have one number instead of a list.
+    /// Numbers of the faults. Early journals have one number instead of a list.
     #[serde(deserialize_with = "one_or_more")]
     pub seq: Vec<u64>,
     /// Why they are over.
@@ -440,9 +440,9 @@ fn one_or_more<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<u64>, D
 /// Data of `journal.repaired`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct JournalRepaired {
-    /// Events that have another id now.
+    /// Number of events with a new id.
     pub renumbered: usize,
-    /// File name of the journal as it was.
+    /// File name of the journal before the repair.
     pub kept: String,
 }
 
@@ -494,7 +494,7 @@ mod tests {
         }
     }
 
-    /// What changes the state is not lost with a field that says no more than why.
+    /// Explanatory fields may be missing. The state still changes.
     #[test]
     fn a_field_that_decides_nothing_may_be_missing() {
         for kind in ["run.accepted", "specimen.recovering", "specimen.interrupted", "well.loaded"] {

@@ -1,18 +1,18 @@
-//! Handing a plate over: announced, then completed or called off.
+//! Plate handovers: announced, then completed or cancelled.
 //!
 //! ```text
-//! loader: PUT handoff {load, P-1} ──► what is needed first ──► moves the plate ──► PUT handoff/completed (or aborted)
+//! loader: PUT handoff {load, P-1} ──► what must happen first ──► moves the plate ──► PUT handoff/completed (or aborted)
 //! ```
-//! The instrument does not see plates: it believes the loader, and holds it to what it said.
+//! The instrument does not see plates. It checks that the loader does what it announced.
 
 use serde::{Deserialize, Serialize};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum HandoffIntent {
-    /// The plate is to be put in.
+    /// The plate will be put in.
     Load,
-    /// The plate is to be taken away.
+    /// The plate will be taken away.
     Unload,
 }
 

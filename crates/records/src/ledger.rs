@@ -4,7 +4,7 @@ use crate::Light;
 use carved_core::units::Steps;
 use serde::{Deserialize, Serialize};
 
-/// One view. The science takes its angles from the achieved steps here.
+/// One view. The reconstruction computes its angle from the achieved steps.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LedgerEntry {
@@ -23,23 +23,23 @@ pub struct LedgerEntry {
     pub omega: f64,
     /// Time from the command to the axis' arrival, ms.
     pub moved_ms: f64,
-    /// Rest between arrival and trigger, ms.
+    /// Settling time between arrival and trigger, ms.
     pub settle_ms: f64,
     /// Time from the first trigger to the accepted frame, ms.
     pub grab_ms: f64,
     /// The part of `grab_ms` until the camera acknowledged the last trigger, ms. The rest is exposure, readout and transfer.
     #[serde(default)]
     pub trigger_ms: f64,
-    /// Light and focus of the frame; `None` in imported recordings.
+    /// Light and focus of the frame. `None` in imported recordings.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub light: Option<Light>,
-    /// The number that the camera's stream gave the frame.
+    /// Number of the frame in the camera's stream.
     pub frame_id: u64,
     /// Number of triggers for this frame.
     pub attempts: u32,
     /// SHA-256 of the frame's raw bytes, in hexadecimal.
     pub sha256: String,
-    /// The frame that the second camera took of the same view.
+    /// The frame of the second camera for the same view.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub second: Option<SecondEntry>,
     /// Whether this is the view at 360 degrees. It is compared with view 0, and never carved.
@@ -51,13 +51,13 @@ fn is_first(retake: &u32) -> bool {
     *retake == 0
 }
 
-/// A frame of the second camera, taken after that of the first one and before the axis moves on.
+/// A frame of the second camera. It is taken after the frame of the first camera, before the axis moves.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SecondEntry {
     /// Time from the first trigger to the accepted frame, ms.
     pub grab_ms: f64,
-    /// The number that the camera's stream gave the frame.
+    /// Number of the frame in the camera's stream.
     pub frame_id: u64,
     /// Number of triggers for this frame.
     pub attempts: u32,
@@ -81,7 +81,7 @@ pub enum LedgerError {
     /// The axis was referenced again within the revolution.
     #[error("view {view} belongs to epoch {found} of the axis' reference, the revolution to epoch {expected}; its angle has another zero")]
     EpochChanged { view: u32, expected: u32, found: u32 },
-    /// The take is already there.
+    /// The take is already in the ledger.
     #[error("take {retake} of view {view} stands twice in the ledger")]
     Repeated { view: u32, retake: u32 },
     /// The angle is not finite.
@@ -93,19 +93,19 @@ impl Ledger {
     /// Adds an entry.
     ///
     /// # Errors
-    /// The view has another epoch, its take is already there, or its angle is not finite.
+    /// The view has another epoch, its take is already in the ledger, or its angle is not finite.
     pub fn push(&mut self, entry: LedgerEntry) -> Result<(), LedgerError> {
         self.check(&entry)?;
         self.entries.push(entry);
         Ok(())
     }
 
-    /// All takes in the order in which they were taken.
+    /// All takes, in order of time.
     pub fn entries(&self) -> &[LedgerEntry] {
         &self.entries
     }
 
-    /// The newest take of each view, including the closure view, in the order in which they were taken.
+    /// The newest take of each view, including the closure view, in order of time.
     pub fn counted(&self) -> impl Iterator<Item = &LedgerEntry> {
         self.entries.iter().filter(|e| !self.entries.iter().any(|other| other.view == e.view && other.retake > e.retake))
     }
@@ -115,7 +115,7 @@ impl Ledger {
         self.counted().filter(|e| !e.closure)
     }
 
-    /// The view at 360 degrees, once it has been taken.
+    /// The view at 360 degrees. `None` if it was not taken yet.
     pub fn closure(&self) -> Option<&LedgerEntry> {
         self.counted().find(|e| e.closure)
     }

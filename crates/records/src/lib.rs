@@ -1,10 +1,10 @@
-//! What carved writes down and says: plans and plate maps, wells and their numbers, faults, events, and the state that follows from them.
+//! The records of carved: plans and plate maps, wells and their numbers, faults, events, and the state that follows from the events.
 //!
 //! ```text
 //!  plate map ──► RunPlan ──► a run ──► Event, Event, Event ...   one line each in events.jsonl
 //!                                          │
 //!                                          ▼  InstrumentState::apply, a pure function
-//!              what is in the capillary, what holds the run, which faults are open, how long a run takes
+//!              content of the capillary, cause of a hold, open faults, duration of a run
 //! ```
 //! The driver of a live run, a restart of the daemon and the index all read events through this crate, so they cannot disagree on what
 //! an event means. The crate opens no file and reads no clock.

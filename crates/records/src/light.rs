@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 /// Distance between two evaluated rows. It is odd, so that both kinds of rows of a mosaic occur.
 const ROW_STEP: usize = 5;
-/// The highest pixel value.
+/// The maximum pixel value.
 const TOP: usize = 255;
 
 /// Light level and focus of a frame, which depend on lamp, exposure and lens.
@@ -30,7 +30,7 @@ impl Light {
     /// Evaluates every fifth row of a frame.
     pub fn of(frame: &RawFrame) -> Self {
         let bpp = frame.format().bytes_per_pixel();
-        // In RGB only green is evaluated; in a mosaic all pixels.
+        // In RGB only green is evaluated. In a mosaic all pixels are.
         let first = usize::from(frame.format() == PixelFormat::RGB8Packed);
         let mut histogram = [0u32; TOP + 1];
         let (mut squares, mut pairs) = (0u64, 0u64);
@@ -73,7 +73,7 @@ mod tests {
     #[test]
     fn background_and_saturation_are_those_of_the_pixels() {
         for format in [PixelFormat::Mono8, PixelFormat::BayerRG8, PixelFormat::RGB8Packed] {
-            // A dark specimen of a quarter of the width, and a column in eight that is saturated.
+            // A quarter of the width is dark, as with a specimen, and every eighth column is saturated.
             let light = Light::of(&frame(64, 50, format, |u, _| if u % 8 == 0 { 255 } else { [40, 200][usize::from(u >= 16)] }));
             assert_eq!(light.background.to_bits(), 200f64.to_bits(), "{format:?}");
             assert!((light.saturated - 0.125).abs() < 1e-12, "{format:?}: {light:?}");

@@ -1,4 +1,4 @@
-//! A method: what is done to a specimen and how it is measured. It is recorded whole with every specimen.
+//! A method: how a specimen is taken through its turn and how it is measured. The whole method is recorded with every specimen.
 
 use crate::{Policy, Versioned};
 use carved_core::geometry::{BoxUm, Camera, GridError, VoxelGrid};
@@ -69,7 +69,7 @@ pub struct Method {
 
 impl Ranged for Method {
     const RANGES: &'static [Range<Self>] = ranges![
-        // The rig's steps say how many stops there may be.
+        // The number of stops is also limited by the rig's steps.
         asd: 3.0, 100_000.0, "views";
         epsilon: 0.0, 0.499, "of the views";
         voxel_um: 0.1, 1000.0, "um";
@@ -102,7 +102,7 @@ fn word_or_number<'de, D: Deserializer<'de>>(found: D) -> Result<Option<String>,
     }))
 }
 
-/// A camera that the reconstructed box reaches while it turns.
+/// The reconstructed box reaches the camera while it turns.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[error(
     "distance_um = {distance_um}; expected more than {needed_um:.0} um: the method's box_um reaches so far towards the camera, which must lie outside of it. \
@@ -113,7 +113,7 @@ pub struct CameraTooNear {
     pub needed_um: f64,
 }
 
-/// Says what the number would be if it was meant in mm, where that is a lens' working distance.
+/// A hint for a distance that may be meant in mm. Empty if it is not a plausible working distance of a lens.
 fn in_mm(distance_um: f64, needed_um: f64) -> String {
     let is_plausible = (5.0..=2000.0).contains(&distance_um) && 1e3 * distance_um > needed_um;
     if is_plausible { format!(". If {distance_um} mm were meant, write {:.1}", 1e3 * distance_um) } else { String::new() }
@@ -124,19 +124,19 @@ fn papers_box() -> BoxUm {
 }
 
 impl Method {
-    /// Whether a camera lies outside of the box however that is turned.
+    /// Checks that a camera is outside of the box at any angle of the turn.
     ///
     /// # Errors
-    /// Says how far away the camera is and how far it must be. A box that makes no grid is refused by [`Self::pipeline`].
+    /// Contains the distance of the camera and the required distance. A box without a valid grid is refused by [`Self::pipeline`].
     pub fn clears(&self, camera: &Camera) -> Result<(), CameraTooNear> {
         let Ok(grid) = VoxelGrid::new(self.box_um, self.voxel_um) else { return Ok(()) };
-        // The box ends half a voxel beyond the outermost centres, at most a voxel's length along the line of sight.
+        // The box ends half a voxel beyond the outermost centres. Along the line of sight that is at most the length of a voxel.
         let lacking_um = grid.size() - camera.nearest_um(&grid);
         if lacking_um < 0.0 { Ok(()) } else { Err(CameraTooNear { distance_um: camera.f, needed_um: camera.f + lacking_um }) }
     }
 
-    /// Every value that cannot be used, as `key = value; expected ...` below the method's table. Whether the axis can make `asd` stops is
-    /// the rig's to say.
+    /// All values that cannot be used, as `key = value; expected ...`. The keys are relative to the method's table. Whether the axis can
+    /// make `asd` stops depends on the rig.
     pub fn check(&self) -> Vec<String> {
         let outside = self.outside();
         let mut breaches: Vec<String> = outside.iter().map(ToString::to_string).collect();
@@ -155,7 +155,7 @@ impl Method {
         breaches
     }
 
-    /// What the numbers depend on, with the rig's camera and a sphere fitted or not.
+    /// The settings of the pipeline for this method and a camera. `sphere`: fit a sphere, for beads.
     pub fn pipeline(&self, camera: &Camera, sphere: bool) -> Result<PipelineSettings, GridError> {
         Ok(PipelineSettings {
             camera: camera.clone(),

@@ -1,4 +1,4 @@
-//! The closed sets of words that records, events and the status share.
+//! Enums that records, events and the status share.
 
 use crate::WellStatus;
 use serde::{Deserialize, Serialize};
@@ -18,7 +18,7 @@ pub enum Phase {
 }
 
 impl Phase {
-    /// The word for it in files and events.
+    /// The name in files and events.
     pub fn name(self) -> &'static str {
         match self {
             Self::Load => "load",
@@ -33,7 +33,7 @@ impl Phase {
     }
 }
 
-/// How a run ended. `null` until it has.
+/// How a run ended. `null` while it is open.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RunOutcome {
@@ -45,7 +45,7 @@ pub enum RunOutcome {
 }
 
 impl RunOutcome {
-    /// An empty or skipped well is honest work; a failed one makes the run partial, or failed where none succeeded.
+    /// Empty and skipped wells count as success. A failed well makes the run partial, or failed if no well succeeded.
     pub fn of_wells(wells: &[WellStatus]) -> Self {
         let failed = wells.iter().any(|w| w.outcome != Some(SpecimenOutcome::Succeeded) && w.outcome != Some(SpecimenOutcome::Skipped));
         let succeeded = wells.iter().any(|w| w.outcome == Some(SpecimenOutcome::Succeeded));
@@ -56,7 +56,7 @@ impl RunOutcome {
         }
     }
 
-    /// Of a run that was stopped before all its wells: what has a number stands.
+    /// The outcome of a run that was stopped before its last well. Wells with numbers make it partial.
     pub fn of_stopped(wells: &[WellStatus]) -> Self {
         match wells.iter().any(|w| w.outcome == Some(SpecimenOutcome::Succeeded)) {
             _ if wells.iter().all(|w| w.outcome != Some(SpecimenOutcome::Aborted)) => Self::of_wells(wells),
@@ -66,7 +66,7 @@ impl RunOutcome {
     }
 }
 
-/// How a specimen ended. `null` until it has.
+/// How a specimen ended. `null` while it is open.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SpecimenOutcome {
@@ -89,8 +89,8 @@ pub enum SchedulerAction {
     EscalateOperator,
 }
 
-/// Whether numbers come from an instrument, from the emulated rig or from imported pictures, of whose origin carved knows
-/// nothing; stamped into every output. A daemon's is one of the first two.
+/// The source of numbers: an instrument, the emulated rig, or imported pictures of unknown origin. It is part of every output. A daemon has
+/// one of the first two.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Mode {

@@ -1,11 +1,11 @@
-//! What a client asks for: the whole plan of a run, checked before anything moves.
+//! The plan of a run, as a client sends it. The whole plan is checked before anything moves.
 
 use crate::ConcentrationUnit;
 use crate::plate_map::Metadata;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// What the plate map says is in a well.
+/// The kind of specimen in a well, from the plate map.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SpecimenKind {
@@ -20,7 +20,7 @@ pub struct RunPlan {
     pub plate_barcode: String,
     /// Name of a method of the configuration.
     pub method: String,
-    /// The version that the method must have there; any where it is left out.
+    /// The version that the method must have. `None` accepts any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub method_version: Option<String>,
     pub operator: String,
@@ -28,12 +28,12 @@ pub struct RunPlan {
     pub external_id: Option<String>,
     /// The wells in the order in which they are visited.
     pub plate_map: Vec<PlannedWell>,
-    /// What the lab keeps with the plate, as MIHCSME has it; stored with the run and not read.
+    /// Metadata of the plate in the MIHCSME format. They are stored with the run and not evaluated.
     #[serde(default, skip_serializing_if = "Metadata::is_empty")]
     pub metadata: Metadata,
 }
 
-/// Whether a well is one that others are held against.
+/// Whether a well is a control.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Control {
@@ -41,8 +41,7 @@ pub enum Control {
     Negative,
 }
 
-/// One well of a plate map: what is in it, and what was done to it. carved measures by `specimen` and `dpf` and carries the rest
-/// into the results.
+/// A well of a plate map: its specimen and its treatment. carved uses `specimen` and `dpf`, and copies the rest into the results.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PlannedWell {
@@ -66,13 +65,13 @@ pub struct PlannedWell {
     pub treatment: Option<String>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub control: Option<Control>,
-    /// Number of the repetition of the same condition, from 1.
+    /// Number of the replicate of a condition, from 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub replicate: Option<u32>,
 }
 
 impl PlannedWell {
-    /// A well of which no more is said than what is in it.
+    /// A well without further information.
     pub fn new(well: impl Into<String>, specimen: SpecimenKind, dpf: Option<f64>) -> Self {
         Self {
             well: well.into(),
@@ -88,7 +87,7 @@ impl PlannedWell {
         }
     }
 
-    /// Fields that say something that cannot be, and what is wrong with each; the well's name is judged by who knows the others.
+    /// Invalid fields, and what is wrong with each. The name of the well is checked with the whole plan.
     pub fn mistakes(&self) -> Vec<(&'static str, String)> {
         let mut found = Vec::new();
         if let Some(dpf) = self.dpf.filter(|d| !(0.0..=30.0).contains(d)) {
@@ -117,7 +116,7 @@ impl PlannedWell {
         found
     }
 
-    /// Days post fertilisation of a larva, where they are known.
+    /// Age of a larva, days post fertilisation. `None` for a bead, or if the age is unknown.
     pub fn age_of_larva(&self) -> Option<f64> {
         self.dpf.filter(|_| self.specimen == SpecimenKind::Larva)
     }
@@ -127,21 +126,21 @@ fn larva() -> SpecimenKind {
     SpecimenKind::Larva
 }
 
-/// One thing wrong with a plan, and where.
+/// A mistake in a plan, and its place.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FieldError {
-    /// JSON pointer into the body, as `/plate_map/3/well`.
+    /// JSON pointer into the body, such as `/plate_map/3/well`.
     pub pointer: String,
     pub detail: String,
 }
 
-/// Longest name that fits every file system and label.
+/// Maximum length of a name, which fits every file system and label.
 const NAME_LIMIT: usize = 64;
 
-/// Longest text that describes a well.
+/// Maximum length of a text that describes a well.
 const TEXT_LIMIT: usize = 200;
 
-/// Whether a name may stand in a path and a URL: letters, digits, `-`, `_` and `.`, not first a dot.
+/// Whether a name is safe in a path and a URL: letters, digits, `-`, `_` and `.`, not starting with a dot.
 pub fn is_plain_name(name: &str) -> bool {
     !name.is_empty()
         && name.len() <= NAME_LIMIT
@@ -149,7 +148,7 @@ pub fn is_plain_name(name: &str) -> bool {
         && name.bytes().all(|b| b.is_ascii_alphanumeric() || matches!(b, b'-' | b'_' | b'.'))
 }
 
-/// Whether a name is a well's, of plates of 384 at most: `A01` to `P24`.
+/// Whether a name is that of a well on a plate of up to 384 wells: `A01` to `P24`.
 pub fn is_well(name: &str) -> bool {
     let b = name.as_bytes();
     b.len() == 3
@@ -158,9 +157,9 @@ pub fn is_well(name: &str) -> bool {
         && (1..=24).contains(&(u32::from(b[1] - b'0') * 10 + u32::from(b[2] - b'0')))
 }
 
-/// What the configuration calls the state of a method, where it says.
+/// A method that may have a version.
 pub trait Versioned {
-    /// `None` where the configuration names none.
+    /// The version in the configuration. `None` if it has none.
     fn version(&self) -> Option<&str>;
 }
 
@@ -171,7 +170,7 @@ impl<T: Versioned> Versioned for &T {
 }
 
 impl RunPlan {
-    /// A plan with no more than a run needs.
+    /// A plan with only the required fields.
     pub fn new(plate_barcode: &str, method: &str, operator: &str, plate_map: Vec<PlannedWell>) -> Self {
         Self {
             plate_barcode: plate_barcode.into(),
@@ -184,10 +183,10 @@ impl RunPlan {
         }
     }
 
-    /// Everything that is wrong with the plan, not the first thing only. `methods` are the configuration's.
+    /// Checks the whole plan. `methods` are those of the configuration.
     ///
     /// # Errors
-    /// The list, when it is not empty.
+    /// All mistakes, not only the first one.
     pub fn check<M: Versioned>(&self, methods: &BTreeMap<String, M>) -> Result<(), Vec<FieldError>> {
         let mut errors = Vec::new();
         let mut wrong = |pointer: String, detail: String| errors.push(FieldError { pointer, detail });

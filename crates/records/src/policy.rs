@@ -1,4 +1,4 @@
-//! What is done when a well does not go as it should: how long a phase may take, what is tried again, how a run goes on.
+//! The policy of a method: time limits of phases, retries, and how an interrupted run continues.
 
 use crate::Phase;
 use carved_core::range::{OutOfRange, Range, Ranged, outside_in};
@@ -117,12 +117,12 @@ impl Default for Deadlines {
     }
 }
 
-/// Shortest and longest deadline that can be meant, s: a millisecond and a day.
+/// Range of a deadline, s: from a millisecond to a day.
 const DEADLINES_S: [f64; 2] = [0.001, 86_400.0];
 
 impl Ranged for Policy {
     const RANGES: &'static [Range<Self>] = ranges![
-        // A specimen suffers from every trial.
+        // Each attempt harms the specimen.
         retries: 0.0, 5.0, "times";
     ];
 
@@ -145,7 +145,7 @@ impl Ranged for Deadlines {
 }
 
 impl Deadlines {
-    /// Longest time of a phase.
+    /// The deadline of a phase.
     pub fn of(&self, phase: Phase) -> Duration {
         Duration::from_secs_f64(match phase {
             Phase::Load => self.load,

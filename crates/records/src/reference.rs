@@ -1,34 +1,34 @@
-//! The short form of a larva's place among reference larvae, as the status and the page show it.
+//! The comparison of a larva with reference larvae in short form, as the status and the page show it.
 
 use carved_core::measure::references::{Answer, Place, Quantity, Standing, VOXEL};
 use serde::{Deserialize, Serialize};
 
-/// The place of `volume_um3` and `area_um2`; `measurement.json` has the whole of it.
+/// The comparison of `volume_um3` and `area_um2`. `measurement.json` has the full form.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ReferenceStatus {
     pub volume: PlaceStatus,
     pub area: PlaceStatus,
 }
 
-/// One number among the reference larvae of its age; `null` throughout where there are none.
+/// The comparison of one number with the reference larvae of its age. The fields are `null` if there are none.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PlaceStatus {
-    /// `area 0.8 SD below the mean of 24 larvae of 4 dpf`, or why there is no such place.
+    /// `area 0.8 SD below the mean of 24 larvae of 4 dpf`, or why there is no comparison.
     pub words: String,
     /// Name of the group of reference larvae.
     pub group: Option<String>,
-    /// Larvae in it.
+    /// Number of larvae in the group.
     pub n: Option<u32>,
     /// Standard deviations above the group's mean.
     pub z: Option<f64>,
     /// Share of the group's larvae that are smaller, %.
     pub percentile: Option<f64>,
-    /// What of the measurement and the group does not match, or is not known, in words.
+    /// Differences and unknown conditions between the measurement and the group, as text.
     pub mismatches: Vec<String>,
 }
 
 impl ReferenceStatus {
-    /// `None` where the standing has no voxel estimate, which is the one that the reference larvae were measured by.
+    /// `None` if there is no voxel estimate. The reference larvae were measured with this estimator.
     pub fn of(standing: &Standing) -> Option<Self> {
         let papers = standing.by(VOXEL)?;
         let place = |answer, quantity| PlaceStatus::of(answer, quantity, standing.dpf);

@@ -1,15 +1,15 @@
-//! One well of a run: what became of it, its numbers and where its time went.
+//! A well of a run: its outcome, its numbers and its times.
 
 use crate::{Phase, PlannedWell, ReferenceStatus, SpecimenKind, SpecimenOutcome};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-/// One well of the run, as far as it has come.
+/// A well of the run, in its current state.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct WellStatus {
     pub well: String,
-    /// What the plate map says is in it.
+    /// The kind of specimen, from the plate map.
     pub specimen: SpecimenKind,
     pub dpf: Option<f64>,
     pub outcome: Option<SpecimenOutcome>,
@@ -17,37 +17,37 @@ pub struct WellStatus {
     pub reason: Option<String>,
     #[serde(default)]
     pub flags: Vec<String>,
-    /// What made the numbers to trust: `support` (slices of the outlines) or `voxel` (the paper's).
+    /// The estimator of the numbers: `support` (slices of the outlines) or `voxel` (as in the paper).
     #[serde(default)]
     pub estimator: Option<String>,
     pub volume_um3: Option<f64>,
-    /// Standard deviation.
+    /// Standard deviation of the volume.
     #[serde(default)]
     pub volume_sd_um3: Option<f64>,
     pub area_um2: Option<f64>,
     #[serde(default)]
     pub area_sd_um2: Option<f64>,
-    /// Of the surface where the outlines put it, which is the one that is shown.
+    /// Volume of the field surface, which is the one that the page shows.
     pub field_volume_um3: Option<f64>,
     pub field_area_um2: Option<f64>,
-    /// Of the fitted sphere, for beads.
+    /// Diameter of the fitted sphere, for beads.
     pub diameter_um: Option<f64>,
-    /// Views that count; fewer than planned where some did not belong, or the method ended the turn early.
+    /// Number of views that count. It is below the planned number if views did not fit or the method ended the turn early.
     #[serde(default)]
     pub views: Option<u32>,
-    /// By the method: `views` of so many.
+    /// Number of views by the method.
     #[serde(default)]
     pub views_planned: Option<u32>,
     /// Fluorescence in the second camera per volume: grey levels times px per nl.
     #[serde(default)]
     pub signal_per_nl: Option<f64>,
-    /// Where a larva of known age stands among reference larvae.
+    /// Comparison of a larva of known age with reference larvae.
     #[serde(default)]
     pub reference: Option<Box<ReferenceStatus>>,
 }
 
 impl WellStatus {
-    /// A well that is still to come.
+    /// A well that was not measured yet.
     pub fn pending(planned: &PlannedWell) -> Self {
         Self {
             well: planned.well.clone(),
@@ -78,7 +78,7 @@ impl WellStatus {
 }
 
 impl WellCounts {
-    /// Counts each well once: a measured one with flags is `flagged`, not `succeeded`.
+    /// Counts each well once. A measured well with flags counts as `flagged`, not as `succeeded`.
     pub fn of(wells: &[WellStatus]) -> Self {
         let mut counts = Self { total: wells.len() as u32, ..Self::default() };
         for well in wells {
@@ -107,29 +107,29 @@ pub struct WellCounts {
     pub total: u32,
 }
 
-/// The volume of a specimen that is being turned, of the views that were taken until now. `None` throughout while it is not known.
+/// The live estimate of a specimen's volume, from the views so far. All fields are `None` while it is unknown.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct LiveEstimate {
     /// The estimate, um^3.
     pub volume_um3: Option<f64>,
     /// Its standard deviation, um^3.
     pub volume_sd_um3: Option<f64>,
-    /// The views that it is made of.
+    /// Number of views in the estimate.
     pub volume_views: Option<u32>,
-    /// Whether it has settled within what the method's early end promises.
+    /// Whether the estimate has converged by the rule of the method's early end.
     pub converged: Option<bool>,
 }
 
-/// Where the time of a well went, s. Phases add up to more than the well took where two of them went on side by side.
+/// Times of a well, s. The sum of the phases exceeds the duration of the well if two phases ran in parallel.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct WellTimes {
-    /// By the phase's name.
+    /// Time of each phase, by its name.
     pub phases_s: BTreeMap<String, f64>,
-    /// Of that, what motors, rests, exposures and who brings and takes specimens took.
+    /// The part for motors, settling, exposures, and for loading and ejecting specimens.
     pub devices_s: f64,
-    /// The rest: what the program itself took.
+    /// The rest, which the program itself used.
     pub own_s: f64,
-    /// Turns that were begun of the specimen.
+    /// Number of attempts at the specimen.
     pub attempts: u32,
 }
 
@@ -143,7 +143,7 @@ impl WellTimes {
         self.own_s = self.phases_s.values().sum::<f64>() - self.devices_s;
     }
 
-    /// Counts a part of a phase as a device's.
+    /// Counts a part of a phase as time of a device.
     pub fn device(&mut self, took: Duration) {
         self.devices_s += took.as_secs_f64();
         self.own_s -= took.as_secs_f64();

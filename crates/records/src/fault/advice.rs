@@ -1,12 +1,12 @@
-//! What a person does about a fault: the remedy of the table, and what follows from the rule by which a held run goes on.
+//! What a person does about a fault: the remedy of the table, and the next action by the rule that continues a held run.
 //!
 //! ```text
-//!  what ends the fault ─┬─ its cause ─────────── remedy, then the run goes on by itself, or waits
-//!                       ├─ the run goes on ───── remedy, let it go on
-//!                       ├─ acknowledgement ───── remedy, acknowledge, let it go on
-//!                       └─ restart ───────────── remedy
+//!  the fault ends with ─┬─ its cause ────────────── remedy, then the run continues by itself or waits
+//!                       ├─ the run's continuation ─ remedy, continue the run
+//!                       ├─ acknowledgement ──────── remedy, acknowledge, continue the run
+//!                       └─ restart ──────────────── remedy
 //! ```
-//! The part of a remedy that begins with `If` comes after that.
+//! The part of a remedy that begins with `If` is placed at the end.
 
 use super::table::{self, Category, FaultCode};
 use super::{Device, Fault};
@@ -16,27 +16,27 @@ use super::{Device, Fault};
 pub enum FaultEnd {
     /// The end of its cause: a lost device answers, the disk accepts writes.
     Cause,
-    /// The run that it holds goes on.
+    /// The continuation of the held run.
     Resumption,
-    /// Somebody acknowledges it.
+    /// An acknowledgement.
     Acknowledgement,
-    /// Somebody acknowledges it, but the cause stays until the daemon is started again.
+    /// A restart of the daemon. An acknowledgement alone does not remove the cause.
     Restart,
 }
 
-/// The run under way, while a fault is open.
+/// The current run while a fault is open.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RunUnderFault {
-    /// There is none, or it is being ended.
+    /// There is no run, or it is ending.
     None,
-    /// It goes on without a person once what holds it is over.
+    /// The run continues without a person once the cause of the hold is over.
     GoesOnByItself,
-    /// It waits until somebody lets it go on.
+    /// The run waits for a person.
     Waits,
 }
 
 impl FaultCode {
-    /// What the operator does, for a run whose method lets it go on by itself where it can.
+    /// What the operator does, if the method continues the run by itself where possible.
     pub fn what_to_do(&self) -> String {
         let end = end(self.code, self.category.word(), self.operator_required, self.recoverable);
         words(self, end, if end == FaultEnd::Cause { RunUnderFault::GoesOnByItself } else { RunUnderFault::Waits })
@@ -49,12 +49,12 @@ impl Fault {
         end(&self.code, &self.category, self.operator_required, self.recoverable)
     }
 
-    /// What the operator does about it now. A code of another build has the words that were stored with it.
+    /// What the operator does about the fault now. A code of another version has the text that was stored with it.
     pub fn advice(&self, run: RunUnderFault) -> String {
         table::of(&self.code).map_or_else(|| self.what_to_do.clone(), |code| words(code, self.end(), run))
     }
 
-    /// Whether a person has to do something: the fault says so, or the run that it holds waits.
+    /// Whether a person must act: the fault requires it, or the held run waits.
     pub fn needs_a_person(&self, run: RunUnderFault) -> bool {
         self.operator_required || run == RunUnderFault::Waits
     }
@@ -78,7 +78,7 @@ fn words(code: &FaultCode, end: FaultEnd, run: RunUnderFault) -> String {
         Category::Storage => "the disk accepts writes again",
         _ => "the axis answers",
     };
-    // What depends on a condition comes last: it may end the run or the daemon instead.
+    // A conditional part comes last, because it may end the run or the daemon instead.
     let condition = if remedy.starts_with("If ") { Some(0) } else { remedy.find(" If ").map(|at| at + 1) };
     let (first, otherwise) = remedy.split_at(condition.unwrap_or(remedy.len()));
     let is_first = first.is_empty();
@@ -89,7 +89,7 @@ fn words(code: &FaultCode, end: FaultEnd, run: RunUnderFault) -> String {
         (FaultEnd::Resumption, RunUnderFault::None) => "The fault ends when a run starts.".to_owned(),
         (FaultEnd::Resumption, _) if is_first => "Let the run go on: the specimen is begun anew.".to_owned(),
         (FaultEnd::Resumption, _) => "Then let the run go on: the specimen is begun anew.".to_owned(),
-        // Aborted runs do not go on.
+        // An aborted run does not continue.
         (FaultEnd::Acknowledgement, RunUnderFault::None) => "Then acknowledge the fault.".to_owned(),
         (FaultEnd::Acknowledgement, _) if code.code == table::EMERGENCY_STOP.code => "Then acknowledge the fault.".to_owned(),
         (FaultEnd::Acknowledgement, _) => "Then acknowledge the fault and let the run go on.".to_owned(),
@@ -102,7 +102,7 @@ fn words(code: &FaultCode, end: FaultEnd, run: RunUnderFault) -> String {
 mod tests {
     use super::*;
 
-    /// Whatever the run does, no advice says the opposite.
+    /// For any state of the run, the advice does not contradict it.
     #[test]
     fn an_advice_says_of_the_run_what_the_run_does() {
         for code in table::ALL {

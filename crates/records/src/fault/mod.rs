@@ -1,4 +1,4 @@
-//! A fault as people, schedulers and the journal read it.
+//! Faults, as people, schedulers and the journal read them.
 
 mod advice;
 pub mod table;
@@ -11,7 +11,7 @@ use table::{Category, FaultCode};
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Fault {
-    /// Its number; numbers rise and last across restarts.
+    /// Its number. Numbers increase, also across restarts.
     pub seq: u64,
     pub code: String,
     pub category: String,
@@ -19,10 +19,10 @@ pub struct Fault {
     pub recoverable: bool,
     pub scheduler_action: SchedulerAction,
     pub operator_required: bool,
-    /// What its code means, in plain words; `message` has what was found this time.
+    /// The meaning of its code, in plain words. `message` describes this occurrence.
     #[serde(default)]
     pub meaning: String,
-    /// What the operator does about it, in plain words, as it was when the fault was raised; [`Fault::advice`] has what is so now.
+    /// What the operator does, in plain words, as of the time when the fault was raised. [`Fault::advice`] has the current advice.
     #[serde(default)]
     pub what_to_do: String,
     /// RFC 3339, UTC.
@@ -30,7 +30,7 @@ pub struct Fault {
 }
 
 impl Fault {
-    /// A fault as the table describes its code. `since`: RFC 3339, UTC.
+    /// A fault with the entry of the table for its code. `since`: RFC 3339, UTC.
     pub fn new(seq: u64, code: &FaultCode, message: String, since: String) -> Self {
         Self {
             seq,
@@ -46,7 +46,7 @@ impl Fault {
         }
     }
 
-    /// What is wrong, for people: what the code means, or what was found where an early journal did not keep the meaning.
+    /// What is wrong, in plain words: the meaning of the code. Early journals lack it, and then it is the message.
     pub fn plainly(&self) -> &str {
         if self.meaning.is_empty() { &self.message } else { &self.meaning }
     }
@@ -56,7 +56,7 @@ impl Fault {
         self.category == Category::Storage.word()
     }
 
-    /// Whether it ends when its cause does. The others stay until somebody has acknowledged them.
+    /// Whether it ends with its cause. Other faults stay open until an operator acknowledges them.
     pub fn ends_by_itself(&self) -> bool {
         self.end() == FaultEnd::Cause
     }
@@ -74,7 +74,7 @@ pub enum Device {
 }
 
 impl Device {
-    /// What to do where it is lost.
+    /// What to do if the device is lost.
     pub fn way_out(self) -> &'static str {
         match self {
             Self::Camera => {
@@ -87,7 +87,7 @@ impl Device {
         }
     }
 
-    /// That it is found again, in words.
+    /// The text that the device was found again.
     pub fn is_back(self) -> &'static str {
         match self {
             Self::Camera => "the camera is back",
@@ -96,7 +96,7 @@ impl Device {
         }
     }
 
-    /// Whether a fault says no more than that this device is lost, so that it is over once the device is back.
+    /// Whether the fault only says that this device is lost. Such a fault ends when the device is back.
     pub fn is_all_of(self, fault: &Fault) -> bool {
         self.is_named_by(&fault.code)
     }

@@ -1,40 +1,40 @@
-//! Every fault this program can raise, once: what it means, what the scheduler does, what the operator does.
+//! The table of all faults: what each one means, what the scheduler does, and what the operator does.
 //!
 //! ```text
 //! table ─┬─> faults in the status and the journal
 //!        ├─> GET /v1/fault-codes
-//!        └─> the table of codes in docs/faults.md, held against it by a test
+//!        └─> the table of codes in docs/faults.md, which a test compares
 //! ```
-//! A fault is `recoverable` where the daemon goes on without being started again, by itself or once the operator has done
-//! what stands here.
+//! A fault is `recoverable` if the daemon does not have to be restarted: it recovers by itself, or after the action of the operator in this
+//! table.
 
 use crate::SchedulerAction::{self, EscalateOperator, PauseInstrument, Retry};
 use serde::Serialize;
 
-/// One code with what is always true of it.
+/// A fault code, with its constant properties.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct FaultCode {
-    /// Stable word to branch on.
+    /// Stable name for use in programs.
     pub code: &'static str,
     pub category: Category,
-    /// What the scheduler does, unless the fault itself says otherwise.
+    /// What the scheduler does, unless the fault overrides it.
     pub scheduler_action: SchedulerAction,
-    /// Whether a person has to do something before the instrument is fit again.
+    /// Whether a person must act before the instrument can be used again.
     pub operator_required: bool,
-    /// Whether the daemon goes on without being started again.
+    /// Whether the daemon continues without a restart.
     pub recoverable: bool,
     pub meaning: &'static str,
-    /// What the operator does about the cause, in plain words. What ends the fault and lets the run go on is not part of it:
-    /// [`Fault::advice`](super::Fault::advice) adds that by the rule.
+    /// What the operator does about the cause, in plain words. [`Fault::advice`](super::Fault::advice) adds how the fault ends and how the
+    /// run continues.
     pub remedy: &'static str,
 }
 
-/// The table's entry of a code.
+/// The entry of a code. `None` if the code is unknown.
 pub fn of(code: &str) -> Option<&'static FaultCode> {
     ALL.iter().find(|known| known.code == code)
 }
 
-/// What a fault concerns.
+/// The part of the instrument that a fault concerns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Category {
@@ -63,7 +63,7 @@ impl Category {
     }
 }
 
-/// Makes a constant of every entry and the list of all, so that no code can be raised that the list lacks.
+/// Defines a constant for each entry and the list of all entries, so that no code is missing in the list.
 macro_rules! codes {
     ($($name:ident = $code:literal, $category:ident, $action:ident, operator: $operator:literal, recoverable: $recoverable:literal,
        $meaning:literal, $remedy:literal;)*) => {
@@ -76,7 +76,7 @@ macro_rules! codes {
             meaning: $meaning,
             remedy: $remedy,
         };)*
-        /// Every code, in the order of the documents.
+        /// All codes, in the order of the documents.
         pub const ALL: &[FaultCode] = &[$($name),*];
     };
 }
@@ -188,12 +188,12 @@ mod tests {
             for text in [c.meaning, c.remedy] {
                 assert!(text.ends_with('.') && !text.contains('|'), "{}: {text}", c.code);
             }
-            // Whoever is told to come back by himself is not told to wait for a person, and the other way round.
+            // A scheduler retries exactly if no operator is required.
             assert_eq!(c.operator_required, c.scheduler_action != Retry, "{}", c.code);
         }
     }
 
-    /// The rule says how a fault ends and whether the run goes on. A remedy that says it too could contradict it.
+    /// The rule says how a fault ends and whether the run continues. A remedy that repeats it could contradict it.
     #[test]
     fn a_remedy_leaves_to_the_rule_how_the_run_goes_on() {
         for c in ALL {
@@ -229,7 +229,7 @@ mod tests {
         assert!(found == wanted, "docs/faults.md, All codes, should have these rows:\n{}", wanted.join("\n"));
     }
 
-    /// Every code that the documents name elsewhere in a row is one that can be raised.
+    /// Every code that a row of the documents mentions must exist.
     #[test]
     fn no_row_of_the_documents_names_a_code_that_is_none() {
         let documents = include_str!("../../../../docs/faults.md");

@@ -1,9 +1,9 @@
-//! What the name of a picture says about it, by the user's pattern or by the names that VAST's programs give.
+//! Reads the name of a picture, by a user's pattern or by the names that VAST's programs use.
 //!
 //! ```text
-//!  2021.10.11_5dpf_tail_W_A02_1_4_rot.tiff     date, age, well, fish, view; `_rot` and other words at the end say nothing
-//!  W_A02_1_4.tiff   A02_4.tiff                 the fish may be left out
-//!  Well_A02/VAST_1_4.tiff                      the well of the nearest folder that names one
+//!  2021.10.11_5dpf_tail_W_A02_1_4_rot.tiff     date, age, well, fish, view; `_rot` and other words at the end are ignored
+//!  W_A02_1_4.tiff   A02_4.tiff                 the fish may be missing
+//!  Well_A02/VAST_1_4.tiff                      the well of the nearest folder with the name of a well
 //! ```
 
 mod pattern;
@@ -15,28 +15,28 @@ use pattern::Field;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Endings of the pictures that can be read.
+/// Extensions of readable pictures.
 pub const ENDINGS: [&str; 6] = ["png", "jpg", "jpeg", "bmp", "tif", "tiff"];
 
-/// Whether a name ends as that of a picture. A name that begins with a dot does not count.
+/// Whether a name has the extension of a picture. Names that begin with a dot are excluded.
 pub fn is_picture(path: &Path) -> bool {
     let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
     let is_hidden = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
     ending.is_some_and(|e| ENDINGS.contains(&e.as_str())) && !is_hidden
 }
 
-/// What a name says.
+/// The content of a name.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Label {
     /// `A01` to `P24`.
     pub well: Option<String>,
     /// Number of the fish in its well.
     pub fish: Option<u32>,
-    /// Number of the view, as the name counts.
+    /// Number of the view, as in the name.
     pub view: u32,
     /// Days post fertilisation.
     pub dpf: Option<f64>,
-    /// What else tells plates apart: names of folders without that of the well, date, plate.
+    /// Marks that distinguish plates: names of folders without that of the well, date, plate.
     pub group: Group,
 }
 
@@ -57,7 +57,7 @@ impl std::fmt::Display for Group {
     }
 }
 
-/// Reads a path below the named folder. `None` if it does not name a view.
+/// Reads a path relative to the named folder. `None` if it does not name a view.
 pub fn read(path: &Path, pattern: Option<&Pattern>) -> Option<Label> {
     let path = path.iter().map(|part| part.to_string_lossy()).collect::<Vec<_>>().join("/");
     match pattern {
@@ -68,7 +68,7 @@ pub fn read(path: &Path, pattern: Option<&Pattern>) -> Option<Label> {
 
 fn of_fields(path: &str, fields: &BTreeMap<Field, String>) -> Option<Label> {
     let text = |field| fields.get(&field).map(String::as_str);
-    // A field that does not fit is a name that does not match.
+    // An invalid field means that the name does not match.
     let number = |field| text(field).map(str::parse::<u32>).transpose().ok();
     let well = match text(Field::Well) {
         Some(written) => Some(well_of(written)?),
@@ -98,10 +98,10 @@ fn of_vast(path: &str) -> Option<Label> {
     if fish.is_some() {
         tokens.pop();
     }
-    // The well is beside the numbers. `W` before it is not needed.
+    // The well is next to the numbers. A `W` before it is optional.
     let well = tokens.last().and_then(|token| well_of(token));
     let (well, folder) = in_folders(path, well);
-    // Without a well, any numbered picture would be a view of something.
+    // Without a well, any numbered picture would be read as a view.
     well.as_ref()?;
     let is_date = |t: &&str| t.bytes().filter(u8::is_ascii_digit).count() >= 6 && t.bytes().all(|b| b.is_ascii_digit() || b == b'.');
     Some(Label {
@@ -117,7 +117,7 @@ fn age(text: &str) -> Option<f64> {
     text.replacen(',', ".", 1).parse().ok().filter(|age: &f64| age.is_finite())
 }
 
-/// The well of the name, or of the nearest folder that names one well; and the other folders.
+/// The well of the name, or of the nearest folder with the name of one well, and the other folders.
 fn in_folders(path: &str, well: Option<String>) -> (Option<String>, String) {
     let mut folders: Vec<&str> = path.split('/').collect();
     folders.pop();
@@ -125,7 +125,7 @@ fn in_folders(path: &str, well: Option<String>) -> (Option<String>, String) {
         let wells: Vec<String> = name.split(['_', '-', ' ']).filter_map(well_of).collect();
         if let [well] = &wells[..] { Some(well.clone()) } else { None }
     };
-    // A plate's folder may have a name such as P1. It is taken for a well only if the name of the picture says none.
+    // A plate's folder may have a name such as P1. It is read as a well only if the name of the picture contains no well.
     let at = folders.iter().rposition(|name| of_folder(name).is_some_and(|w| well.as_ref().is_none_or(|well| *well == w)));
     let named = at.and_then(|at| of_folder(folders.remove(at)));
     (well.or(named), folders.join("/"))

@@ -1,10 +1,10 @@
-//! A pattern for the names of pictures, as a user gives it.
+//! A user's pattern for the names of pictures.
 //!
 //! ```text
 //!  {date}_{age}dpf_{_}_W_{well}_{fish}_{view}_rot.tiff
-//!  {well}/VAST_{fish}_{view}                            with folders; without an ending any picture
+//!  {well}/VAST_{fish}_{view}                            with folders; without an extension it matches any picture
 //! ```
-//! A number is taken whole: `{fish}` is never a part of its digits. Letters match regardless of case.
+//! A number is always read completely: `{fish}` never matches a part of its digits. The case of letters is ignored.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -35,7 +35,7 @@ impl Field {
         Self::ALL.iter().find(|(n, _)| *n == name).map(|(_, field)| *field)
     }
 
-    /// Possible lengths of the field at the beginning of a text, the preferred one first.
+    /// Possible lengths of the field at the beginning of a text, preferred length first.
     fn lengths(self, text: &str) -> Vec<usize> {
         let digits = |text: &str| text.bytes().take_while(u8::is_ascii_digit).count();
         match self {
@@ -69,7 +69,7 @@ enum Part {
     Field(Field),
 }
 
-/// A pattern that cannot be used.
+/// A pattern with a mistake.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum PatternError {
     #[error("found }} without {{ before it; expected fields as {}", known())]
@@ -95,15 +95,15 @@ pub struct Pattern {
     parts: Vec<Part>,
     /// Number of folders before the name.
     folders: usize,
-    /// Whether it ends with the ending of a picture.
+    /// Whether it ends with the extension of a picture.
     has_ending: bool,
 }
 
 impl Pattern {
-    /// Reads a pattern as a user writes it.
+    /// Reads a pattern.
     ///
     /// # Errors
-    /// A field that is not known, is there twice or is not closed, and a pattern without `{view}`.
+    /// A field is unknown, occurs twice or is not closed, or the pattern has no `{view}`.
     pub fn read(text: &str) -> Result<Self, PatternError> {
         let mut parts: Vec<Part> = Vec::new();
         let mut named = BTreeSet::new();
@@ -136,7 +136,7 @@ impl Pattern {
         Ok(Self { parts, folders: text.matches('/').count(), has_ending })
     }
 
-    /// The fields of a path with `/` between its folders. `None` if it does not match.
+    /// The fields of a path with `/` between its folders. `None` if the path does not match.
     pub(super) fn fields(&self, path: &str) -> Option<BTreeMap<Field, String>> {
         let mut from = path.len();
         for _ in 0..=self.folders {
@@ -149,7 +149,7 @@ impl Pattern {
     }
 }
 
-/// A search with return to earlier choices. What has failed once is not tried again, so that a search is short for any pattern.
+/// A backtracking search. Failed choices are remembered, so that the search is fast for any pattern.
 struct Search<'a> {
     parts: &'a [Part],
     text: &'a str,

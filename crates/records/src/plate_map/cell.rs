@@ -1,10 +1,10 @@
-//! One well of a file: cells of known columns become a planned well.
+//! Converts the cells of one well into a planned well.
 
 use super::Place;
 use super::number::{self, Decimal};
 use crate::{ConcentrationUnit, Control, PlannedWell, SpecimenKind, is_well};
 
-/// A column that carved knows.
+/// A column that carved reads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Column {
     Well,
@@ -48,7 +48,7 @@ impl Column {
         }
     }
 
-    /// The column of a heading: case does not count, nor whether its words are parted by blanks, `-` or `_`.
+    /// The column of a heading. The case is ignored, and words may be separated by blanks, `-` or `_`. `None` if it is unknown.
     pub fn of_heading(heading: &str) -> Option<Self> {
         let heading = heading.trim().to_ascii_lowercase().replace([' ', '-'], "_");
         Self::ALL.into_iter().find(|c| c.name() == heading)
@@ -59,21 +59,21 @@ impl Column {
     }
 }
 
-/// A cell: its column, the name that the file has for it, and its text without blanks around it.
+/// A cell: its column, the name of the column in the file, and its trimmed text.
 pub struct Cell {
     pub column: Column,
     pub name: String,
     pub text: String,
 }
 
-/// The cells of one well that are not empty.
+/// The non-empty cells of one well.
 pub struct Row {
     pub place: Place,
     pub decimal: Decimal,
     pub cells: Vec<Cell>,
 }
 
-/// A well as a file may name it: `a1` and `A1` are `A01`.
+/// A well as in a file: `a1` and `A1` are `A01`. `None` if it is not a well.
 pub fn well_of(written: &str) -> Option<String> {
     let row = written.chars().next().filter(char::is_ascii_alphabetic)?.to_ascii_uppercase();
     let column = &written[1..];
@@ -82,7 +82,7 @@ pub fn well_of(written: &str) -> Option<String> {
     (digits && is_well(&name)).then_some(name)
 }
 
-/// What is wrong with a cell: the file's own name of its column, and why.
+/// A mistake in a cell: the name of its column in the file, and the reason.
 type Wrong = (String, String);
 
 impl Row {
@@ -90,12 +90,12 @@ impl Row {
         self.cells.iter().find(|c| c.column == column)
     }
 
-    /// What the file calls a column.
+    /// The name of a column in the file.
     pub fn name_of(&self, column: Column) -> String {
         self.cell(column).map_or_else(|| column.name().to_owned(), |c| c.name.clone())
     }
 
-    /// The planned well where it has a name, everything that is wrong, and what was read otherwise than it stands there.
+    /// The planned well if it has a name, all mistakes, and notes on what was read differently from the file.
     pub fn well(&self) -> (Option<PlannedWell>, Vec<Wrong>, Vec<String>) {
         let mut mistakes = Vec::new();
         let mut notes = Vec::new();
@@ -129,7 +129,7 @@ impl Row {
         });
         planned.replicate =
             parse.read(Column::Replicate, |n| n.parse().map_err(|_| format!("{n:?} is not the number of a replicate: 1, 2, 3 ...")));
-        // What cannot be read is said once: the plan's own check would find it missing.
+        // Report an unreadable cell once. The check of the planned well would report it again as missing.
         let unread: Vec<String> = mistakes.iter().map(|(column, _)| column.clone()).collect();
         let concentration_unread = [Column::Concentration, Column::ConcentrationUnit].iter().any(|&c| unread.contains(&self.name_of(c)));
         for (field, detail) in planned.mistakes() {
@@ -143,7 +143,7 @@ impl Row {
     }
 }
 
-/// Reads cells and collects what is wrong with them.
+/// Reads cells and collects their mistakes.
 struct Parse<'r> {
     row: &'r Row,
     mistakes: &'r mut Vec<Wrong>,

@@ -23,7 +23,7 @@ pub fn read(bytes: &[u8], plate: Option<&str>, reading: &mut Reading) {
                 Some(Value::Object(metadata)) => reading.map.metadata = metadata,
                 Some(_) => reading.wrong(Mistake::at("/metadata", "metadata is an object, or is left out")),
             }
-            // What a check answered can be checked again.
+            // The answer to a check can be sent again. Its notes are ignored.
             document.remove("notes");
             match document.remove("plate_map") {
                 Some(Value::Array(wells)) => self::wells(&wells, "/plate_map", reading),
@@ -63,12 +63,12 @@ fn wells(wells: &[Value], at: &str, reading: &mut Reading) {
     }
 }
 
-/// A key as a JSON pointer has it (RFC 6901).
+/// A key in a JSON pointer (RFC 6901).
 pub fn escape(key: &str) -> String {
     key.replace('~', "~0").replace('/', "~1")
 }
 
-/// A value as a cell holds it: nothing of `null`.
+/// A value as the text of a cell. `null` is empty.
 pub fn text_of(value: &Value) -> Result<String, String> {
     match value {
         Value::Null => Ok(String::new()),

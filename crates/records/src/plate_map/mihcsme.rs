@@ -1,12 +1,12 @@
-//! MIHCSME metadata (Minimum Information about a High Content Screening Microscopy Experiment), as its spreadsheet becomes
-//! JSON: with the names of the sheets, or with those of the Python model.
+//! MIHCSME metadata (Minimum Information about a High Content Screening Microscopy Experiment) as JSON. It has either the names of the
+//! spreadsheet's sheets or those of the Python model.
 //!
 //! ```text
 //! {"InvestigationInformation": {group: {key: value}}, "StudyInformation": ..., "AssayInformation": ...,
 //!  "AssayConditions": [{"Plate": "P1", "Well": "A01", "Compound": "DMSO", "Dose": "0.1", "DoseUnit": "%", ...}]}
 //! {"investigation_information": ..., "assay_conditions": [{"plate": "P1", "well": "A01", "conditions": {"Compound": ...}}]}
 //! ```
-//! The whole is kept as the run's metadata. Conditions that carved has a column for become the well's; the others are only kept.
+//! The whole document is stored as the run's metadata. Conditions that carved has a column for are also copied into the wells.
 
 use super::cell::{Cell, Column, Row};
 use super::number::Decimal;
@@ -14,14 +14,14 @@ use super::{Metadata, Mistake, Place, Reading, json};
 use serde_json::{Map, Value};
 use std::collections::BTreeSet;
 
-/// The two names of the list of wells: of the sheet, of the model.
+/// The name of the list of wells, in the spreadsheet and in the model.
 const LISTS: [&str; 2] = ["AssayConditions", "assay_conditions"];
 
 pub fn is_one(document: &Map<String, Value>) -> bool {
     LISTS.iter().any(|name| document.contains_key(*name))
 }
 
-/// The column of a condition. MIHCSME leaves the names to the lab; these are those of its template and of carved.
+/// The column of a condition. MIHCSME does not define the names. Known are those of its template and of carved.
 fn column_of(condition: &str) -> Option<Column> {
     let plain: String = condition.chars().filter(char::is_ascii_alphanumeric).collect::<String>().to_ascii_lowercase();
     Some(match plain.as_str() {
@@ -53,7 +53,7 @@ pub fn read(document: Metadata, plate: Option<&str>, reading: &mut Reading) {
 fn conditions(name: &str, entries: &[Value], plate: Option<&str>, reading: &mut Reading) {
     let plate_of = |entry: &Value| entry.get("Plate").or_else(|| entry.get("plate")).and_then(Value::as_str).map(|p| p.trim().to_owned());
     let plates: BTreeSet<String> = entries.iter().filter_map(plate_of).collect();
-    // With one plate its name is the lab's own business; with several the barcode has to say which is meant.
+    // With one plate, its name does not matter. With several plates, the barcode must name one of them.
     let several = plates.len() > 1;
     if several && !plate.is_some_and(|p| plates.contains(p)) {
         let known = plates.iter().map(String::as_str).collect::<Vec<_>>().join(", ");
@@ -70,7 +70,7 @@ fn conditions(name: &str, entries: &[Value], plate: Option<&str>, reading: &mut 
             reading.wrong(Mistake::at(at, "expected an object with a well"));
             continue;
         };
-        // The model has the conditions in a field of their own; pointers lead there.
+        // The model has the conditions in a nested field. Pointers lead into it.
         let nested = fields.get("conditions").and_then(Value::as_object);
         let own = fields.iter().filter(|(key, _)| nested.is_none() || key.as_str() != "conditions").map(|(k, v)| (json::escape(k), k, v));
         let inner = nested.into_iter().flatten().map(|(k, v)| (format!("conditions/{}", json::escape(k)), k, v));
@@ -92,7 +92,7 @@ fn conditions(name: &str, entries: &[Value], plate: Option<&str>, reading: &mut 
     }
 }
 
-/// Parts `0.1%` or `10 uM`, as the template has a dose, into the number and its unit where no unit stands elsewhere.
+/// Splits a dose such as `0.1%` or `10 uM`, as in the template, into the number and its unit, unless there is a separate unit.
 fn unit_of_its_own(cells: &mut Vec<Cell>) {
     if cells.iter().any(|c| c.column == Column::ConcentrationUnit) {
         return;

@@ -1,12 +1,12 @@
-//! Plate maps as people keep them, read whole and checked before anything moves. Pure: bytes in, wells or every mistake out.
+//! Reads and checks plate maps in common file formats. Pure functions: from bytes to wells, or to the list of all mistakes.
 //!
 //! ```text
 //! CSV ── text ── table ──┐
-//!                        ├─> Row: cells by column ─> wells, notes ─> one well twice? ─> PlateMap
+//!                        ├─> Row: cells by column ─> wells, notes ─> check for duplicates ─> PlateMap
 //! JSON ─┬─ wells ────────┤                             mistakes, each with its place
 //!       └─ MIHCSME ──────┘
 //! ```
-//! Files are read leniently where only one thing can be meant (`a1` is `A01`) and refused where two can (`1,500`).
+//! Clear input is read leniently (`a1` is `A01`). Ambiguous input is refused (`1,500`).
 
 mod cell;
 mod json;
@@ -22,39 +22,39 @@ use super::{FieldError, PlannedWell};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// What carved keeps beside the wells without reading it: a JSON object.
+/// Metadata that carved stores beside the wells and does not evaluate: a JSON object.
 pub type Metadata = serde_json::Map<String, serde_json::Value>;
 
-/// In which form a plate map is written.
+/// The format of a plate map.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Format {
-    /// Comma, semicolon or tab between the cells.
+    /// CSV with comma, semicolon or tab as the delimiter.
     Csv,
     /// A list of wells, `{"plate_map": [...], "metadata": {...}}`, or MIHCSME metadata.
     Json,
 }
 
-/// A plate map that holds no mistake.
+/// A plate map without mistakes.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct PlateMap {
     /// The `plate_map` of a run's plan: the wells in the order of the file.
     pub plate_map: Vec<PlannedWell>,
-    /// The `metadata` of a run's plan: MIHCSME as it came, or `columns` with the cells of a CSV that carved does not read.
+    /// The `metadata` of a run's plan: MIHCSME unchanged, or `columns` with the cells of CSV columns that carved does not read.
     pub metadata: Metadata,
-    /// What was read otherwise than it stands there, each with its place.
+    /// What was read differently from the file, each with its place.
     pub notes: Vec<String>,
 }
 
-/// One thing wrong with what was sent, and where: a JSON pointer, or a line and a column of a CSV.
+/// A mistake, and its place: a JSON pointer, or a line and a column of a CSV.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Mistake {
-    /// JSON pointer into the body, as `/plate_map/3/well`; the body itself is the empty one.
+    /// JSON pointer into the body, such as `/plate_map/3/well`. The empty pointer is the body itself.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pointer: Option<String>,
     /// Line of the file, from 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub line: Option<u64>,
-    /// The column by its heading; not there where the whole line is meant.
+    /// The heading of the column. `None` if the whole line is meant.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub column: Option<String>,
     pub detail: String,
@@ -89,13 +89,13 @@ impl std::fmt::Display for Mistake {
     }
 }
 
-/// Mistakes that are listed; a file that is no plate map has one in every line.
+/// Maximum number of listed mistakes. A file of another kind has one in every line.
 const LISTED: usize = 1000;
 
 /// Reads a plate map. `plate` names one of several plates of a MIHCSME file.
 ///
 /// # Errors
-/// Everything that is wrong with it, each with its line and column, or its JSON pointer.
+/// All mistakes, each with its line and column, or with its JSON pointer.
 pub fn read(bytes: &[u8], format: Format, plate: Option<&str>) -> Result<PlateMap, Vec<Mistake>> {
     let mut reading = Reading::default();
     match format {
@@ -105,7 +105,7 @@ pub fn read(bytes: &[u8], format: Format, plate: Option<&str>) -> Result<PlateMa
     reading.finish()
 }
 
-/// Where something stands in a file.
+/// A place in a file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 enum Place {
     Line(u64),
@@ -113,7 +113,7 @@ enum Place {
 }
 
 impl Place {
-    /// `column` is the name of the column or, below a pointer, a piece of a pointer.
+    /// `column` is the name of the column, or the last part of a pointer.
     fn mistake(&self, column: &str, detail: impl Into<String>) -> Mistake {
         match self {
             Self::Line(line) => Mistake::in_line(*line, column, detail),
@@ -132,13 +132,13 @@ impl std::fmt::Display for Place {
     }
 }
 
-/// What has been read so far.
+/// The state of a reader.
 #[derive(Default)]
 struct Reading {
     map: PlateMap,
     mistakes: Vec<Mistake>,
     left_out: usize,
-    /// Where each well was named first.
+    /// Where each well occurred first.
     named: BTreeMap<String, Place>,
 }
 
@@ -155,7 +155,7 @@ impl Reading {
         self.map.notes.push(note);
     }
 
-    /// Keeps a cell of a column that carved does not read: `metadata.columns.<column>.<well>`.
+    /// Stores a cell of a column that carved does not read, as `metadata.columns.<column>.<well>`.
     fn keep(&mut self, column: &str, well: &str, text: &str) {
         let object = || serde_json::Value::Object(Metadata::new());
         let columns = self.map.metadata.entry("columns").or_insert_with(object);
@@ -165,7 +165,7 @@ impl Reading {
         }
     }
 
-    /// Takes one well and returns its name, or says what is wrong with it.
+    /// Takes one well. Returns its name, or records its mistakes.
     fn row(&mut self, row: &cell::Row) -> Option<String> {
         let (planned, mistakes, notes) = row.well();
         self.map.notes.extend(notes);

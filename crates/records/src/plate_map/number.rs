@@ -1,17 +1,17 @@
-//! Numbers as spreadsheets write them, in either half of Europe.
+//! Reads numbers with a decimal point or a decimal comma, as spreadsheets write them.
 
-/// Which sign is a file's own before the decimals.
+/// The decimal sign of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Decimal {
-    /// The cells are parted by commas: a comma in a number can be of thousands.
+    /// The delimiter is a comma. A comma in a number may be a thousands separator.
     Point,
-    /// The cells are parted by semicolons, as Excel does it where the comma is the decimal sign.
+    /// The delimiter is a semicolon, as Excel uses it with a decimal comma.
     Comma,
-    /// Parted by tabs: nothing is known.
+    /// The delimiter is a tab. The decimal sign is unknown.
     Either,
 }
 
-/// Reads a number, or says why it is none or could be two.
+/// Reads a number. The error says why it is invalid or ambiguous.
 pub fn read(written: &str, decimal: Decimal) -> Result<f64, String> {
     let signs = written.chars().filter(|c| matches!(c, ',' | '.')).count();
     if signs > 1 {
@@ -29,7 +29,7 @@ pub fn read(written: &str, decimal: Decimal) -> Result<f64, String> {
         }
     }
     let plain = written.replace(',', ".");
-    // `inf` and `nan` parse, and are no numbers of a plate map.
+    // `inf` and `nan` are valid for `parse`, but not in a plate map.
     plain.parse::<f64>().ok().filter(|n| n.is_finite()).ok_or_else(|| format!("{written:?} is not a number"))
 }
 

@@ -1,4 +1,4 @@
-//! The CSV form: one heading, one line per well.
+//! The CSV format: one heading, one line per well.
 
 use super::cell::{Cell, Column, Row};
 use super::number::Decimal;
@@ -26,7 +26,7 @@ pub fn read(bytes: &[u8], reading: &mut Reading) {
     };
     let columns = columns(line, &headings, reading);
     if !columns.iter().any(|heading| matches!(heading, Heading::Known(Column::Well, _))) {
-        // Every line would be wrong for the same reason.
+        // Every line would have the same mistake.
         return;
     }
     for (line, record) in rows {
@@ -58,7 +58,7 @@ pub fn read(bytes: &[u8], reading: &mut Reading) {
     }
 }
 
-/// Excel's own first line, `sep=;`: the delimiter, what follows the line, and how many lines that was.
+/// Reads the line `sep=;` of Excel. Returns the delimiter, the text behind this line, and the number of lines read.
 fn told_delimiter(text: &str) -> (Option<u8>, &str, u64) {
     let (first, rest) = text.split_once('\n').unwrap_or((text, ""));
     match first.trim_end().strip_prefix("sep=").map(str::as_bytes) {
@@ -67,7 +67,7 @@ fn told_delimiter(text: &str) -> (Option<u8>, &str, u64) {
     }
 }
 
-/// The delimiter with which the first line has the most headings that are known, else the most parts.
+/// The delimiter that gives the first line the most known headings. With equal counts, the one that gives the most parts.
 fn likely_delimiter(text: &str) -> u8 {
     let heading = text.lines().find(|l| !l.trim().is_empty()).unwrap_or_default();
     let rate = |delimiter: u8| {
@@ -75,17 +75,17 @@ fn likely_delimiter(text: &str) -> u8 {
         let known = parts.iter().filter(|p| Column::of_heading(p.trim().trim_matches('"')).is_some()).count();
         (known, parts.len())
     };
-    // The last of equals is taken: the comma.
+    // `max_by_key` returns the last of equal elements: the comma.
     [b'\t', b';', b','].into_iter().max_by_key(|&d| rate(d)).unwrap_or(b',')
 }
 
-/// What is wrong with a line of [`unclosed_quote`], and the way out.
+/// The message for a line of [`unclosed_quote`].
 pub const UNCLOSED_QUOTE: &str =
     "a quote opens a cell here and is never closed: everything behind it would be one cell; close it, or take it away";
 
-/// The line, from 1, of a quote that the CSV text ends in. The reader takes such a text for one last cell. As for the reader, a quote
-/// opens only at the beginning of a cell, two of them in a quoted cell are one that is meant, and a line that begins with `comment` says
-/// nothing.
+/// The line, from 1, of a quote that is still open at the end of a CSV text. A reader would take the rest of the text as one cell. As in
+/// the reader, a quote opens only at the beginning of a cell, and a double quote inside a quoted cell is a literal one. Lines that begin
+/// with `comment` are ignored.
 pub fn unclosed_quote(text: &[u8], delimiter: u8, comment: Option<u8>) -> Option<u64> {
     let (mut line, mut opened, mut begins, mut begins_line, mut in_comment) = (1, None, true, true, false);
     let mut bytes = text.iter().copied().peekable();
@@ -109,13 +109,13 @@ pub fn unclosed_quote(text: &[u8], delimiter: u8, comment: Option<u8>) -> Option
     opened
 }
 
-/// What a heading names.
+/// The meaning of a heading.
 enum Heading {
-    /// A column that carved reads, and what the file calls it.
+    /// A column that carved reads, with its name in the file.
     Known(Column, String),
-    /// A column that is kept without being read.
+    /// A column that carved stores and does not read.
     Unknown(String),
-    /// Nothing: its cells have to be empty.
+    /// No heading. The cells of this column must be empty.
     Empty,
 }
 
@@ -153,7 +153,7 @@ fn columns(line: u64, headings: &StringRecord, reading: &mut Reading) -> Vec<Hea
     found
 }
 
-/// The records of a text that hold anything, each with the line on which it begins.
+/// The non-empty records of a text, each with its first line.
 struct Rows<'t> {
     text: &'t str,
     reader: csv::Reader<&'t [u8]>,
@@ -167,7 +167,8 @@ impl<'t> Rows<'t> {
         Self { text, reader, lines_before }
     }
 
-    /// The line of a record that the reader began to look for at `start`: it passes over empty lines without counting them as read.
+    /// The line of a record. `start` is the position where the reader began to look for it. The reader skips empty lines without counting
+    /// them.
     fn line(&self, start: &csv::Position) -> u64 {
         let from = self.text.as_bytes().get(start.byte() as usize..).unwrap_or_default();
         let empty = from.iter().take_while(|&&b| b == b'\n').count() as u64;
@@ -182,11 +183,11 @@ impl Iterator for Rows<'_> {
         loop {
             let start = self.reader.position().clone();
             let mut record = ByteRecord::new();
-            // A text in memory cannot fail to be read, and records of any length are taken.
+            // Reading from memory cannot fail, and records may have any length.
             if !self.reader.read_byte_record(&mut record).unwrap_or(false) {
                 return None;
             }
-            // Cut from UTF-8 at ASCII characters, so it is UTF-8.
+            // The text is UTF-8 and was split at ASCII characters.
             let record = StringRecord::from_byte_record_lossy(record);
             if record.iter().any(|cell| !cell.is_empty()) {
                 return Some((self.line(&start), record));

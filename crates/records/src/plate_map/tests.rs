@@ -123,7 +123,7 @@ fn a_file_of_another_form_is_refused_by_what_is_wrong_with_it() {
     assert!(refused("well,dpf\nA01\nA02,3\n")[0].starts_with("line 2: 1 cells"));
     assert!(refused("well,dpf\nA01,3,4\n")[0].starts_with("line 2: 3 cells"));
     assert!(refused("well,\nA01,\nA02,x\n")[0].starts_with("line 3: \"x\" stands in a column without a heading"));
-    // An open quote swallows the rest: its line is named.
+    // An unclosed quote takes in the rest of the file. Its line is reported.
     assert!(refused("well,compound\nA01,x\nA02,\"y\nA03,z\n")[0].starts_with("line 3"));
     for (open, line) in [
         ("well,compound\nA01,x\nA02,\"y\n", 3),
@@ -138,7 +138,7 @@ fn a_file_of_another_form_is_refused_by_what_is_wrong_with_it() {
         let said = refused(open);
         assert!(said.len() == 1 && said[0].starts_with(&format!("line {line}: a quote opens")), "{open:?}: {said:?}");
     }
-    // Quotes that are closed, or within a cell, are none.
+    // Quotes that are closed, or inside a cell, are valid.
     for sound in [
         "well,compound\nA01,\"y \"\"z\"\n",
         "well,compound\nA01,5\" plate\n",
@@ -248,7 +248,7 @@ fn check(bytes: &[u8], format: Format) -> Result<(), TestCaseError> {
     Ok(())
 }
 
-/// Cells of which some are right, some nearly.
+/// Valid cells and nearly valid cells.
 fn cell() -> impl Strategy<Value = String> {
     let common = [
         "", "A01", "b2", "P24", "Q1", "1,5", "1.500", "0.1", "-1", "µM", "% v/v", "mM", "negative", "Positive", "larva", "bead", "\"",

@@ -1,8 +1,8 @@
-//! Bytes of a text file: UTF-8, with or without a byte-order mark, with any line ends.
+//! Decodes a text file: UTF-8 with or without a byte-order mark, with any line endings.
 
 use super::Mistake;
 
-/// The text with `\n` as its only line end.
+/// The text with `\n` as its only line ending.
 pub fn decode(bytes: &[u8]) -> Result<String, Mistake> {
     if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
         return Err(Mistake::in_line(1, "", "this is UTF-16 (\"Unicode Text\" in Excel); save it as \"CSV UTF-8\""));

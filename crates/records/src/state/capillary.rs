@@ -1,14 +1,14 @@
-//! The specimen in the capillary, as far as events say.
+//! The specimen in the capillary, as far as the events show.
 //!
 //! ```text
-//!  asked for ──► brought ──► worked on ──► taken out
-//!                  ▲ └ inside ─────────┘
-//!                  └ left inside by a fault of the instrument: the run goes on with it
+//!  asked for ──► brought ──► in progress ──► taken out
+//!                  ▲ └ inside ───────────┘
+//!                  └ left inside by a fault of the instrument: the run continues with it
 //! ```
 
 use std::collections::BTreeSet;
 
-/// What is inside, by well; of the newest run, or left by the one before it.
+/// The content of the capillary, by well, from the events of the newest run. A specimen may be left from the run before it.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Capillary {
     inside: Option<String>,
@@ -18,28 +18,28 @@ pub struct Capillary {
 }
 
 impl Capillary {
-    /// Nothing is known to be inside, and nothing was asked for.
+    /// A capillary without a known specimen or request.
     pub const fn empty() -> Self {
         Self { inside: None, asked_for: None, brought: None, been_inside: BTreeSet::new() }
     }
 
-    /// Of a run that begins while a specimen of an earlier one may still be inside.
+    /// The capillary of a run that begins while the specimen `left` of an earlier run is still inside.
     pub(super) fn with(left: Option<String>) -> Self {
         Self { been_inside: left.iter().cloned().collect(), inside: left, ..Self::empty() }
     }
 
-    /// The well whose specimen is inside; `None` where nothing is, as far as is known.
+    /// The well whose specimen is inside. `None` if the capillary is empty as far as is known.
     pub fn inside(&self) -> Option<&str> {
         self.inside.as_deref()
     }
 
-    /// The well whose specimen the loader was asked for and has not brought.
+    /// The well whose specimen was requested from the loader and is not brought yet.
     pub fn asked_for(&self) -> Option<&str> {
         self.asked_for.as_deref()
     }
 
-    /// The well whose specimen is inside for the run to go on with: the loader has brought it and nothing was done with it since, or a
-    /// fault of the instrument has left it there.
+    /// The well of a specimen that the run can continue with: the loader has just brought it, or a fault of the instrument has left it
+    /// inside.
     pub fn brought(&self) -> Option<&str> {
         self.brought.as_deref()
     }
@@ -53,21 +53,21 @@ impl Capillary {
         self.asked_for = Some(well.to_owned());
     }
 
-    /// The loader's word: the specimen is inside, and what was inside before it is out.
+    /// The loader reports that the specimen is inside. The previous specimen is out.
     pub(super) fn bring(&mut self, well: &str) {
         self.asked_for = None;
         self.put(well);
         self.brought = Some(well.to_owned());
     }
 
-    /// The loader's word: the specimen is out.
+    /// The loader reports that the specimen is out.
     pub(super) fn take_out(&mut self, well: &str) {
         self.inside.take_if(|inside| inside == well);
         self.brought.take_if(|brought| brought == well);
         self.been_inside.insert(well.to_owned());
     }
 
-    /// Work on the specimen begins: it is not one that was only brought any more.
+    /// Work on the specimen begins. From now on it no longer counts as just brought.
     pub(super) fn begin(&mut self, well: &str) {
         self.brought.take_if(|brought| brought == well);
     }
@@ -78,19 +78,19 @@ impl Capillary {
         self.been_inside.insert(well.to_owned());
     }
 
-    /// The specimen is not inside. One that was brought before it was asked for again stays: while it is awaited, another's may be inside.
+    /// The specimen is not inside. A specimen that was brought earlier stays: while it is awaited, another one may be inside.
     pub(super) fn lacks(&mut self, well: &str) {
         if self.brought.as_deref() != Some(well) {
             self.inside.take_if(|inside| inside == well);
         }
     }
 
-    /// A fault of the instrument has left it inside, and the run goes on with it.
+    /// A fault of the instrument has left the specimen inside, and the run continues with it.
     pub(super) fn keep(&mut self, well: &str) {
         self.brought = Some(well.to_owned());
     }
 
-    /// A start of the daemon does not know whether a driven sampler had brought the specimen that was begun last. It is taken to be inside.
+    /// After a restart it is unknown whether a driven sampler had brought the specimen that was begun last. It is assumed to be inside.
     pub(super) fn assume(&mut self, begun: Option<&String>) {
         if self.brought.is_none() || self.brought != self.inside {
             self.inside = begun.cloned().or(self.inside.take());

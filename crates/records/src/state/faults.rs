@@ -1,4 +1,4 @@
-//! Faults that were raised and are not over.
+//! Open faults: raised, and not over.
 
 use crate::{EventData, Fault};
 
@@ -15,12 +15,12 @@ impl OpenFaults {
         &self.open
     }
 
-    /// Number of the newest fault that was ever raised; 0 before the first.
+    /// Number of the newest fault. 0 before the first one.
     pub fn newest(&self) -> u64 {
         self.newest
     }
 
-    /// Numbers go on behind `newest`, which may be of a fault that is not remembered otherwise.
+    /// Continues the numbers after `newest`, even if this fault is not remembered.
     pub fn number_from(&mut self, newest: u64) {
         self.newest = self.newest.max(newest);
     }
@@ -31,12 +31,12 @@ impl OpenFaults {
                 self.number_from(fault.seq);
                 self.open.push(fault.clone());
             }
-            // Somebody knows of it; one that goes with its cause stays until then.
+            // An acknowledged fault is closed, unless it ends with its cause.
             EventData::FaultAcknowledged(known) => self.open.retain(|f| f.seq != known.seq || f.ends_by_itself()),
             EventData::FaultsCleared(over) => self.open.retain(|f| !over.seq.contains(&f.seq)),
-            // What asked to be tried again is tried.
+            // These faults ask for a retry, which happens now.
             EventData::RunAccepted(_) | EventData::RunResumed(_) => self.open.retain(|f| f.operator_required),
-            // A cause that ends by itself is looked for anew.
+            // Causes that end by themselves are checked again after a start.
             EventData::DaemonStarted(_) => self.open.retain(|f| f.operator_required && !f.ends_by_itself()),
             _ => {}
         }

@@ -1,14 +1,14 @@
-//! What the events say of the instrument: a fold over the journal, and nothing else.
+//! The state of the instrument: a fold over the events of the journal.
 //!
 //! ```text
-//!                     ┌─► OpenFaults      raised, acknowledged, over
-//!  Event ──► apply ───┼─► PlateHandover   the plate that is inside, and the one that is on its way
-//!                     ├─► Paces           how long specimens take, by method
-//!                     └─► RunState        of the newest run: who holds it, which end was asked for, which specimens are begun
+//!                     ┌─► OpenFaults      raised, acknowledged, cleared
+//!  Event ──► apply ───┼─► PlateHandover   the plate inside, and the open handover
+//!                     ├─► Paces           durations of specimens, by method
+//!                     └─► RunState        of the newest run: cause of a hold, requested end, specimens in progress
 //!                          └─► Capillary  the specimen that is inside, asked for, brought
 //! ```
-//! The live driver applies each event as it tells it. A restart of the daemon applies the same events as it reads them. Both therefore
-//! believe the same, which a property test of the driver checks field by field.
+//! The live driver applies each event when it happens. A restart of the daemon applies the same events from the journal. Both therefore
+//! have the same state, which a property test of the driver checks field by field.
 
 mod capillary;
 mod faults;
@@ -24,16 +24,16 @@ pub use run::{EndRequest, HoldCause, RunState};
 
 use crate::{Event, EventBody, EventData};
 
-/// What the events say of the instrument.
+/// The state that follows from the events.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct InstrumentState {
-    /// The newest run; none where no run is known.
+    /// The newest run. `None` if no run is known.
     pub run: Option<RunState>,
     /// The plate and its handover.
     pub plate: PlateHandover,
-    /// The faults that are not over.
+    /// The open faults.
     pub faults: OpenFaults,
-    /// What the specimens of each method took.
+    /// Durations of the specimens of each method.
     pub paces: Paces,
 }
 
@@ -47,7 +47,7 @@ impl InstrumentState {
         state
     }
 
-    /// Takes in what happened.
+    /// Applies an event.
     pub fn apply(&mut self, event: &EventBody) {
         self.plate.apply(&event.data);
         self.faults.apply(&event.data);
@@ -55,7 +55,7 @@ impl InstrumentState {
         match (&event.data, &event.run) {
             (EventData::RunAccepted(accepted), Some(id)) => self.run = Some(RunState::accepted(id, accepted.left_in_capillary.clone())),
             (_, Some(id)) => self.run.iter_mut().filter(|run| run.id() == id).for_each(|run| run.apply(event)),
-            // What a loader says of a specimen whose run was removed from the disk belongs to no run there, but it is still so.
+            // If the run was removed from the disk, the loader's message has no run, but it is still valid.
             (EventData::WellLoaded(_) | EventData::WellUnloaded, None) => self.run.iter_mut().for_each(|run| run.apply(event)),
             _ => {}
         }

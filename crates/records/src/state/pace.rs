@@ -1,42 +1,42 @@
-//! How long a run still takes, from what this instrument took before.
+//! Estimates how long a run still takes, from earlier specimens on this instrument.
 //!
 //! ```text
-//! events ──► seconds per phase of finished specimens (the newest) ─┬─ the rest of the specimen under way: its phases, less what
-//!                                                                 │  the one under way has taken
-//!                                                                 └─ wells that wait: whole specimens, skipped ones among them
+//! events ──► seconds per phase of the newest finished specimens ─┬─ the specimen in progress: its remaining phases, less the
+//!                                                                │  time already spent in the current phase
+//!                                                                └─ waiting wells: whole specimens, including skipped ones
 //! ```
-//! Medians add up. What lies above them does not: long specimens are not all long at once, so the spreads add in squares.
-//! Times are those of the events, so a restart learns what the live run learned.
+//! The medians of the parts are added. Their spreads are added in squares, because long specimens are independent. The times are those of
+//! the events, so a restart gets the same estimate as the live run.
 
 use crate::{EventBody, EventData, Phase, SpecimenOutcome};
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, VecDeque};
 
-/// Seconds until the run is done.
+/// Estimated time until the end of the run.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Eta {
     /// Median, s.
     pub p50: f64,
-    /// Nine runs in ten are done by then, s.
+    /// In nine of ten runs the time is shorter, s.
     pub p90: f64,
 }
 
-/// Specimens that are remembered per method.
+/// Number of specimens that are remembered per method.
 const KEPT: usize = 200;
 
-/// In which order a specimen goes through its phases.
+/// The order of a specimen's phases.
 const ORDER: [Phase; 8] =
     [Phase::Load, Phase::Position, Phase::Detect, Phase::Revolve, Phase::Reconstruct, Phase::Measure, Phase::Eject, Phase::Wash];
 
-/// What the specimens of one method took, oldest first.
+/// Durations of the specimens of one method, oldest first.
 #[derive(Debug, Clone, Default, PartialEq)]
 struct Pace {
     phases_s: [VecDeque<f64>; ORDER.len()],
     wells_s: VecDeque<f64>,
 }
 
-/// A specimen on its way. Times in s since 1970.
+/// A specimen in progress. Times in s since 1970.
 #[derive(Debug, Clone, Default, PartialEq)]
 struct UnderWay {
     began_s: f64,
@@ -44,11 +44,11 @@ struct UnderWay {
     phases: Vec<(Phase, f64)>,
 }
 
-/// What the specimens of each method took, and what those under way have taken.
+/// Durations of the specimens of each method, and of the specimens in progress so far.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Paces {
     methods: BTreeMap<String, Pace>,
-    /// Of the newest run.
+    /// The method of the newest run.
     method: String,
     /// By well.
     under_way: BTreeMap<String, UnderWay>,
@@ -61,7 +61,7 @@ fn keep(list: &mut VecDeque<f64>, value: f64) {
     list.push_back(value);
 }
 
-/// Quantile of a list, by its nearest rank.
+/// Quantile of a list, by nearest rank. `None` if the list is empty.
 fn quantile(values: &VecDeque<f64>, q: f64) -> Option<f64> {
     let mut sorted: Vec<f64> = values.iter().copied().collect();
     sorted.sort_by(f64::total_cmp);
@@ -73,9 +73,9 @@ impl UnderWay {
         Self { began_s: now_s, ..Self::default() }
     }
 
-    /// The specimen is in this phase from now on.
+    /// The specimen enters a phase.
     fn enter(&mut self, phase: Phase, now_s: f64) {
-        // A wait for the loader is reported twice. The phase goes on.
+        // A wait for the loader is reported twice. The phase continues.
         if self.phase.is_some_and(|(now, _)| now == phase) {
             return;
         }
@@ -83,17 +83,17 @@ impl UnderWay {
         self.phase = Some((phase, now_s));
     }
 
-    /// It does not have the instrument any more.
+    /// The specimen no longer uses the instrument.
     fn leave(&mut self, now_s: f64) {
         if let Some((phase, since_s)) = self.phase.take() {
-            // The wall clock may have been set back.
+            // The wall clock may be set back.
             self.phases.push((phase, (now_s - since_s).max(0.0)));
         }
     }
 }
 
 impl Pace {
-    /// `had_s`: how long the specimen had the instrument, which is what the next one waits for.
+    /// Adds a finished specimen. `had_s`: how long it used the instrument, which is how long the next one waits.
     fn learn(&mut self, mut specimen: UnderWay, now_s: f64, had_s: f64) {
         specimen.leave(now_s);
         for (phase, seconds) in specimen.phases {
@@ -102,7 +102,7 @@ impl Pace {
         keep(&mut self.wells_s, had_s);
     }
 
-    /// Seconds until the specimen under way and `waiting` further wells are done; nothing before this instrument's first specimen.
+    /// Time until the specimen in progress and `waiting` further wells are done. `None` before the first specimen on this instrument.
     fn remaining(&self, specimen: Option<&UnderWay>, waiting: u32, now_s: f64) -> Option<Eta> {
         let well = (quantile(&self.wells_s, 0.5)?, quantile(&self.wells_s, 0.9)?);
         let (mut p50, mut squares) = (well.0 * f64::from(waiting), (well.1 - well.0).powi(2) * f64::from(waiting));
@@ -123,8 +123,8 @@ fn place(phase: Phase) -> usize {
 }
 
 impl Paces {
-    /// Time until the specimen of `well`, if it has the instrument, and `waiting` further wells are done at the pace of a method;
-    /// `None` before this instrument's first specimen by it.
+    /// Time until `waiting` wells are done, and the specimen of `well` if it is in progress. `None` before the first specimen of this
+    /// method.
     pub fn remaining(&self, method: &str, well: Option<&str>, waiting: u32, now: Timestamp) -> Option<Eta> {
         let specimen = well.and_then(|well| self.under_way.get(well));
         self.methods.get(method)?.remaining(specimen, waiting, seconds(now))
@@ -138,10 +138,10 @@ impl Paces {
                 self.method.clone_from(&accepted.method);
                 self.under_way.clear();
             }
-            // What was interrupted or held teaches nothing: it begins anew, or the time of the hold would be in it.
+            // Specimens that were interrupted or held do not count: they begin again, or their time contains the hold.
             (EventData::RunInterrupted(_) | EventData::RunHeld(_), _) => self.under_way.clear(),
             (EventData::SpecimenPhase(entered), Some(well)) => {
-                // One has the instrument; the numbers of the others are made beside.
+                // One specimen uses the instrument. The numbers of the others are computed meanwhile.
                 self.under_way.iter_mut().filter(|(other, _)| *other != well).for_each(|(_, specimen)| specimen.leave(now_s));
                 if entered.phase == Phase::Load {
                     self.under_way.entry(well.to_owned()).or_insert_with(|| UnderWay::at(now_s));
@@ -150,7 +150,7 @@ impl Paces {
                     specimen.enter(entered.phase, now_s);
                 }
             }
-            // Its numbers were made from its frames, whenever that was.
+            // Its numbers were computed from stored frames at another time.
             (EventData::SpecimenRecovered | EventData::SpecimenInterrupted(_), Some(well)) => drop(self.under_way.remove(well)),
             (EventData::SpecimenDone(done), Some(well)) => {
                 let specimen = self.under_way.remove(well);
@@ -173,7 +173,7 @@ mod tests {
     use super::*;
     use crate::{PhaseEntered, PlannedWell, RunAccepted, SpecimenDone, SpecimenKind, WellStatus};
 
-    /// A specimen that loads for 2 s and turns for `revolve_s`.
+    /// A specimen that loads for 2 s and then turns for `revolve_s`.
     fn specimen(began_s: f64, revolve_s: f64) -> (UnderWay, f64) {
         let mut s = UnderWay::at(began_s);
         s.enter(Phase::Load, began_s);

@@ -1,8 +1,8 @@
-//! The plate that the loader handed over. The instrument does not see plates: it believes the loader.
+//! The plate that the loader handed over. The instrument does not see plates, and relies on the loader.
 
 use crate::{EventData, Handoff, HandoffEnd};
 
-/// The plate inside, the handover under way, and how the newest one ended.
+/// The plate inside, the open handover, and how the newest handover ended.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct PlateHandover {
     inside: Option<String>,
@@ -11,7 +11,7 @@ pub struct PlateHandover {
 }
 
 impl PlateHandover {
-    /// Barcode of the plate that was handed over and not taken away.
+    /// Barcode of the plate inside. `None` if it was taken away or never handed over.
     pub fn inside(&self) -> Option<&str> {
         self.inside.as_deref()
     }
@@ -21,7 +21,7 @@ impl PlateHandover {
         self.open.as_ref()
     }
 
-    /// How the newest handover ended; `None` while one is open.
+    /// How the newest handover ended. `None` while one is open.
     pub fn ended(&self) -> Option<HandoffEnd> {
         self.ended
     }
@@ -42,7 +42,7 @@ impl PlateHandover {
                 self.end(HandoffEnd::Completed);
             }
             EventData::PlateHandoffAborted(_) => self.end(HandoffEnd::Aborted),
-            // A run is accepted only of a plate that is inside. Early journals may lack the end of the handover.
+            // A run is accepted only for the plate inside. Early journals may lack the end of the handover.
             EventData::RunAccepted(_) if self.open.is_some() => (self.open, self.ended) = (None, None),
             _ => {}
         }

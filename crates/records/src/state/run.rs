@@ -1,25 +1,25 @@
-//! What the events say of one run.
+//! The state of one run.
 
 use super::Capillary;
 use crate::{EventBody, EventData, HeldBy, LoadedBy, Phase, ResumedBy};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// What holds a run.
+/// The cause of a hold.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct HoldCause {
-    /// A fault's code, `operator`, `restart`, or `fault` where it is not known which.
+    /// A fault's code, `operator`, `restart`, or `fault` if the fault is unknown.
     pub code: String,
-    /// The same in words.
+    /// The cause as text.
     pub words: String,
 }
 
 impl HoldCause {
-    /// An operator holds it.
+    /// The run is held by an operator.
     pub fn operator() -> Self {
         Self { code: "operator".into(), words: "An operator asked for it.".into() }
     }
 
-    /// A fault holds it, and it is not known which.
+    /// The run is held by an unknown fault.
     pub fn fault() -> Self {
         Self { code: "fault".into(), words: "A fault held it that is over by now.".into() }
     }
@@ -29,16 +29,16 @@ impl HoldCause {
     }
 }
 
-/// An end before the last well that somebody asked for; the later one wins.
+/// A requested end before the last well. The higher one wins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum EndRequest {
-    /// After the specimen under way.
+    /// After the current specimen.
     Stop,
     /// At once.
     Abort,
 }
 
-/// What the events say of one run.
+/// The state of one run that follows from its events.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct RunState {
     id: String,
@@ -54,12 +54,12 @@ pub struct RunState {
 }
 
 impl RunState {
-    /// A run that nothing is known of but its name.
+    /// A run of which only the name is known.
     pub fn new(id: &str) -> Self {
         Self { id: id.to_owned(), ..Self::default() }
     }
 
-    /// `left`: the well of an earlier run whose specimen is still in the capillary.
+    /// A run that was just accepted. `left`: the well of an earlier run whose specimen is still in the capillary.
     pub(super) fn accepted(id: &str, left: Option<String>) -> Self {
         Self { capillary: Capillary::with(left), ..Self::new(id) }
     }
@@ -74,42 +74,42 @@ impl RunState {
         &self.capillary
     }
 
-    /// An operator has held it, and nobody but an operator lets it go on.
+    /// Whether an operator holds the run. Then only an operator can continue it.
     pub fn is_held_by_operator(&self) -> bool {
         self.held_by_operator
     }
 
-    /// What has held it last; `None` once it went on.
+    /// The last cause of a hold. `None` after the run has continued.
     pub fn held_by(&self) -> Option<&HoldCause> {
         self.held_by.as_ref()
     }
 
-    /// How often a cause has held it since a well was done.
+    /// How often this cause has held the run since a well was done.
     pub fn times_held_by(&self, code: &str) -> u32 {
         self.holds.get(code).copied().unwrap_or_default()
     }
 
-    /// How often it has gone on by itself since a well was done.
+    /// How often the run has continued by itself since a well was done.
     pub fn resumed_by_itself(&self) -> u32 {
         self.resumed_by_itself
     }
 
-    /// Attempts at the numbers of a well from its frames that the daemon did not survive, as far as is known.
+    /// Number of attempts at the numbers of a well in which the daemon crashed.
     pub fn recoveries_of(&self, well: &str) -> u32 {
         self.recoveries.get(well).copied().unwrap_or_default()
     }
 
-    /// The end that somebody asked for.
+    /// The requested end.
     pub fn end_request(&self) -> Option<EndRequest> {
         self.end_request
     }
 
-    /// The wells whose specimens were begun and have no end, the one that had the instrument last at the end.
+    /// The wells whose specimens are in progress. The last one used the instrument last.
     pub fn begun(&self) -> &[String] {
         &self.begun
     }
 
-    /// Takes in what happened in this run.
+    /// Applies an event of this run.
     pub fn apply(&mut self, event: &EventBody) {
         let well = event.well.as_deref();
         match (&event.data, well) {
@@ -119,13 +119,13 @@ impl RunState {
             (EventData::RunHeld(held), _) => {
                 let cause = match (held.code.clone(), held.cause.clone()) {
                     (Some(code), Some(words)) => HoldCause { code, words },
-                    // An early journal says only who.
+                    // An early journal says only who holds the run.
                     _ if held.by == HeldBy::Operator => HoldCause::operator(),
                     _ => HoldCause::fault(),
                 };
                 *self.holds.entry(cause.code.clone()).or_default() += 1;
                 self.held_by = Some(cause);
-                // An operator's hold comes between two specimens.
+                // An operator holds a run between two specimens.
                 if held.by == HeldBy::Operator {
                     self.begun.clear();
                     self.worked_on.clear();
@@ -138,7 +138,7 @@ impl RunState {
             (EventData::RunInterrupted(interrupted), _) => {
                 self.held_by.get_or_insert_with(HoldCause::restart);
                 match interrupted.loaded_by {
-                    // What was only waited for is asked for again.
+                    // A specimen that was only awaited is requested again.
                     Some(LoadedBy::Loader) => self.begun.retain(|well| self.worked_on.contains(well)),
                     Some(LoadedBy::Sampler) => self.capillary.assume(self.begun.last()),
                     None => {}
@@ -149,7 +149,7 @@ impl RunState {
             (EventData::WellUnloaded, Some(well)) => self.capillary.take_out(well),
             (EventData::SpecimenPhase(entered), Some(well)) => self.enter(well, entered.phase, entered.in_capillary),
             (EventData::SpecimenRecovering(_), Some(well)) => *self.recoveries.entry(well.to_owned()).or_default() += 1,
-            // It was the disk that kept the numbers from being made, or somebody who would not wait.
+            // The disk failed or the daemon was asked to end, so the attempts do not count as crashes.
             (EventData::StoreRegained | EventData::DaemonStopping, _) => self.recoveries.clear(),
             (EventData::SpecimenDone(_), Some(well)) => {
                 self.resumed_by_itself = 0;
@@ -168,7 +168,7 @@ impl RunState {
     }
 
     fn enter(&mut self, well: &str, phase: Phase, in_capillary: bool) {
-        // What is taken out before the first well, of an earlier attempt, is no specimen under way.
+        // A specimen of an earlier attempt that is ejected before the first well is not in progress.
         let is_taken_out = matches!(phase, Phase::Eject | Phase::Wash);
         if !is_taken_out && !self.begun.iter().any(|begun| begun == well) {
             self.begun.push(well.to_owned());
@@ -251,7 +251,7 @@ mod tests {
         assert!(after(&done).begun().is_empty());
         let next = [&done[..], &[phase("A02", Phase::Load, false)]].concat();
         assert_eq!((after(&next).begun(), inside(&next).as_deref()), (&["A02".to_owned()][..], Some("A01")));
-        // The numbers of the first are made while the second is brought.
+        // The numbers of the first specimen are computed while the second one is brought.
         let both = [&a[..], &[phase("A01", Phase::Wash, false), phase("A02", Phase::Load, false)]].concat();
         assert_eq!(after(&both).begun(), ["A01", "A02"]);
         let brought = [&next[..], &[loaded("A02")]].concat();
@@ -259,7 +259,7 @@ mod tests {
         assert_eq!(inside(&[&brought[..], &[unloaded("A02")]].concat()), None);
     }
 
-    /// A loader is asked again for what it was only waited for, never for what was looked at and taken out since.
+    /// A loader is asked again for an awaited specimen, but not for one that was measured or ejected since.
     #[test]
     fn after_a_restart_a_loader_is_asked_again_for_what_was_only_waited_for() {
         let awaited = [phase("A01", Phase::Load, false), loaded("A01")];
@@ -271,7 +271,7 @@ mod tests {
         assert!(begun(&[&next[..], &[done("A01")]].concat()).is_empty());
     }
 
-    /// A driven sampler may have been about to bring what was begun last.
+    /// A driven sampler may have brought the specimen that was begun last.
     #[test]
     fn after_a_restart_a_sampler_is_taken_to_have_brought_what_was_begun_last() {
         let restarted = |events: &[EventBody]| inside(&[events, &[restart(LoadedBy::Sampler)]].concat());
@@ -308,7 +308,7 @@ mod tests {
         let of = |events: &[EventBody]| after(events).capillary().clone();
         assert_eq!((of(&awaited).asked_for(), of(&awaited).brought()), (Some("A01"), None));
         let brought = [&awaited[..], &[loaded("A01")]].concat();
-        // The run goes on: it is loaded already, and nobody is asked.
+        // The run continues with the loaded specimen, without a request.
         let again = [&brought[..], &[phase("A01", Phase::Load, false)]].concat();
         for events in [&brought, &again] {
             assert_eq!((of(events).asked_for(), of(events).brought(), of(events).inside()), (None, Some("A01"), Some("A01")));
@@ -317,7 +317,7 @@ mod tests {
         assert_eq!(of(&[&brought[..], &[unloaded("A01")]].concat()).brought(), None);
     }
 
-    /// After two crashes the second start must not take the specimen that the first one threw out for one that was begun.
+    /// After two crashes, the second start must not count the specimen that the first one ejected as begun.
     #[test]
     fn an_attempt_that_was_thrown_out_is_over() {
         let resumed = event(None, EventData::RunResumed(RunResumed { by: ResumedBy::Operator }));
@@ -346,7 +346,7 @@ mod tests {
         assert_eq!(after(&ends).end_request(), Some(EndRequest::Abort));
     }
 
-    /// A specimen on which the daemon dies each time must not be begun for ever.
+    /// A specimen on which the daemon crashes each time must not be begun without limit.
     #[test]
     fn going_on_by_itself_is_counted_over_crashes_until_a_well_is_done() {
         let resumed = |by| event(None, EventData::RunResumed(RunResumed { by }));
