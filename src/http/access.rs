@@ -1,7 +1,7 @@
 //! Access control in front of every route, also of routes that do not exist.
 //!
 //! ```text
-//! request ─> Host in the list? ─> changes something: same origin? ─> token, where one is set ─> route
+//! request ─> Host in the list? ─> changes something: same origin? ─> token, if one is set ─> route
 //!               403 wrong_host            403 wrong_origin                401 unauthorized
 //! ```
 //! The `Host` list stops DNS rebinding, in which the name of a hostile page resolves to this machine, so that `Origin` and `Host` agree.

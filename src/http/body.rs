@@ -103,7 +103,7 @@ async fn read(request: Request, limit: usize) -> Result<Vec<u8>, Problem> {
 fn parse<T: DeserializeOwned + ToSchema>(bytes: &[u8], schemas: &Value) -> Result<T, Problem> {
     let refusal = match serde_path_to_error::deserialize(&mut serde_json::Deserializer::from_slice(bytes)) {
         Ok(value) => {
-            // The text behind the value is not part of the body, and its meaning cannot be guessed.
+            // Text behind the value is an error.
             return match serde_json::from_slice::<serde::de::IgnoredAny>(bytes) {
                 Ok(_) => Ok(value),
                 Err(why) => Err(malformed(&why)),

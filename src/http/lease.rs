@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! PUT /v1/lease {token} ─> every command carries it as `Carved-Lease` ─> PUT again before ttl_s is over, or DELETE
-//!                          without it: 423, who holds it, for how long │ with one that is over: 412
+//!                          without it: 423 with holder and time left │ with the token of an ended lease: 412
 //! ```
 //! Aborts and the emergency stop need no lease, because anyone who sees a problem must be able to stop the instrument. A lease is an
 //! agreement between clients that may command. The right to command is the bearer token. The lease is kept in memory, uses the monotonic
@@ -99,7 +99,7 @@ impl Desk {
         Refused::Locked { holder: held.holder.clone(), left: held.until - now }
     }
 
-    /// Whether a command that shows this token may pass.
+    /// Checks whether a command with this token may pass.
     fn admit(&self, now: Instant, shown: Option<&str>) -> Result<(), Refused> {
         self.at(now, |held| match (held, shown) {
             (None, None) => Ok(()),

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! 200, 304 ── Carved-Run, Carved-Well, Carved-Views: the specimen of the picture, and the number of views
-//! 204      ── there is none, which is no error of the client: no frame was taken yet, or no profile was found
+//! 204      ── no picture: no frame was taken yet, or no profile was found. This is not an error of the client
 //! ```
 
 use super::{AppState, conditional};

@@ -1,4 +1,4 @@
-//! The contract: one list defines the routes and their descriptions, so that neither can lack an entry of the other.
+//! The contract. One list defines the routes and their descriptions, so that both always have the same entries.
 
 use super::{
     AppState, access, docs, events, fault_codes, health, lease, live, methods, metrics, pace, page, plate, plate_maps, problem, results,
@@ -122,7 +122,7 @@ fn require_what_is_always_written(contract: &mut Value) {
     }
 }
 
-/// Answers from behind the handlers: a command is written to the journal, a result is read from the disk.
+/// Answers of the driver and the store: a command is written to the journal, a result is read from the disk.
 fn by_kind(path: &str, operation: &Value) -> Vec<(&'static str, &'static str)> {
     let mut refusals = Vec::new();
     if operation["tags"][0] == "commands" && path != "/v1/lease" {

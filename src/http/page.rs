@@ -7,7 +7,7 @@ use axum::http::{HeaderMap, Method, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use rust_embed::{EmbeddedFile, RustEmbed};
 
-/// Empty until the page is built; `build.rs` makes cargo check again.
+/// Empty until the page is built. `build.rs` makes cargo look for it again.
 #[derive(RustEmbed)]
 #[folder = "web/dist"]
 #[allow_missing = true]

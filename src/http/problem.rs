@@ -87,7 +87,7 @@ impl Problem {
         let more = errors.len().saturating_sub(DETAILED);
         let detail = if more > 0 { format!("{detail}; {more} more stand in errors") } else { detail };
         let errors = errors.into_iter().map(Into::into).collect();
-        // An error of the program or of a barcode reader, not of the plate: the same body gets the same answer with any plate.
+        // The cause is the program or the barcode reader, not the plate: the same body is refused with any plate.
         Self { errors, ..Self::new(StatusCode::UNPROCESSABLE_ENTITY, code, detail) }
     }
 

@@ -72,7 +72,7 @@ pub(super) struct RunRow {
 
 impl From<carved_store::RunRow> for RunRow {
     fn from(row: carved_store::RunRow) -> Self {
-        // Where a page ends is the `next` of the page.
+        // `started_us` is only needed for the `next` of a page.
         let carved_store::RunRow {
             id,
             external_id,
@@ -325,7 +325,7 @@ pub(super) async fn specimen(
         result: stored.status.map(Into::into),
         recording: stored.recording,
         measurement: stored.measurement,
-        // The closure view and a view that is taken again have no hull.
+        // The closure view and retakes have no hull volume.
         hull_volumes_um3: stored.views.iter().filter_map(|view| view.hull_volume_um3).collect(),
         estimates: VolumeEstimate::each(stored.views.iter().map(|view| view.estimate)),
         links,

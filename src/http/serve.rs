@@ -47,7 +47,7 @@ pub enum HttpError {
 /// Opens the port.
 ///
 /// # Errors
-/// Why it must not be opened, or cannot.
+/// The settings do not allow it, or the port cannot be opened.
 pub fn bind(settings: &HttpSettings) -> Result<std::net::TcpListener, HttpError> {
     settings.guard(settings.listen)?;
     std::net::TcpListener::bind(settings.listen).map_err(|why| HttpError::Bind { listen: settings.listen, why })
@@ -56,7 +56,7 @@ pub fn bind(settings: &HttpSettings) -> Result<std::net::TcpListener, HttpError>
 /// Serves until `shutdown` resolves, then ends open connections within the settings' `drain_ms`. Every task is joined.
 ///
 /// # Errors
-/// A listener that other machines can reach without a token, and invalid settings.
+/// Other machines can reach the listener without a token, or the settings are invalid.
 pub async fn serve(
     listener: std::net::TcpListener,
     session: SessionHandle,

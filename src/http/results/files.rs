@@ -20,7 +20,7 @@ async fn stored(
 ) -> Result<Response, Problem> {
     let (r, w) = (run.clone(), well.clone());
     let found = read(app, move |store| store.file(&r, &w, attempt, file)).await?.ok_or_else(|| unknown_specimen(&run, &well))?;
-    // A recording that is not finished has no sums yet. The tag is then computed from the bytes.
+    // An unfinished recording has no checksums yet. The tag is then computed from the bytes.
     let known = found.sha256().map(|hash| format!("\"{}\"", &hash[..hash.len().min(32)]));
     let full = |bytes: Vec<u8>| ([(header::CONTENT_TYPE, content_type), (header::CACHE_CONTROL, "no-cache")], bytes).into_response();
     if let Some(tag) = &known {
@@ -35,7 +35,7 @@ async fn stored(
     Ok(conditional::answer(headers, &tag, || full(bytes)))
 }
 
-/// The name, among the views, of the frame that judges the well.
+/// Name of the detection frame among the views.
 pub(super) const DETECTION: &str = "detection.png";
 
 /// The number in `7.png`.
