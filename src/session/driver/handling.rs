@@ -2,8 +2,8 @@
 //!
 //! ```text
 //! await_specimen ──► the loader brings it ──► brought
-//! remove ──► the loader takes it out, before the run goes on ──► taken_out
-//!        └─► the sampler ejects it, before the first well ─────► hand_to_worker
+//! remove ──► the loader takes it out, before the run continues ──► taken_out
+//!        └─► the sampler ejects it, before the first well ──────► hand_to_worker
 //! ```
 
 use carved_records::Capillary;

@@ -3,7 +3,7 @@
 //! ```text
 //!  rig thread     load ─> position ─> detect ─> revolve ──────────> verdict ─> eject ─> wash ─> load ─> position ...
 //!                                                  │ views             ^  │ accepted              │
-//!  specimen thread                                 └─> store, carve ───┘  └─> surface, measures ──┘ done by then
+//!  specimen thread                                 └─> store, carve ───┘  └─> surface, measures ──┘ done before the next one is measured
 //! ```
 
 mod clock;

@@ -1,7 +1,7 @@
 //! A disk that is full from its k-th operation on, until there is room again, for every k of a short run.
 //!
 //! ```text
-//! run of two wells ── operation k: full ──► halted ──► held ──► room ──► store.regained ──► goes on ──► Complete
+//! run of two wells ── operation k: full ──► halted ──► held ──► room ──► store.regained ──► continues ──► Complete
 //!                                             └─ aborted, still full ──► room, or the daemon's end ──► on disk all the same
 //! ```
 
