@@ -145,7 +145,7 @@ macro_rules! events {
 events! {
     /// The daemon started.
     DAEMON_STARTED: DaemonStarted(DaemonStarted) = "daemon.started";
-    /// The daemon was told to end while a run was open.
+    /// The daemon was asked to end while a run was open.
     DAEMON_STOPPING: DaemonStopping = "daemon.stopping";
     /// The daemon ended normally.
     DAEMON_STOPPED: DaemonStopped = "daemon.stopped";
@@ -155,9 +155,9 @@ events! {
     RUN_STARTED: RunStarted = "run.started";
     /// An operator asked to hold the run.
     RUN_HOLD_REQUESTED: RunHoldRequested = "run.hold_requested";
-    /// Somebody asked to stop the run.
+    /// A stop of the run was requested.
     RUN_STOP_REQUESTED: RunStopRequested = "run.stop_requested";
-    /// Somebody asked to abort the run.
+    /// An abort of the run was requested.
     RUN_ABORT_REQUESTED: RunAbortRequested = "run.abort_requested";
     /// The run is held.
     RUN_HELD: RunHeld(RunHeld) = "run.held";
@@ -193,7 +193,7 @@ events! {
     VIEW_TAKEN: ViewTaken(ViewTaken) = "view.taken";
     /// A fault was raised.
     FAULT_RAISED: FaultRaised(Fault) = "fault.raised";
-    /// Somebody acknowledged a fault.
+    /// A fault was acknowledged.
     FAULT_ACKNOWLEDGED: FaultAcknowledged(FaultAcknowledged) = "fault.acknowledged";
     /// The causes of faults are over.
     FAULT_CLEARED: FaultsCleared(FaultsCleared) = "fault.cleared";
