@@ -1,8 +1,9 @@
-// Bundles the page into dist/ (three files that the daemon embeds), or with --tests the tests into build/.
+// Bundles the page into dist/ (three files that the daemon embeds, plain and compressed), or with --tests the tests into build/.
 
 import { build } from "esbuild";
-import { copyFile, mkdir, readdir, rm, stat } from "node:fs/promises";
+import { copyFile, mkdir, readdir, readFile, rm, stat, writeFile } from "node:fs/promises";
 import { join } from "node:path";
+import { brotliCompressSync, constants, gzipSync } from "node:zlib";
 
 /** Small and without a trace of the machine it was built on: the same sources give the same bytes. */
 async function page() {
@@ -27,10 +28,19 @@ async function page() {
     logLevel: "warning",
   });
   await copyFile("src/index.html", "dist/index.html");
+  for (const name of await readdir("dist")) await compress(join("dist", name));
   for (const name of await readdir("dist")) {
     const { size } = await stat(join("dist", name));
     console.log(`web/dist/${name}  ${(size / 1024).toFixed(1)} KiB`);
   }
+}
+
+/** Writes `FILE.br` and `FILE.gz`, which the daemon sends to browsers that read them. gzip without the time of the build. */
+async function compress(file) {
+  const whole = await readFile(file);
+  const quality = { [constants.BROTLI_PARAM_QUALITY]: 11, [constants.BROTLI_PARAM_SIZE_HINT]: whole.length };
+  await writeFile(`${file}.br`, brotliCompressSync(whole, { params: quality }));
+  await writeFile(`${file}.gz`, gzipSync(whole, { level: 9 }));
 }
 
 /** Node 18 does not strip types by itself, so the tests are bundled as well; packages stay outside. */

@@ -20,6 +20,9 @@ pub struct RunPlan {
     pub operator: String,
     #[serde(default)]
     pub external_id: Option<String>,
+    /// Number of wells of the plate: 6, 12, 24, 48, 96, 384 or 1536. Without it the plate is one that holds the wells.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plate_format: Option<u32>,
     /// The wells in the order in which they are visited.
     #[schema(min_items = 1)]
     pub plate_map: Vec<PlannedWell>,
@@ -31,13 +34,14 @@ pub struct RunPlan {
 
 impl From<records::RunPlan> for RunPlan {
     fn from(from: records::RunPlan) -> Self {
-        let records::RunPlan { plate_barcode, method, method_version, operator, external_id, plate_map, metadata } = from;
+        let records::RunPlan { plate_barcode, method, method_version, operator, external_id, plate_format, plate_map, metadata } = from;
         Self {
             plate_barcode,
             method,
             method_version,
             operator,
             external_id,
+            plate_format,
             plate_map: plate_map.into_iter().map(Into::into).collect(),
             metadata,
         }
@@ -46,13 +50,14 @@ impl From<records::RunPlan> for RunPlan {
 
 impl From<RunPlan> for records::RunPlan {
     fn from(from: RunPlan) -> Self {
-        let RunPlan { plate_barcode, method, method_version, operator, external_id, plate_map, metadata } = from;
+        let RunPlan { plate_barcode, method, method_version, operator, external_id, plate_format, plate_map, metadata } = from;
         Self {
             plate_barcode,
             method,
             method_version,
             operator,
             external_id,
+            plate_format,
             plate_map: plate_map.into_iter().map(Into::into).collect(),
             metadata,
         }
@@ -64,8 +69,8 @@ impl From<RunPlan> for records::RunPlan {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PlannedWell {
-    /// `A01` to `P24`.
-    #[schema(pattern = "^[A-P](0[1-9]|1[0-9]|2[0-4])$")]
+    /// `A01` to `AF48`.
+    #[schema(pattern = "^([A-Z]|A[A-F])(0[1-9]|[1-3][0-9]|4[0-8])$")]
     pub well: String,
     #[serde(default = "larva")]
     pub specimen: SpecimenKind,
@@ -146,6 +151,8 @@ impl From<PlannedWell> for records::PlannedWell {
 /// A plate map that holds no mistake.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, ToSchema)]
 pub struct PlateMap {
+    /// The `plate_format` of a run's plan, where the file names it.
+    pub plate_format: Option<u32>,
     /// The `plate_map` of a run's plan: the wells in the order of the file.
     pub plate_map: Vec<PlannedWell>,
     /// The `metadata` of a run's plan: MIHCSME as it came, or `columns` with the cells of a CSV that carved does not read.
@@ -157,8 +164,8 @@ pub struct PlateMap {
 
 impl From<records::plate_map::PlateMap> for PlateMap {
     fn from(from: records::plate_map::PlateMap) -> Self {
-        let records::plate_map::PlateMap { plate_map, metadata, notes } = from;
-        Self { plate_map: plate_map.into_iter().map(Into::into).collect(), metadata, notes }
+        let records::plate_map::PlateMap { plate_format, plate_map, metadata, notes } = from;
+        Self { plate_format, plate_map: plate_map.into_iter().map(Into::into).collect(), metadata, notes }
     }
 }
 

@@ -36,7 +36,7 @@ impl Daemon {
         let Self { claim, config, mode, instrument, interlock, listener, greeting } = self;
         let listen = listener.local_addr().context("the address that is served")?;
         let (store, journal, events) = Store::open(claim)?;
-        let reader = store.reader();
+        let reader = store.reader().with_calibrations(&config.calibrations());
         let (handle, mailbox, publisher) = session::channel(Driver::first_status(mode, boot_id()?), events);
         let handle = handle.offering(config.methods.iter().map(|(name, method)| MethodOffer::new(name, method)));
         let heartbeat = Heartbeat::default();

@@ -58,6 +58,8 @@ struct App {
     reader: StoreReader,
     /// Slots for requests that read the disk.
     reading: Semaphore,
+    /// Slots for downloads of runs.
+    downloading: Arc<Semaphore>,
     guard: Guard,
     body_timeout: Duration,
     /// The schemas of the contract by name, for the explanation of wrong bodies.
@@ -86,6 +88,7 @@ fn router(session: SessionHandle, reader: StoreReader, settings: &HttpSettings, 
         session,
         reader,
         reading: Semaphore::new(results::AT_A_TIME),
+        downloading: Arc::new(Semaphore::new(results::DOWNLOADS)),
         guard,
         body_timeout: settings.body_timeout(),
         schemas: contract["components"]["schemas"].clone(),

@@ -1,9 +1,12 @@
 //! The operator's page, which is embedded if it was built before the daemon. Otherwise a plain page explains how to build it.
+//!
+//! The build compresses each large file: `app.js.br` and `app.js.gz` beside `app.js`. A browser gets the smallest that it reads. Browsers
+//! read br only from this machine and over https.
 
 use super::conditional;
 use super::problem::Problem;
 use axum::body::Body;
-use axum::http::{HeaderMap, Method, StatusCode, Uri, header};
+use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use rust_embed::{EmbeddedFile, RustEmbed};
 
@@ -22,8 +25,8 @@ const POLICY: &str = "default-src 'self'; img-src 'self' blob: data:; connect-sr
 /// The operator's page.
 #[utoipa::path(get, path = "/", tag = "page", responses((status = 200, description = "HTML", body = String, content_type = "text/html")))]
 pub(super) async fn index(headers: HeaderMap) -> Response {
-    match Dist::get("index.html") {
-        Some(file) => serve(&headers, file),
+    match file(&headers, "index.html") {
+        Some(answer) => answer,
         None => document("text/html; charset=utf-8", UNBUILT.into()),
     }
 }
@@ -31,18 +34,52 @@ pub(super) async fn index(headers: HeaderMap) -> Response {
 /// The other files of the page. Other paths are unknown.
 pub(super) async fn asset(method: Method, uri: Uri, headers: HeaderMap) -> Response {
     let reads = matches!(method, Method::GET | Method::HEAD);
-    if let Some(file) = Dist::get(uri.path().trim_start_matches('/')).filter(|_| reads) {
-        return serve(&headers, file);
+    let path = uri.path().trim_start_matches('/');
+    if reads && !ENCODINGS.iter().any(|(_, ending)| path.ends_with(ending)) {
+        if let Some(answer) = file(&headers, path) {
+            return answer;
+        }
     }
     let detail = format!("there is nothing at {}; /docs lists what there is", uri.path());
     Problem::new(StatusCode::NOT_FOUND, "unknown_route", detail).into_response()
 }
 
-fn serve(asked: &HeaderMap, file: EmbeddedFile) -> Response {
+/// Names of encodings with the endings of their files, the smallest files first.
+const ENCODINGS: [(&str, &str); 2] = [("br", ".br"), ("gzip", ".gz")];
+
+/// A file of the page in the best encoding that the client reads.
+fn file(asked: &HeaderMap, path: &str) -> Option<Response> {
+    let plain = Dist::get(path)?;
+    let encoded = ENCODINGS.iter().filter(|(encoding, _)| accepts(asked, encoding));
+    let encoded = encoded.filter_map(|(encoding, ending)| Some((*encoding, Dist::get(&format!("{path}{ending}"))?))).next();
+    let mime = plain.metadata.mimetype().to_owned();
+    let mut answer = match encoded {
+        None => serve(asked, plain, &mime),
+        Some((encoding, file)) => {
+            let mut answer = serve(asked, file, &mime);
+            answer.headers_mut().insert(header::CONTENT_ENCODING, HeaderValue::from_static(encoding));
+            answer
+        }
+    };
+    answer.headers_mut().insert(header::VARY, HeaderValue::from_static("accept-encoding"));
+    Some(answer)
+}
+
+/// Whether `Accept-Encoding` names an encoding, and not with the weight 0.
+fn accepts(asked: &HeaderMap, encoding: &str) -> bool {
+    let lines = asked.get_all(header::ACCEPT_ENCODING).iter().filter_map(|v| v.to_str().ok());
+    lines.flat_map(|line| line.split(',')).any(|one| {
+        let mut parts = one.split(';').map(str::trim);
+        let named = parts.next().is_some_and(|name| name.eq_ignore_ascii_case(encoding));
+        let weight = parts.find_map(|part| part.strip_prefix("q=")?.parse::<f64>().ok());
+        named && weight != Some(0.0)
+    })
+}
+
+fn serve(asked: &HeaderMap, file: EmbeddedFile, mime: &str) -> Response {
     let tag = conditional::tag_of(&file.data);
-    let mime = file.metadata.mimetype().to_owned();
     let text = mime.starts_with("text/") || mime == "application/json";
-    let content_type = if text { format!("{mime}; charset=utf-8") } else { mime };
+    let content_type = if text { format!("{mime}; charset=utf-8") } else { mime.to_owned() };
     // A browser also takes the policy from a 304, so a 304 must carry it too.
     guarded(conditional::answer(asked, &tag, || ([(header::CONTENT_TYPE, content_type)], file.data.into_owned()).into_response()))
 }
@@ -54,4 +91,23 @@ fn document(content_type: &str, body: Body) -> Response {
 /// File names do not change between builds, so the browser asks each time and usually gets 304.
 fn guarded(response: Response) -> Response {
     ([(header::CACHE_CONTROL, "no-cache"), (header::CONTENT_SECURITY_POLICY, POLICY)], response).into_response()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_encoding_is_used_only_where_the_client_names_it() {
+        let accepted = |value: &'static str| {
+            let headers = HeaderMap::from_iter([(header::ACCEPT_ENCODING, HeaderValue::from_static(value))]);
+            ["br", "gzip"].map(|encoding| accepts(&headers, encoding))
+        };
+        assert_eq!(accepted("gzip, deflate, br, zstd"), [true, true]);
+        assert_eq!(accepted("GZIP;q=0.5"), [false, true]);
+        assert_eq!(accepted("br;q=0, gzip;q=1.0"), [false, true]);
+        assert_eq!(accepted("identity"), [false, false]);
+        assert_eq!(accepted("brotli"), [false, false]);
+        assert!(!accepts(&HeaderMap::new(), "gzip"));
+    }
 }

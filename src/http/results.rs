@@ -5,10 +5,15 @@
 //! ```
 //! These requests read the disk, so clients should poll the status instead. A slow disk delays only other readers of results.
 
+mod download;
 mod files;
+mod gates;
+mod picture;
 
+pub(super) use download::{__path_events, __path_run_files, DOWNLOADS, events, run_files};
 use files::DETECTION;
 pub(super) use files::{__path_mesh, __path_model, __path_profile, __path_view, mesh, model, profile, view};
+pub(super) use gates::{__path_bead_gates, bead_gates};
 
 use super::conditional;
 use super::problem::Problem;
@@ -119,12 +124,41 @@ pub(super) struct RunDetail {
     ended: Option<String>,
     outcome: Option<RunOutcome>,
     wells: WellCounts,
+    /// Copies that `carved archive` made, newest first.
+    copies: Vec<RunCopy>,
     /// What was asked for, the plate map with its conditions and the lab's metadata in it.
     plan: RunPlan,
     /// In the order of the plan's plate map.
     results: Vec<WellStatus>,
     /// Of the wells in the order of `results`, whether or not anything was recorded of them.
     specimens: Vec<String>,
+}
+
+/// A copy of a run, every file of which was read again when it was made.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub(super) struct RunCopy {
+    /// RFC 3339, UTC.
+    archived: String,
+    /// The folder of the copy.
+    destination: String,
+    bytes: u64,
+    files: usize,
+}
+
+impl From<carved_store::Receipt> for RunCopy {
+    fn from(receipt: carved_store::Receipt) -> Self {
+        let carved_store::Receipt { schema: _, software: _, run: _, archived, destination, bytes, files } = receipt;
+        Self { archived, destination: destination.display().to_string(), bytes, files: files.len() }
+    }
+}
+
+/// Events of a run.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub(super) struct RunEvents {
+    /// Oldest first.
+    events: Vec<crate::api::Event>,
+    /// The `after` of the next answer; `null` at the end.
+    next: Option<u64>,
 }
 
 #[derive(Debug, Default, Deserialize, IntoParams)]
@@ -185,6 +219,7 @@ fn unread(error: &StoreError) -> Problem {
     match error {
         StoreError::Index { .. } => Problem::new(StatusCode::SERVICE_UNAVAILABLE, "index", detail).come_back(),
         StoreError::Newer { .. } => Problem::new(StatusCode::INTERNAL_SERVER_ERROR, "newer_format", detail),
+        StoreError::Unended { .. } => Problem::new(StatusCode::CONFLICT, "run_open", "the run has not ended; its files are still written"),
         StoreError::Altered { .. } => Problem::new(StatusCode::INTERNAL_SERVER_ERROR, "altered", detail),
         _ => Problem::new(StatusCode::INTERNAL_SERVER_ERROR, "store", detail),
     }
@@ -255,7 +290,8 @@ pub(super) async fn run(
 ) -> Result<Response, Problem> {
     let Path(id) = path?;
     let name = id.clone();
-    let record = read(&app, move |store| store.run(&name)).await?.ok_or_else(|| unknown_run(&id))?;
+    let found = read(&app, move |store| Ok(store.run(&name)?.map(|record| (record, store.copies(&name)))));
+    let (record, copies) = found.await?.ok_or_else(|| unknown_run(&id))?;
     let word = |value: Value| value.as_str().unwrap_or_default().to_owned();
     let detail = RunDetail {
         specimens: record.wells.iter().map(|w| format!("/v1/runs/{id}/specimens/{}", w.well)).collect(),
@@ -266,6 +302,7 @@ pub(super) async fn run(
         external_id: record.plan.external_id.clone(),
         software_version: record.software.version,
         plate_barcode: record.plan.plate_barcode.clone(),
+        copies: copies.into_iter().map(Into::into).collect(),
         method: record.plan.method.clone(),
         operator: record.plan.operator.clone(),
         plan: record.plan.into(),
@@ -289,7 +326,7 @@ fn unknown_specimen(run: &str, well: &str) -> Problem {
 /// A specimen of a run: its results and quality, and links to its files.
 #[utoipa::path(
     get, path = "/v1/runs/{run_id}/specimens/{well}", tag = "results",
-    params(("run_id" = String, Path), ("well" = String, Path, description = "`A01` to `P24`"), Attempt),
+    params(("run_id" = String, Path), ("well" = String, Path, description = "`A01` to `AF48`"), Attempt),
     responses(
         (status = 200, description = "What is recorded of it", body = SpecimenDetail),
         (status = 304, description = "The client has it"),

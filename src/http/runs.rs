@@ -159,7 +159,7 @@ pub(super) async fn abort(
 /// is known to be inside until it is said to be out. A repeat answers 200.
 #[utoipa::path(
     put, path = "/v1/runs/{run_id}/wells/{well}", tag = "commands", request_body = WellLoaded,
-    params(("run_id" = String, Path), ("well" = String, Path, description = "`A01` to `P24`")),
+    params(("run_id" = String, Path), ("well" = String, Path, description = "`A01` to `AF48`")),
     responses(
         (status = 200, description = "The word is taken, or was before", body = Acknowledged),
         (status = 404, description = "No such run", body = Problem, content_type = "application/problem+json"),

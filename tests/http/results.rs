@@ -3,10 +3,14 @@
 use crate::client::{carved, text, url};
 use crate::rig::Rig;
 use carved_core::frame::{PixelFormat, RawFrame};
+use carved_core::quality::gate::{BeadGate, BeadMeasured, GateSettings};
 use carved_records::{EventData, Mode, RunOutcome, SpecimenOutcome};
-use carved_store::{Claim, MEASUREMENT, Recording, RecordingWriter, RunRecord, Store, set_aside};
+use carved_store::gates::{self, Found, GateFile};
+use carved_store::{Claim, MEASUREMENT, Recording, RecordingWriter, RunRecord, Software, Store, set_aside};
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
+use std::collections::BTreeMap;
+use std::io::Read;
 
 fn record(id: &str, started: &str, barcode: &str) -> RunRecord {
     let plan = json!({"plate_barcode": barcode, "method": "m", "operator": "kim", "plate_map": [{"well": "A01", "dpf": 3, "compound": "DMSO"}, {"well": "A02"}]});
@@ -186,7 +190,12 @@ fn no_name_leads_out_of_the_run_folders() {
         "/v1/runs/r1/specimens/A01/views/9.png",
         "/v1/runs/r1/specimens/A01/views/..%2f..%2frecording.json",
         "/v1/runs/r1/specimens/A01/views/+1.png",
-        "/v1/runs/r1/specimens/A01/views/0.jpg",
+        "/v1/runs/r1/specimens/A01/views/9.jpg",
+        "/v1/runs/r1/specimens/A01/views/0.gif",
+        "/v1/runs/r1/specimens/A01/views/0",
+        "/v1/runs/none/files.tar",
+        "/v1/runs/%2e%2e/files.tar",
+        "/v1/runs/none/events",
         "/v1/runs/r1/specimens/A01/profiles/0.png",
     ] {
         let answer = rig.get(path);
@@ -195,6 +204,186 @@ fn no_name_leads_out_of_the_run_folders() {
     }
     assert_eq!(rig.get("/v1/runs/r1/specimens/A01/views/0.png").status, 200);
     assert_eq!(rig.get("/v1/runs/r1/specimens/A01?attempt=x").status, 400);
+}
+
+#[test]
+fn a_frame_is_shown_as_a_picture_of_the_width_that_is_asked_for() {
+    let rig = Rig::start();
+    let (store, _journal, _) = Claim::on(rig.data.path()).and_then(Store::open).unwrap();
+    let run = record("r1", "2026-01-01T00:00:00Z", "P-1");
+    recorded(&store, &run, 0);
+    store.save_run(&run).unwrap();
+    let views = "/v1/runs/r1/specimens/A01/views";
+    // The frames have 16 x 16 px; they are not enlarged.
+    for path in ["0.jpg", "1.jpg?width=4096", "detection.jpg?width=32"] {
+        let answer = rig.get(&format!("{views}/{path}"));
+        assert_eq!((answer.status, answer.header("content-type")), (200, Some("image/jpeg")), "{path}");
+        assert_eq!(answer.body[..2], [0xff, 0xd8], "{path}: a JPEG begins so");
+        let tag = answer.header("etag").unwrap().to_owned();
+        let again = rig.send("GET", &format!("{views}/{path}"), &[("If-None-Match", &tag)], "");
+        assert_eq!((again.status, again.body.len()), (304, 0), "{path}");
+    }
+    let tags: Vec<_> =
+        ["0.jpg", "0.jpg?width=40", "0.png"].map(|p| rig.get(&format!("{views}/{p}")).header("etag").unwrap().to_owned()).into();
+    assert!(tags[0] != tags[1] && tags[1] != tags[2] && tags[0] != tags[2], "{tags:?}: each picture has a tag of its own");
+    for path in ["0.jpg?width=31", "0.jpg?width=9000", "0.jpg?width=x", "0.png?width=100"] {
+        let answer = rig.get(&format!("{views}/{path}"));
+        assert_eq!((answer.status, answer.problem().as_str()), (400, "bad_query"), "{path}");
+    }
+    let frame = store.run_folder("r1").join("A01/frames/view_000.png");
+    std::fs::write(frame, "altered").unwrap();
+    assert_eq!(rig.get(&format!("{views}/0.jpg")).problem(), "altered");
+}
+
+/// The files of a tar archive by their names.
+fn unpacked(tar: &[u8]) -> BTreeMap<String, Vec<u8>> {
+    let mut archive = tar::Archive::new(tar);
+    let entries = archive.entries().unwrap().map(|entry| {
+        let mut entry = entry.unwrap();
+        let mut bytes = Vec::new();
+        entry.read_to_end(&mut bytes).unwrap();
+        (entry.path().unwrap().display().to_string(), bytes)
+    });
+    entries.collect()
+}
+
+#[test]
+fn a_run_is_downloaded_whole_with_the_hashes_that_were_recorded() {
+    let rig = Rig::start();
+    let (store, _journal, _) = Claim::on(rig.data.path()).and_then(Store::open).unwrap();
+    let mut run = record("r1", "2026-01-01T00:00:00Z", "P-1");
+    let (mesh, [first, _]) = recorded(&store, &run, 0);
+    store.save_run(&run).unwrap();
+    set_aside(&store.run_folder("r1"), "A01").unwrap();
+    recorded(&store, &run, 0);
+    let open = rig.get("/v1/runs/r1/files.tar");
+    assert_eq!((open.status, open.problem().as_str()), (409, "run_open"));
+    run.end(RunOutcome::Partial);
+    store.save_run(&run).unwrap();
+
+    let answer = rig.get("/v1/runs/r1/files.tar");
+    assert_eq!((answer.status, answer.header("content-type")), (200, Some("application/x-tar")));
+    assert_eq!(answer.header("content-disposition"), Some("attachment; filename=\"r1.tar\""));
+    let files = unpacked(&answer.body);
+    assert_eq!(files["r1/A01/mesh.ply"], mesh);
+    assert_eq!(files["r1/A01.attempt-1/frames/view_000.png"], first);
+    let sums = String::from_utf8(files["r1/SHA256SUMS"].clone()).unwrap();
+    let listed: BTreeMap<&str, &str> = sums.lines().filter_map(|line| line.split_once("  ")).map(|(hash, name)| (name, hash)).collect();
+    assert_eq!(listed.len() + 1, files.len(), "every file but the list itself");
+    let hash = |bytes: &[u8]| Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect::<String>();
+    for (name, bytes) in &files {
+        let name = name.strip_prefix("r1/").unwrap();
+        assert!(name == "SHA256SUMS" || listed[name] == hash(bytes), "{name}");
+    }
+
+    // A file that was altered after it was recorded is sent with the hash that was recorded, so that the reader sees the difference.
+    std::fs::write(store.run_folder("r1").join("A01/mesh.ply"), "altered").unwrap();
+    let files = unpacked(&rig.get("/v1/runs/r1/files.tar").body);
+    let sums = String::from_utf8(files["r1/SHA256SUMS"].clone()).unwrap();
+    assert_eq!(files["r1/A01/mesh.ply"], b"altered");
+    assert!(sums.contains(&format!("{}  A01/mesh.ply\n", hash(&mesh))), "{sums}");
+}
+
+#[test]
+fn the_copies_of_a_run_are_named_with_it() {
+    let rig = Rig::start();
+    let (store, _journal, _) = Claim::on(rig.data.path()).and_then(Store::open).unwrap();
+    let mut run = record("r1", "2026-01-01T00:00:00Z", "P-1");
+    recorded(&store, &run, 0);
+    run.end(RunOutcome::Partial);
+    store.save_run(&run).unwrap();
+    assert_eq!(rig.get("/v1/runs/r1").json()["copies"], json!([]));
+    let to = tempfile::tempdir().unwrap();
+    let receipt = carved_store::archive(&store.run_folder("r1"), to.path()).unwrap();
+    let copies = rig.get("/v1/runs/r1").json()["copies"].clone();
+    let destination = to.path().canonicalize().unwrap().join("r1");
+    let expected = json!([{
+        "archived": receipt.archived, "destination": destination.display().to_string(),
+        "bytes": receipt.bytes, "files": receipt.files.len()
+    }]);
+    assert_eq!(copies, expected);
+    // A receipt that cannot be read takes nothing else of the run away.
+    std::fs::write(store.run_folder("r1").join("archives/9.json"), "{").unwrap();
+    assert_eq!(rig.get("/v1/runs/r1").json()["copies"], json!([]));
+}
+
+#[test]
+fn bead_gates_are_listed_with_the_limits_that_their_history_gives() {
+    let rig = Rig::start();
+    let (_store, _journal, _) = Claim::on(rig.data.path()).and_then(Store::open).unwrap();
+    assert_eq!(rig.get("/v1/bead-gates").json(), json!({"gates": []}));
+    let folder = rig.data.path().join("calibrations");
+    let settings = GateSettings::default();
+    let mut history = Vec::new();
+    for day in 1..=7u32 {
+        // The last day's beads are 20 um larger.
+        let off = if day == 7 { 20.0 } else { f64::from(day % 2) };
+        let beads: Vec<BeadMeasured> = (0..3u32)
+            .map(|i| BeadMeasured {
+                bead: format!("A0{i}"),
+                diameter_um: 500.0 + off + f64::from(i),
+                aspect_ratio: 1.0,
+                sphere_rms_um: 0.5,
+                residual_px: None,
+                uy_px: Some(511.5),
+                gamma_deg: Some(0.25),
+            })
+            .collect();
+        let gate = BeadGate::of(&beads, &history, &settings).unwrap();
+        history.push(gate.numbers.clone());
+        let measured: jiff::Timestamp = format!("2026-01-{day:02}T08:00:00Z").parse().unwrap();
+        let found = Found {
+            rig: "rig".into(),
+            mode: Mode::Simulated,
+            measured,
+            recordings: Vec::new(),
+            passed_over: Vec::new(),
+            method: "m".into(),
+            method_version: None,
+            settings,
+            begins_history: false,
+            gate,
+        };
+        let file = GateFile { schema: gates::SCHEMA.into(), id: format!("{day:012}"), software: Software::this(), date: measured, found };
+        gates::keep(&folder, &file).unwrap();
+    }
+    std::fs::write(folder.join("gate-broken.json"), "{").unwrap();
+    let listed = rig.get("/v1/bead-gates").json();
+    let days: Vec<_> = listed["gates"].as_array().unwrap().iter().map(|gate| gate["measured"].as_str().unwrap()[..10].to_owned()).collect();
+    assert_eq!(days, (1..=7).map(|day| format!("2026-01-{day:02}")).collect::<Vec<_>>());
+    let diameter = |day: usize| listed["gates"][day - 1]["quantities"][0].clone();
+    assert_eq!((&diameter(1)["name"], &diameter(1)["mean"]), (&json!("diameter_um"), &json!(502.0)));
+    assert_eq!((&diameter(1)["upper_limit"], &diameter(1)["jumped"]), (&Value::Null, &json!(false)), "five earlier gates are needed");
+    let last = diameter(7);
+    let upper = last["upper_limit"].as_f64().unwrap();
+    assert!(last["mean"].as_f64().unwrap() > upper && last["jumped"] == true, "{last}");
+    assert!((last["history_mean"].as_f64().unwrap() - 501.5).abs() < 1e-9, "{last}");
+    assert_eq!(listed["gates"][6]["quantities"].as_array().unwrap().len(), 5, "no residual was measured");
+}
+
+#[test]
+fn the_events_of_a_run_are_read_in_parts_without_its_views() {
+    let rig = Rig::start();
+    let (store, mut journal, _) = Claim::on(rig.data.path()).and_then(Store::open).unwrap();
+    store.save_run(&record("r1", "2026-01-01T00:00:00Z", "P-1")).unwrap();
+    for i in 0..1003 {
+        journal
+            .append(Some("r1"), Some("A01"), EventData::of("specimen.phase", json!({"phase": "load", "in_capillary": i % 2 == 0})))
+            .unwrap();
+        if i % 100 == 0 {
+            journal.append(Some("r1"), Some("A01"), EventData::of("view.taken", json!({}))).unwrap();
+            journal.append(Some("r2"), None, EventData::of("run.started", Value::Null)).unwrap();
+        }
+    }
+    let first = rig.get("/v1/runs/r1/events").json();
+    let events = first["events"].as_array().unwrap();
+    assert_eq!(events.len(), 1000);
+    assert!(events.iter().all(|event| event["kind"] == "specimen.phase" && event["run"] == "r1"), "{first}");
+    let next = first["next"].as_u64().unwrap();
+    assert_eq!(next, events[999]["id"].as_u64().unwrap());
+    let rest = rig.get(&format!("/v1/runs/r1/events?after={next}")).json();
+    assert_eq!((rest["events"].as_array().unwrap().len(), &rest["next"]), (3, &Value::Null));
+    assert_eq!(rig.get("/v1/runs/r1/events?after=-1").problem(), "bad_query");
 }
 
 /// The store reports a run that ended before another run or before a restart.

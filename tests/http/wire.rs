@@ -64,11 +64,28 @@ pub fn read_answer(stream: &mut TcpStream) -> Answer {
     let status = head.split(' ').nth(1).and_then(|s| s.parse().ok()).unwrap_or_else(|| panic!("no status in {head:?}"));
     let mut answer = Answer { status, head, body: Vec::new() };
     let length = answer.header("content-length").map_or(0, |l| l.parse().unwrap());
-    if answer.status != 304 {
+    if answer.header("transfer-encoding") == Some("chunked") {
+        answer.body = read_chunks(stream);
+    } else if answer.status != 304 {
         answer.body = vec![0; length];
         stream.read_exact(&mut answer.body).unwrap();
     }
     answer
+}
+
+/// Reads a body of chunks up to the empty chunk at its end.
+fn read_chunks(stream: &mut TcpStream) -> Vec<u8> {
+    let mut body = Vec::new();
+    loop {
+        let size = String::from_utf8(read_until(stream, b"\r\n")).unwrap();
+        let size = usize::from_str_radix(size.trim(), 16).unwrap();
+        let mut chunk = vec![0; size + 2];
+        stream.read_exact(&mut chunk).unwrap();
+        body.extend_from_slice(&chunk[..size]);
+        if size == 0 {
+            return body;
+        }
+    }
 }
 
 /// Reads up to and including `end`.

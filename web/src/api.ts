@@ -2,6 +2,8 @@
 
 import type {
   Check,
+  GateRow,
+  Gates,
   MethodOffer,
   Methods,
   Mistake,
@@ -9,6 +11,7 @@ import type {
   Preflight,
   Problem,
   RunDetail,
+  RunEvents,
   RunPlan,
   Runs,
   Specimen,
@@ -126,9 +129,18 @@ export async function fetchMethods(): Promise<MethodOffer[]> {
   return ((await response.json().catch(away)) as Methods).methods;
 }
 
+/** Which runs: all of them, or those with an outcome (`open`: without one) and of a mode. */
+export interface RunFilter {
+  outcome: string;
+  mode: string;
+}
+
 /** A page of the list of runs, the newest first; with `after`, the page that follows this cursor. */
-export async function fetchRuns(after: string | null): Promise<Runs> {
-  const response = await ask(`/v1/runs?limit=100${after === null ? "" : `&cursor=${encodeURIComponent(after)}`}`);
+export async function fetchRuns(after: string | null, filter: RunFilter): Promise<Runs> {
+  const query = new URLSearchParams({ limit: "100" });
+  for (const [name, value] of Object.entries({ ...filter, cursor: after ?? "" }))
+    if (value !== "") query.set(name, value);
+  const response = await ask(`/v1/runs?${query}`);
   if (!response.ok) throw await refusal(response);
   return (await response.json().catch(away)) as Runs;
 }
@@ -138,6 +150,20 @@ export async function fetchRun(run: string): Promise<RunDetail> {
   const response = await ask(`/v1/runs/${encodeURIComponent(run)}`);
   if (!response.ok) throw await refusal(response);
   return (await response.json().catch(away)) as RunDetail;
+}
+
+/** The bead gates of the instrument, oldest first. */
+export async function fetchGates(): Promise<GateRow[]> {
+  const response = await ask("/v1/bead-gates");
+  if (!response.ok) throw await refusal(response);
+  return ((await response.json().catch(away)) as Gates).gates;
+}
+
+/** Events of a run after the event `after`, oldest first. */
+export async function fetchRunEvents(run: string, after: number): Promise<RunEvents> {
+  const response = await ask(`/v1/runs/${encodeURIComponent(run)}/events?after=${after}`);
+  if (!response.ok) throw await refusal(response);
+  return (await response.json().catch(away)) as RunEvents;
 }
 
 /** The stored record of a well; null if there is none. */

@@ -247,6 +247,7 @@ export interface PlateMap {
   metadata: Record<string, unknown>;
   notes: string[];
   plate_map: PlannedWell[];
+  plate_format: number | null;
 }
 
 export interface Preflight {
@@ -298,6 +299,7 @@ export interface RunDetail {
   specimens: string[];
   started: string;
   wells: WellCounts;
+  copies: RunCopy[];
 }
 
 export type RunOutcome = "succeeded" | "partial" | "failed" | "aborted" | "interrupted";
@@ -310,6 +312,7 @@ export interface RunPlan {
   operator: string;
   plate_barcode: string;
   plate_map: PlannedWell[];
+  plate_format?: number | null;
 }
 
 export interface RunRow {
@@ -471,4 +474,44 @@ export interface WellStatus {
   volume_sd_um3: number | null;
   volume_um3: number | null;
   well: string;
+}
+
+export interface RunCopy {
+  archived: string;
+  destination: string;
+  bytes: number;
+  files: number;
+}
+
+export interface RunEvents {
+  events: Event[];
+  next: number | null;
+}
+
+export interface GateQuantity {
+  name: string;
+  mean: number;
+  sd: number | null;
+  history_mean: number | null;
+  jumped: boolean;
+  drifted: boolean;
+  lower_limit: number | null;
+  upper_limit: number | null;
+}
+
+export interface GateRow {
+  id: string;
+  rig: string;
+  mode: string;
+  measured: string;
+  verdict: string;
+  passes: boolean;
+  beads: number;
+  nominal_um: number;
+  begins_history: boolean;
+  quantities: GateQuantity[];
+}
+
+export interface Gates {
+  gates: GateRow[];
 }

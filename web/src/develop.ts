@@ -1,33 +1,43 @@
-// Converts stored frames and masks to visible pictures: a mosaic to colour, a mask to its outline.
+// Lines to draw over a frame: the outline of a mask with the fins, and the outline of the model.
 
+import { edgeOf, silhouetteOf, type Triangles } from "./silhouette.ts";
+import type { Projection } from "./projection.ts";
 import type { FinCurve } from "./status.ts";
 
-const EDGE = [255, 64, 160, 255] as const;
+/** The colours of the lines, as app.css names them in the legend. */
+const PROFILE = [255, 64, 160] as const;
+const MODEL = [16, 92, 255] as const;
 const FIN = "rgb(64, 220, 255)";
 
-interface Pixels {
-  width: number;
-  height: number;
-  data: Uint8ClampedArray;
+type Rgb = readonly [number, number, number];
+
+/** A canvas with the marked pixels in one colour on a transparent background. */
+function drawn(edge: Uint8Array, width: number, height: number, [r, g, b]: Rgb): OffscreenCanvas {
+  const canvas = new OffscreenCanvas(width, height);
+  const image = new ImageData(width, height);
+  edge.forEach((is, i) => {
+    if (is) image.data.set([r, g, b, 255], 4 * i);
+  });
+  canvas.getContext("2d")!.putImageData(image, 0, 0);
+  return canvas;
 }
 
-async function pixelsOf(file: Blob): Promise<Pixels> {
+/** The outline of a mask and fins on a transparent background, wide enough to be visible after scaling down. */
+export async function outlined(file: Blob, fins: readonly FinCurve[]): Promise<Blob> {
   // Without colour conversion, because the stored values are counts.
   const bitmap = await createImageBitmap(file, { colorSpaceConversion: "none" });
   const { width, height } = bitmap;
-  const canvas = new OffscreenCanvas(width, height);
-  const context = canvas.getContext("2d")!;
+  const context = new OffscreenCanvas(width, height).getContext("2d")!;
   context.drawImage(bitmap, 0, 0);
   bitmap.close();
-  return { width, height, data: context.getImageData(0, 0, width, height).data };
-}
-
-function pictureOf({ width, height, data }: Pixels, fins: readonly FinCurve[] = []): Promise<Blob> {
-  const canvas = new OffscreenCanvas(width, height);
-  const image = new ImageData(width, height);
-  image.data.set(data);
+  const { data } = context.getImageData(0, 0, width, height);
+  const canvas = drawn(
+    edgeOf((u, v) => data[4 * (v * width + u)]! > 127, width, height),
+    width,
+    height,
+    PROFILE,
+  );
   const drawing = canvas.getContext("2d")!;
-  drawing.putImageData(image, 0, 0);
   drawing.strokeStyle = FIN;
   drawing.lineWidth = 2;
   drawing.beginPath();
@@ -38,50 +48,9 @@ function pictureOf({ width, height, data }: Pixels, fins: readonly FinCurve[] = 
   return canvas.convertToBlob({ type: "image/png" });
 }
 
-/** Shows a raw frame as the camera saw it: each 2 x 2 pixels of a mosaic (`BayerRG8`) become one colour pixel. */
-export async function developed(file: Blob, format: string): Promise<Blob> {
-  const first = /^Bayer([RGB]{2})8$/.exec(format)?.[1];
-  return first === undefined ? file : pictureOf(colours(await pixelsOf(file), first));
-}
-
-/** `first` has the colours of the first two pixels of the first line. Pure. */
-export function colours({ width, height, data }: Pixels, first: string): Pixels {
-  // Red and blue are opposite each other, and green occurs twice.
-  const second = { RG: "GB", GR: "BG", GB: "RG", BG: "GR" }[first] ?? "GB";
-  const places = [...first, ...second].map((colour) => "RGB".indexOf(colour));
-  const [w, h] = [Math.floor(width / 2), Math.floor(height / 2)];
-  const out = new Uint8ClampedArray(w * h * 4);
-  for (let v = 0; v < h; v += 1) {
-    for (let u = 0; u < w; u += 1) {
-      const at = (v * w + u) * 4;
-      out[at + 3] = 255;
-      places.forEach((colour, i) => {
-        const count = data[((2 * v + (i >> 1)) * width + 2 * u + (i & 1)) * 4]!;
-        // Two of the four pixels are green.
-        out[at + colour]! += colour === 1 ? count / 2 : count;
-      });
-    }
-  }
-  return { width: w, height: h, data: out };
-}
-
-/** The outline of a mask and fins on a transparent background, wide enough to be visible after scaling down. */
-export async function outlined(file: Blob, fins: readonly FinCurve[]): Promise<Blob> {
-  const { width, height, data } = await pixelsOf(file);
-  const out = new Uint8ClampedArray(width * height * 4);
-  const inside = (u: number, v: number) => u < width && v < height && data[(v * width + u) * 4]! > 127;
-  for (let v = 0; v < height; v += 1) {
-    for (let u = 0; u < width; u += 1) {
-      const here = inside(u, v);
-      if (inside(u + 1, v) === here && inside(u, v + 1) === here) continue;
-      for (const [du, dv] of [
-        [0, 0],
-        [1, 0],
-        [0, 1],
-      ] as const) {
-        if (u + du < width && v + dv < height) out.set(EDGE, ((v + dv) * width + u + du) * 4);
-      }
-    }
-  }
-  return pictureOf({ width, height, data: out }, fins);
+/** The outline of the model, seen by the camera of a view, on a transparent background. */
+export function modelOutline(model: Triangles, p: Projection, width: number, height: number): Promise<Blob> {
+  const mask = silhouetteOf(model, p, width, height);
+  const edge = edgeOf((u, v) => mask[v * width + u] === 1, width, height);
+  return drawn(edge, width, height, MODEL).convertToBlob({ type: "image/png" });
 }

@@ -1,13 +1,16 @@
-// A frame with its profile drawn over it: the newest, or a stored one of the well that the operator chose. Both pictures are decoded before
-// they are shown, and are replaced together. The text beside them names the specimen.
+// A frame with its profile drawn over it: the newest, or a stored one of the well that the operator chose, which also has the outline of
+// the model. All pictures are decoded before they are shown, and are replaced together. The text beside them names the specimen.
 
 import { fetchFile, fetchLive, Refused, type Fetched, type Shown } from "./api.ts";
-import { developed, outlined } from "./develop.ts";
+import { modelOutline, outlined } from "./develop.ts";
 import { setText, show } from "./dom.ts";
 import { counted } from "./format.ts";
 import { Latest } from "./latest.ts";
-import { wellKey, type StoredSpecimens, type StoredWell } from "./stored.ts";
+import { cameraOfView } from "./projection.ts";
+import type { Specimen } from "./status.ts";
+import { wellKey, type StoredModels, type StoredSpecimens, type StoredWell } from "./stored.ts";
 import type { Subject } from "./subject.ts";
+import { pictureOf, trianglesOf, viewNumber } from "./views.ts";
 
 /** Frames taller than this are cropped to the strip around the capillary, which runs through the middle of the picture. */
 const STRIP_RATIO = 3;
@@ -59,8 +62,11 @@ export interface FrameParts {
   box: HTMLElement;
   frame: HTMLImageElement;
   profile: HTMLImageElement;
+  model: HTMLImageElement;
   empty: HTMLElement;
   withProfile: HTMLInputElement;
+  withModel: HTMLInputElement;
+  withModelLabel: HTMLElement;
   whole: HTMLInputElement;
   viewLabel: HTMLElement;
   view: HTMLInputElement;
@@ -69,8 +75,11 @@ export interface FrameParts {
 export class FrameView {
   readonly #parts: FrameParts;
   readonly #stored: StoredSpecimens;
+  readonly #models: StoredModels;
   readonly #frame: Picture;
   readonly #profile: Picture;
+  readonly #model: Picture;
+  readonly #viewShown: (view: number | null) => void;
   readonly #refresh = new Latest(() => this.#load());
   #subject: Subject = { kind: "none", words: "No frame yet." };
   #planned: (well: string) => number | null = () => null;
@@ -79,12 +88,22 @@ export class FrameView {
   /** Run and well for which a stored frame or a message is on screen. */
   #storedOf = "";
 
-  constructor(parts: FrameParts, stored: StoredSpecimens) {
+  /** `viewShown` is told the number of the stored view on screen, or null. */
+  constructor(
+    parts: FrameParts,
+    stored: StoredSpecimens,
+    models: StoredModels,
+    viewShown: (view: number | null) => void,
+  ) {
     this.#parts = parts;
     this.#stored = stored;
+    this.#models = models;
+    this.#viewShown = viewShown;
+    this.#model = new Picture(parts.model);
     this.#frame = new Picture(parts.frame);
     this.#profile = new Picture(parts.profile);
     parts.withProfile.addEventListener("change", () => this.#lay());
+    parts.withModel.addEventListener("change", () => this.#lay());
     parts.whole.addEventListener("change", () => this.#lay());
     parts.frame.addEventListener("load", () => this.#lay());
     parts.view.addEventListener("input", () => void this.#refresh.ask());
@@ -96,6 +115,12 @@ export class FrameView {
     this.#subject = subject;
     this.#planned = planned;
     return this.#refresh.ask();
+  }
+
+  /** Shows a stored view of the well on screen, counted from 1. */
+  show(view: number): void {
+    this.#parts.view.value = String(view);
+    void this.#refresh.ask();
   }
 
   #load(): Promise<void> {
@@ -116,7 +141,11 @@ export class FrameView {
     if (frame.kind === "none" || !isMeant) {
       return this.#clear(subject.well === null ? "No frame yet." : `No frame of ${subject.well} yet.`);
     }
-    const swaps = [await this.#swap(this.#frame, frame), await this.#swap(this.#profile, profile)];
+    const swaps = [
+      await this.#swap(this.#frame, frame),
+      await this.#swap(this.#profile, profile),
+      await this.#model.prepare(null, null),
+    ];
     for (const swap of swaps) swap();
     this.#storedShown = "";
     // The profile of another view would not match the specimen. It is shown after the next update.
@@ -167,27 +196,57 @@ export class FrameView {
     const index = Math.min(Number(view.value), views.length) - 1;
     const key = `${of}/${index}`;
     if (key !== this.#storedShown) {
-      const format = specimen.recording.rig?.pixel_format ?? "";
+      const number = viewNumber(views[index]!);
       // Found by its view number: a view without a profile is missing from the list.
-      const name = views[index]!.split("/").at(-1)!;
-      const mask = specimen.links.profiles.find((link) => link.split("/").at(-1) === name);
-      const number = Number(/\d+/.exec(name)?.[0]);
+      const mask = number === null ? undefined : specimen.links.profiles.find((link) => viewNumber(link) === number);
       const fins = specimen.measurement?.views?.find(({ index }) => index === number)?.fins_px ?? [];
       const [frame, profile] = await Promise.all([
-        fetchFile(views[index]!).then((file) => developed(file, format)),
+        fetchFile(pictureOf(views[index]!)),
         mask === undefined ? null : fetchFile(mask).then((file) => outlined(file, fins)),
       ]);
-      const swaps = [await this.#frame.prepare(frame, null), await this.#profile.prepare(profile, null)];
+      const swaps = [
+        await this.#frame.prepare(frame, null),
+        await this.#profile.prepare(profile, null),
+        await this.#model.prepare(null, null),
+      ];
       for (const swap of swaps) swap();
       this.#storedShown = key;
+      this.#viewShown(number);
+      // The model may take a moment longer to read than the frame.
+      void this.#drawModel(one, specimen, number, key);
     }
     if (views === taken) this.#say(`Frame of ${well}`, `view ${index + 1} of ${views.length}`, true, true);
     else this.#say(`Frame of ${well}`, "as it was found", true);
   }
 
+  /** Draws the outline of the model over the frame that is on screen. */
+  async #drawModel(one: StoredWell, specimen: Specimen, view: number | null, key: string): Promise<void> {
+    const outline = await this.#outlineOf(one, specimen, view);
+    // Another view was chosen meanwhile.
+    if (this.#storedShown !== key) return;
+    const swap = await this.#model.prepare(outline, null);
+    if (this.#storedShown !== key) return;
+    swap();
+    this.#lay();
+  }
+
+  /** The outline of the model as this view sees it. A model that cannot be read leaves the frame without it. */
+  async #outlineOf(one: StoredWell, specimen: Specimen, view: number | null): Promise<Blob | null> {
+    const seen = view === null ? null : cameraOfView(specimen.recording, specimen.measurement, view);
+    if (seen === null) return null;
+    try {
+      const model = await this.#models.of(one);
+      return model && (await modelOutline(trianglesOf(model), seen.projection, seen.width, seen.height));
+    } catch (error) {
+      if (!(error instanceof Refused)) throw error;
+      return null;
+    }
+  }
+
   async #clear(words: string, isStored = false): Promise<void> {
-    for (const picture of [this.#frame, this.#profile]) (await picture.prepare(null, null))();
+    for (const picture of [this.#frame, this.#profile, this.#model]) (await picture.prepare(null, null))();
     this.#storedShown = "";
+    this.#viewShown(null);
     setText(this.#parts.empty, words);
     this.#say("Frame", "", false, isStored);
   }
@@ -203,8 +262,10 @@ export class FrameView {
   }
 
   #lay(): void {
-    const { box, frame, profile, empty, withProfile, whole } = this.#parts;
+    const { box, frame, profile, model, empty, withProfile, withModel, withModelLabel, whole } = this.#parts;
     const has = this.#frame.url !== null;
+    show(model, has && this.#model.url !== null && withModel.checked);
+    show(withModelLabel, has && this.#model.url !== null);
     show(frame, has);
     show(empty, !has);
     show(

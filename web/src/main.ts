@@ -6,15 +6,18 @@
 
 import { fetchRun } from "./api.ts";
 import { AttentionList } from "./attention.ts";
+import { BeadCharts } from "./beads.ts";
 import { VolumeChart } from "./chart.ts";
 import { PlateColouring } from "./colouring.ts";
 import { CommandRow } from "./commands.ts";
 import { keepLive } from "./connection.ts";
 import { Display } from "./display.ts";
 import { byId, setText, show } from "./dom.ts";
+import { WellFiles } from "./downloads.ts";
 import { EmergencyStop } from "./emergency.ts";
 import { FaultsView } from "./faults.ts";
 import { FrameView } from "./frame.ts";
+import { GroupsView } from "./groups.ts";
 import { HeaderView } from "./header.ts";
 import { VolumeHistory } from "./history.ts";
 import { ModelView, type Look } from "./model.ts";
@@ -34,12 +37,15 @@ import {
 } from "./plain.ts";
 import { ResultsTable } from "./results.ts";
 import { RigView } from "./rig.ts";
+import { RunLog } from "./runlog.ts";
 import { asStatus, OpenedRun, RunList } from "./runs.ts";
-import type { PlannedWell, RunStatus, Status } from "./status.ts";
-import { runKey, StoredSpecimens } from "./stored.ts";
-import { chosenWell, isStored, subjectOf } from "./subject.ts";
+import type { RunPlan, RunStatus, Status } from "./status.ts";
+import { StandingView, standingsOf } from "./standing.ts";
+import { runKey, StoredModels, StoredSpecimens } from "./stored.ts";
+import { chosenWell, isStored, subjectOf, type Subject } from "./subject.ts";
 import { saveTable } from "./table.ts";
 import { TokenForm } from "./token.ts";
+import { ViewStrip } from "./views.ts";
 import { WellCard } from "./wellcard.ts";
 
 // First: whatever fails below, the stop works.
@@ -62,22 +68,35 @@ const newRun = new NewRun(byId);
 const token = new TokenForm(byId("token-form"), byId("token"));
 const colouring = new PlateColouring(byId("colour-by"), byId("scale-legend"), redraw);
 const results = new ResultsTable(byId("results"), byId("results-table"), choose);
+const log = new RunLog(byId);
 /** The volumes after each view of the instrument's run, and of a stored run that is shown instead. */
 const histories = { live: new VolumeHistory(), opened: new VolumeHistory() };
 const stored = new StoredSpecimens();
+const models = new StoredModels(stored);
+const standing = new StandingView(byId("standing"));
+const groups = new GroupsView(byId, stored, choose);
+const files = new WellFiles(byId("well-files"));
 const frameParts = {
   heading: byId("frame-heading"),
   whose: byId("frame-whose"),
   box: byId("frame-box"),
   frame: byId<HTMLImageElement>("frame-image"),
   profile: byId<HTMLImageElement>("profile-image"),
+  model: byId<HTMLImageElement>("model-image"),
   empty: byId("frame-empty"),
   withProfile: byId<HTMLInputElement>("with-profile"),
+  withModel: byId<HTMLInputElement>("with-model"),
+  withModelLabel: byId("with-model-label"),
   whole: byId<HTMLInputElement>("whole-frame"),
   viewLabel: byId("frame-view-label"),
   view: byId<HTMLInputElement>("frame-view"),
 };
-const frame = new FrameView(frameParts, stored);
+const frame = new FrameView(frameParts, stored, models, (view) => {
+  views.mark(view);
+  files.mark(view);
+});
+const viewParts = { panel: byId("views"), list: byId("views-list"), words: byId("views-words") };
+const views = new ViewStrip(viewParts, stored, models, (place) => frame.show(place));
 const model = makeModel();
 
 let newest: Status | null = null;
@@ -86,14 +105,18 @@ let picturesShown = "";
 let pinned: string | null = null;
 /** Pause before a plate map that could not be read is read again, ms. */
 const PLAN_AGAIN_MS = 5000;
-/** The plate maps of runs, by run. They are read once. */
-const plans = new Map<string, readonly PlannedWell[]>();
+/** What the page needs of a run's plan. */
+type Planned = Pick<RunPlan, "plate_map" | "plate_format">;
+const NO_PLAN: Planned = { plate_map: [] };
+/** The plans of runs, by run. They are read once. */
+const plans = new Map<string, Planned>();
 
 const opened = new OpenedRun(byId, () => {
   pinned = null;
   redraw();
 });
 new RunList(byId, (run) => void opened.open(run));
+new BeadCharts(byId);
 
 /** Without WebGL the page still shows all numbers. */
 function makeModel(): ModelView | null {
@@ -106,7 +129,7 @@ function makeModel(): ModelView | null {
       barLabel: byId("scale-label"),
       empty: byId("model-empty"),
     };
-    const made = new ModelView(parts, stored);
+    const made = new ModelView(parts, models);
     for (const button of document.querySelectorAll<HTMLButtonElement>("[data-look]")) {
       button.addEventListener("click", () => made.look(button.dataset["look"] as Look));
     }
@@ -183,10 +206,13 @@ function run(status: Status): void {
     wells,
     specimen,
     chosen,
-    colouring.of(wells, () => planOf(status.run)),
+    colouring.of(wells, () => planOf(status.run).plate_map),
+    planOf(status.run).plate_format ?? null,
   );
   results.update(wells, chosen);
   attention.update(wells);
+  log.update(status.run, status.revision);
+  groups.update(status.run, planOf(status.run).plate_map);
   byId("save-table").hidden = wells.every((w) => w.outcome === null);
   card.update(well, specimen, wells, well ? (history.of(well.well).hulls_um3.at(-1) ?? null) : null);
   chart.update(
@@ -201,23 +227,23 @@ function run(status: Status): void {
   if (status.run && well && isStored(well)) void recall(history, status.run, well.well);
 }
 
-/** The plate map of a run: empty until it is read. */
-function planOf(run: RunStatus | null): readonly PlannedWell[] {
-  if (opened.detail !== null) return opened.detail.plan.plate_map;
-  if (run === null) return [];
+/** The plan of a run: empty until it is read. */
+function planOf(run: RunStatus | null): Planned {
+  if (opened.detail !== null) return opened.detail.plan;
+  if (run === null) return NO_PLAN;
   const key = runKey(run);
   const known = plans.get(key);
   if (known) return known;
-  plans.set(key, []);
+  plans.set(key, NO_PLAN);
   fetchRun(run.id).then(
     (detail) => {
-      plans.set(key, detail.plan.plate_map);
+      plans.set(key, detail.plan);
       redraw();
     },
     // Read again a little later, for example when the connection is back.
     () => setTimeout(() => plans.delete(key), PLAN_AGAIN_MS),
   );
-  return [];
+  return NO_PLAN;
 }
 
 /** Loads the volumes of a well that ended before the page was opened, or while it was disconnected. */
@@ -243,8 +269,22 @@ function pictures(status: Status): void {
   picturesShown = now;
   const subject = subjectOf(status, pinned);
   const specimen = status.specimen;
-  void frame.update(subject, (well) => (specimen?.well === well ? specimen.views_planned : null));
+  const planned = (well: string) => (specimen?.well === well ? specimen.views_planned : null);
+  // First the frame in large, then the strip of all views.
+  void frame.update(subject, planned).then(() => views.update(subject));
   void model?.update(subject);
+  void showRecord(subject);
+}
+
+/** Shows the files of a stored well, and where the numbers of a larva are among references. */
+async function showRecord(subject: Subject): Promise<void> {
+  const now = picturesShown;
+  const one = subject.kind === "stored" ? subject : null;
+  const kept = one && (await stored.of(one).catch(() => null));
+  // Another well was chosen meanwhile.
+  if (now !== picturesShown) return;
+  files.update(kept);
+  standing.update(standingsOf(kept?.measurement ?? null, kept?.result?.estimator ?? null));
 }
 
 void keepLive({

@@ -18,12 +18,12 @@ import {
   type BufferGeometry,
 } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
-import { fetchFile, fetchLive, Refused } from "./api.ts";
+import { fetchLive, Refused } from "./api.ts";
 import { setText, show } from "./dom.ts";
 import { parseGlb } from "./glb.ts";
 import { counted, grouped, micrometres } from "./format.ts";
 import { Latest } from "./latest.ts";
-import { wellKey, type StoredSpecimens, type StoredWell } from "./stored.ts";
+import { wellKey, type StoredModels, type StoredWell } from "./stored.ts";
 import type { Subject } from "./subject.ts";
 import { roundBelow } from "./ticks.ts";
 
@@ -45,7 +45,7 @@ const KEY_ZOOM = 1.2;
 const TARGET_BAR_PX = 140;
 
 export class ModelView {
-  readonly #stored: StoredSpecimens;
+  readonly #stored: StoredModels;
   readonly #heading: HTMLElement;
   readonly #box: HTMLElement;
   readonly #caption: HTMLElement;
@@ -79,7 +79,7 @@ export class ModelView {
       barLabel: HTMLElement;
       empty: HTMLElement;
     },
-    stored: StoredSpecimens,
+    stored: StoredModels,
   ) {
     this.#stored = stored;
     this.#heading = root.heading;
@@ -169,12 +169,12 @@ export class ModelView {
   async #readStored(one: StoredWell, key: string): Promise<void> {
     const { well } = one;
     if (key !== this.#storedShown) {
-      const link = (await this.#stored.of(one))?.links.mesh_glb;
-      if (!link) {
+      const found = await this.#stored.of(one);
+      if (!found) {
         this.#clear(`No model of ${well} is kept.`);
         return;
       }
-      this.#put(await parseGlb(await fetchFile(link)));
+      this.#put(found);
       this.#tag = null;
       this.#storedShown = key;
     }

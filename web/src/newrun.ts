@@ -1,12 +1,15 @@
-// A new run: plate map, method, barcode, operator, and a list of everything that is wrong before anything moves.
+// A new run: plate map, method, barcode, operator, a drawing of the plate, and a list of everything that is checked before anything moves.
 //
 //   file ──check──> mistakes by line, or the contents of the plate ──preflight──> failed conditions ──start──> the run
 
 import { checkPlateMap, fetchMethods, preflight, Refused, startRun } from "./api.ts";
 import { element, setText, show } from "./dom.ts";
-import { capitalised, counted } from "./format.ts";
+import { capitalised, counted, words } from "./format.ts";
 import { canStart } from "./plain.ts";
+import { PlanPlate } from "./planplate.ts";
 import type { Check, MethodOffer, Mistake, PlannedWell, PlateMap, RunPlan, Status } from "./status.ts";
+import { save } from "./table.ts";
+import { templateOf } from "./template.ts";
 
 const OPERATOR = "carved.operator";
 
@@ -26,6 +29,8 @@ export class NewRun {
   readonly #list: HTMLElement;
   readonly #preflight: HTMLButtonElement;
   readonly #start: HTMLButtonElement;
+  readonly #format: HTMLSelectElement;
+  readonly #plate: PlanPlate;
   #methods: readonly MethodOffer[] = [];
   #methodsOf: string | null = null;
   #map: PlateMap | null = null;
@@ -50,6 +55,13 @@ export class NewRun {
     this.#list = find("new-run-list");
     this.#preflight = find("preflight");
     this.#start = find("start");
+    this.#format = find("plate-format");
+    this.#plate = new PlanPlate({ box: find("plan"), table: find("plan-plate"), legend: find("plan-legend") });
+    this.#format.addEventListener("change", () => this.#draw());
+    find("template").addEventListener("click", () => {
+      const wells = Number(this.#format.value) || 96;
+      save(new Blob([templateOf(wells)], { type: "text/csv" }), `plate-map-${wells}.csv`);
+    });
     this.#operator.value = localStorage.getItem(OPERATOR) ?? "";
     this.#file.addEventListener("change", () => void this.#check());
     this.#method.addEventListener("change", () => this.#explain());
@@ -129,6 +141,7 @@ export class NewRun {
     const file = this.#file.files?.[0];
     this.#map = null;
     show(this.#holds, false);
+    this.#draw();
     this.#clear();
     if (!file) return this.#enable();
     await this.#work(async () => {
@@ -136,9 +149,16 @@ export class NewRun {
       // Another file was chosen while this one was read.
       if (this.#file.files?.[0] !== file) return;
       this.#map = map;
+      if (map.plate_format !== null) this.#format.value = String(map.plate_format);
       setText(this.#holds, contents(map.plate_map));
       show(this.#holds, true);
-      this.#list.replaceChildren(...map.notes.map((note) => element("li", "quiet", note)));
+      this.#draw();
+      this.#list.replaceChildren(
+        listOf(
+          "Read otherwise than it is written",
+          map.notes.map((n) => element("li", "quiet", n)),
+        ),
+      );
     }, `${file.name} cannot be used`);
   }
 
@@ -155,7 +175,12 @@ export class NewRun {
           ? `Preflight passed: all ${counted(checks.length, "check")}. The run can start.`
           : `Preflight: ${failed.length} of ${counted(checks.length, "check")} failed. ${blocking === 0 ? "The run can start all the same." : "The run would not start."}`,
       );
-      this.#list.replaceChildren(...[...failed, ...checks.filter((c) => c.passed)].map(checked));
+      const groups: [string, Check[]][] = [
+        ["What prevents the start", failed.filter((c) => c.blocks)],
+        ["What does not prevent it", failed.filter((c) => !c.blocks)],
+        ["What is right", checks.filter((c) => c.passed)],
+      ];
+      this.#list.replaceChildren(...groups.map(([heading, found]) => listOf(heading, found.map(checked))));
     }, "The preflight was not done");
   }
 
@@ -172,6 +197,8 @@ export class NewRun {
       this.#id.value = "";
       this.#map = null;
       show(this.#holds, false);
+      this.#format.value = "";
+      this.#draw();
     }, "The run was not started");
   }
 
@@ -181,6 +208,7 @@ export class NewRun {
       plate_barcode: this.#barcode.value.trim(),
       method: this.#method.value,
       operator: this.#operator.value.trim(),
+      ...(this.#format.value === "" ? {} : { plate_format: Number(this.#format.value) }),
       plate_map: this.#map.plate_map,
       metadata: this.#map.metadata,
     };
@@ -196,11 +224,15 @@ export class NewRun {
       const mistakes = error instanceof Refused ? error.mistakes : [];
       // The detail would only repeat the list.
       this.#say(`${refused}: ${mistakes.length > 0 ? counted(mistakes.length, "mistake") : reason(error)}.`);
-      this.#list.replaceChildren(...mistakes.map(mistake));
+      this.#list.replaceChildren(listOf("Mistakes", mistakes.map(mistake)));
     } finally {
       this.#busy = false;
       this.#enable();
     }
+  }
+
+  #draw(): void {
+    this.#plate.update(this.#map?.plate_map ?? [], this.#format.value === "" ? null : Number(this.#format.value));
   }
 
   #clear(): void {
@@ -218,6 +250,29 @@ function reason(error: unknown): string {
   return error instanceof Refused ? error.message : String(error);
 }
 
+/** A list with its heading; nothing without entries. */
+function listOf(heading: string, entries: HTMLElement[]): Node {
+  if (entries.length === 0) return document.createDocumentFragment();
+  const list = element("ul", "mistakes", ...entries);
+  list.setAttribute("aria-label", heading);
+  return element("div", "", element("h3", "", heading), list);
+}
+
+/** What a check looks at, by its code. */
+const CHECKED: Record<string, string> = {
+  rotation: "Rotation axis",
+  camera: "Camera",
+  outputs: "Outputs of the controller",
+  light: "Light",
+  faults: "Faults",
+  plate: "Plate",
+  capillary: "Capillary",
+  calibration: "Calibration",
+  disk: "Disk",
+  disk_budget: "Disk budget",
+  references: "Reference larvae",
+};
+
 function mistake(m: Mistake): HTMLElement {
   const place = m.line ? `Line ${m.line}${m.column ? `, ${m.column}` : ""}` : (m.pointer ?? "");
   return element("li", "mistake", element("b", "", place ? `${place}: ` : ""), m.detail);
@@ -226,7 +281,8 @@ function mistake(m: Mistake): HTMLElement {
 function checked(check: Check): HTMLElement {
   const item = element("li", check.passed ? "check" : "check check-failed");
   item.dataset["code"] = check.code;
-  item.append(element("b", "", check.passed ? "✓ " : check.blocks ? "✕ " : "! "), capitalised(check.detail));
+  const name = CHECKED[check.code] ?? capitalised(words(check.code));
+  item.append(element("b", "", `${check.passed ? "✓" : check.blocks ? "✕" : "!"} ${name}: `), check.detail);
   if (!check.passed && check.what_to_do) {
     item.append(element("span", "check-advice", element("b", "", "What to do: "), capitalised(check.what_to_do)));
   }

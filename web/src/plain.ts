@@ -79,11 +79,14 @@ export const OUTCOMES: Record<RunOutcome, string> = {
 /** `3 measured (1 of them flagged), 1 skipped`: the count of each kind that is not zero. */
 export function tally(run: RunStatus): string {
   const w = run.wells;
+  // The counts of the daemon have both in one number.
+  const left = run.results.filter(({ outcome }) => outcome === "aborted").length;
   const parts: [number, string][] = [
     [w.succeeded + w.flagged, w.flagged === 0 ? "measured" : `measured (${grouped(w.flagged)} of them flagged)`],
     [w.skipped, "skipped"],
     [w.failed, "failed"],
-    [w.interrupted, "not finished"],
+    [w.interrupted - left, "interrupted"],
+    [left, "left out"],
     [w.pending, run.outcome === null ? "waiting" : "not measured"],
   ];
   return parts

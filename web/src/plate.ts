@@ -5,9 +5,10 @@ import { element, setText } from "./dom.ts";
 import type { SpecimenStatus, WellStatus } from "./status.ts";
 import {
   CONDITIONS,
-  conditionOf,
+  conditionsOf,
   formatFor,
   place,
+  rowName,
   spoken,
   wellName,
   type Condition,
@@ -21,11 +22,37 @@ const STEPS: Record<string, [number, number]> = {
   ArrowRight: [0, 1],
 };
 
+/** Draws the grid of a plate into a table. `cell` gives what a well shows; a well without a cell is drawn as not used. */
+export function drawPlate(table: HTMLElement, format: PlateFormat, cell: (name: string) => HTMLElement | null): void {
+  const head = element("tr", "", element("td", ""));
+  for (let column = 0; column < format.columns; column += 1) {
+    const heading = element("th", "", String(column + 1));
+    heading.scope = "col";
+    head.append(heading);
+  }
+  const rows = [head];
+  for (let row = 0; row < format.rows; row += 1) {
+    const heading = element("th", "", rowName(row));
+    heading.scope = "row";
+    const line = element("tr", "", heading);
+    for (let column = 0; column < format.columns; column += 1) {
+      line.append(element("td", "", cell(wellName(row, column)) ?? element("span", "well well-none")));
+    }
+    rows.push(line);
+  }
+  table.dataset["wells"] = String(format.rows * format.columns);
+  // A plate of 1536 wells needs the whole width of the page.
+  table.closest(".columns")?.classList.toggle("columns-of-wide-plate", format.columns > 24);
+  table.replaceChildren(element("tbody", "", ...rows));
+}
+
 export class PlateView {
   readonly #table: HTMLElement;
   readonly #legend: HTMLElement;
   readonly #choose: (well: string) => void;
   readonly #buttons = new Map<string, HTMLButtonElement>();
+  /** What each button shows. Only what changed is written: a plate may have 1536 wells. */
+  readonly #written = new Map<string, string>();
   #layout = "";
 
   constructor(table: HTMLElement, legend: HTMLElement, choose: (well: string) => void) {
@@ -40,19 +67,28 @@ export class PlateView {
     specimen: SpecimenStatus | null,
     chosen: string | null,
     coloured: ReadonlyMap<string, Coloured>,
+    /** Number of wells of the plate, where the plan names it. */
+    named: number | null,
   ): void {
     const names = wells.map((w) => w.well);
-    const layout = names.join(" ");
+    const layout = `${named} ${names.join(" ")}`;
     if (layout !== this.#layout || this.#table.childElementCount === 0) {
       this.#layout = layout;
-      this.#build(formatFor(names), new Set(names));
+      this.#written.clear();
+      this.#buttons.clear();
+      const planned = new Set(names);
+      drawPlate(this.#table, formatFor(names, named), (name) => (planned.has(name) ? this.#button(name) : null));
     }
-    const present = new Set<Condition>();
-    for (const well of wells) {
+    const conditions = conditionsOf(wells, specimen);
+    const present = new Set<Condition>(conditions);
+    for (const [i, well] of wells.entries()) {
       const button = this.#buttons.get(well.well);
       if (!button) continue;
-      const condition = conditionOf(well, specimen, wells);
-      present.add(condition);
+      const condition = conditions[i]!;
+      const tabbed = well.well === (chosen ?? names[0]);
+      const now = JSON.stringify([well.reason, condition, coloured.get(well.well), well.well === chosen, tabbed]);
+      if (this.#written.get(well.well) === now) continue;
+      this.#written.set(well.well, now);
       button.className = `well well-${condition}`;
       button.dataset["condition"] = condition;
       setText(button, CONDITIONS[condition].sign);
@@ -63,32 +99,9 @@ export class PlateView {
       button.title = spoken(well, condition) + (colour ? `, ${colour.words}` : "");
       button.setAttribute("aria-label", button.title);
       button.setAttribute("aria-pressed", String(well.well === chosen));
-      button.tabIndex = well.well === (chosen ?? names[0]) ? 0 : -1;
+      button.tabIndex = tabbed ? 0 : -1;
     }
     this.#explain(present);
-  }
-
-  #build(format: PlateFormat, planned: ReadonlySet<string>): void {
-    this.#buttons.clear();
-    const head = element("tr", "", element("td", ""));
-    for (let column = 0; column < format.columns; column += 1) {
-      const cell = element("th", "", String(column + 1));
-      cell.scope = "col";
-      head.append(cell);
-    }
-    const rows = [head];
-    for (let row = 0; row < format.rows; row += 1) {
-      const header = element("th", "", wellName(row, 0).charAt(0));
-      header.scope = "row";
-      const line = element("tr", "", header);
-      for (let column = 0; column < format.columns; column += 1) {
-        const name = wellName(row, column);
-        line.append(element("td", "", planned.has(name) ? this.#button(name) : element("span", "well well-none")));
-      }
-      rows.push(line);
-    }
-    this.#table.classList.toggle("plate-384", format.columns > 12);
-    this.#table.replaceChildren(element("tbody", "", ...rows));
   }
 
   #button(name: string): HTMLButtonElement {

@@ -6,7 +6,8 @@
 
 import { fetchRun, fetchRuns, Refused } from "./api.ts";
 import { element, setText, show } from "./dom.ts";
-import { day } from "./format.ts";
+import { downloadLink } from "./downloads.ts";
+import { bytes, counted, day } from "./format.ts";
 import { OUTCOMES } from "./plain.ts";
 import type { RunDetail, RunOutcome, RunRow, Status } from "./status.ts";
 
@@ -41,9 +42,20 @@ function outcomeWords(run: Pick<RunRow, "outcome">): string {
   return run.outcome === null ? "under way" : (OUTCOMES[run.outcome as RunOutcome] ?? run.outcome);
 }
 
+/** Where copies of a run are, or that none is known. Pure. */
+export function copyWords({ copies }: Pick<RunDetail, "copies">): string {
+  const [newest, ...older] = copies;
+  if (newest === undefined) return "No copy of this run is recorded: `carved archive` makes one and checks it.";
+  const more =
+    older.length === 0 ? "" : ` ${counted(older.length, "earlier copy").replace(/copys$/, "copies")} as well.`;
+  return `Copied to ${newest.destination} on ${day(newest.archived)}: ${counted(newest.files, "file")}, ${bytes(newest.bytes)}, each read again after copying.${more}`;
+}
+
 interface Parts {
   panel: HTMLDetailsElement;
   search: HTMLInputElement;
+  outcome: HTMLSelectElement;
+  mode: HTMLSelectElement;
   table: HTMLElement;
   words: HTMLElement;
   more: HTMLButtonElement;
@@ -62,25 +74,31 @@ export class RunList {
     this.#parts = {
       panel: find("runs"),
       search: find("runs-search"),
+      outcome: find("runs-outcome"),
+      mode: find("runs-mode"),
       table: find("runs-table"),
       words: find("runs-words"),
       more: find("runs-more"),
       refresh: find("runs-refresh"),
     };
-    const { panel, search, more, refresh } = this.#parts;
+    const { panel, search, outcome, mode, more, refresh } = this.#parts;
     panel.addEventListener("toggle", () => {
       if (panel.open && !this.#isLoaded) void this.#load(null);
     });
     search.addEventListener("input", () => this.#draw());
     more.addEventListener("click", () => void this.#load(this.#next));
+    for (const choice of [outcome, mode]) choice.addEventListener("change", () => void this.#load(null));
     refresh.addEventListener("click", () => void this.#load(null));
   }
 
   async #load(after: string | null): Promise<void> {
-    const { more, refresh, words } = this.#parts;
+    const { more, refresh, words, outcome, mode } = this.#parts;
+    const filter = { outcome: outcome.value, mode: mode.value };
     more.disabled = refresh.disabled = true;
     try {
-      const page = await fetchRuns(after);
+      const page = await fetchRuns(after, filter);
+      // Another choice was made meanwhile, and its own runs come.
+      if (filter.outcome !== outcome.value || filter.mode !== mode.value) return;
       this.#runs = after === null ? page.runs : [...this.#runs, ...page.runs];
       this.#next = page.next;
       this.#isLoaded = true;
@@ -125,12 +143,16 @@ export class RunList {
 export class OpenedRun {
   readonly #banner: HTMLElement;
   readonly #words: HTMLElement;
+  readonly #copies: HTMLElement;
+  readonly #files: HTMLElement;
   readonly #changed: () => void;
   #detail: RunDetail | null = null;
 
   constructor(find: <T extends Element = HTMLElement>(id: string) => T, changed: () => void) {
     this.#banner = find("opened");
     this.#words = find("opened-words");
+    this.#copies = find("opened-copies");
+    this.#files = find("opened-files");
     this.#changed = changed;
     find("opened-close").addEventListener("click", () => this.#show(null));
     const named = new URL(location.href).searchParams.get("run");
@@ -148,6 +170,8 @@ export class OpenedRun {
       const why = error instanceof Refused ? error.message : String(error);
       this.#show(null);
       setText(this.#words, `Run ${run} could not be opened: ${why}.`);
+      setText(this.#copies, "");
+      this.#files.replaceChildren();
       show(this.#banner, true);
     }
   }
@@ -165,6 +189,14 @@ export class OpenedRun {
         `Stored run ${id}: plate ${plate_barcode}, ${day(started)}, ${mode}, method ${method}, carved ${version}. ` +
           `Plate, well, frame, model and tables below are of this run.`,
       );
+      setText(this.#copies, copyWords(detail));
+      const whole = downloadLink(
+        `/v1/runs/${encodeURIComponent(id)}/files.tar`,
+        `${id}.tar`,
+        "All files of the run (tar)",
+      );
+      // The files of a run under way are still written.
+      this.#files.replaceChildren(...(detail.outcome === null ? [] : [whole]));
     }
     show(this.#banner, detail !== null);
     this.#changed();

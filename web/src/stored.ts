@@ -1,6 +1,8 @@
 // The stored records of wells. Each is requested once; if there is none, it is requested again later, because it may still come.
 
-import { fetchSpecimen } from "./api.ts";
+import type { BufferGeometry } from "three";
+import { fetchFile, fetchSpecimen } from "./api.ts";
+import { parseGlb } from "./glb.ts";
 import type { RunStatus, Specimen } from "./status.ts";
 
 /** Time for which a missing record is not requested again, ms. */
@@ -46,5 +48,34 @@ export class StoredSpecimens {
       () => this.#asked.delete(key),
     );
     return asked;
+  }
+}
+
+/** The models of stored wells. Only the newest is kept: it has some megabytes, and two views of the page use it at the same time. */
+export class StoredModels {
+  readonly #specimens: StoredSpecimens;
+  #newest: { key: string; model: Promise<BufferGeometry | null> } | null = null;
+
+  constructor(specimens: StoredSpecimens) {
+    this.#specimens = specimens;
+  }
+
+  /** The model; null if none is stored. */
+  of(one: StoredWell): Promise<BufferGeometry | null> {
+    const key = wellKey(one);
+    if (this.#newest?.key === key) return this.#newest.model;
+    const model = this.#read(one);
+    this.#newest = { key, model };
+    const forget = () => {
+      if (this.#newest?.model === model) this.#newest = null;
+    };
+    // Requested again after an error, and where there is none yet.
+    model.then((found) => found ?? forget(), forget);
+    return model;
+  }
+
+  async #read(one: StoredWell): Promise<BufferGeometry | null> {
+    const link = (await this.#specimens.of(one))?.links.mesh_glb;
+    return link ? parseGlb(await fetchFile(link)) : null;
   }
 }

@@ -52,10 +52,14 @@ function harmless(text: string): string {
 /** Offers the table as a download, in a file named after the run. */
 export async function saveTable(run: string): Promise<void> {
   // With the byte order mark by which spreadsheets recognise UTF-8.
-  const file = new Blob(["\ufeff", tableOf(await fetchRun(run))], { type: "text/csv" });
+  save(new Blob(["\ufeff", tableOf(await fetchRun(run))], { type: "text/csv" }), `${run}.csv`);
+}
+
+/** Offers a file as a download. */
+export function save(file: Blob, name: string): void {
   const link = document.createElement("a");
   link.href = URL.createObjectURL(file);
-  link.download = `${run}.csv`;
+  link.download = name;
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
 }

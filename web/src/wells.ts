@@ -9,29 +9,44 @@ export interface PlateFormat {
   columns: number;
 }
 
-export const PLATE_96: PlateFormat = { rows: 8, columns: 12 };
-export const PLATE_384: PlateFormat = { rows: 16, columns: 24 };
+/** The plates by their numbers of wells. Larger plates have more rows than letters: AA follows Z. */
+export const PLATES: ReadonlyMap<number, PlateFormat> = new Map([
+  [6, { rows: 2, columns: 3 }],
+  [12, { rows: 3, columns: 4 }],
+  [24, { rows: 4, columns: 6 }],
+  [48, { rows: 6, columns: 8 }],
+  [96, { rows: 8, columns: 12 }],
+  [384, { rows: 16, columns: 24 }],
+  [1536, { rows: 32, columns: 48 }],
+]);
 
 /** Row and column from 0, or null for a name that exists on no plate. */
 export function place(well: string): { row: number; column: number } | null {
-  const match = /^([A-P])(\d\d)$/.exec(well);
+  const match = /^(A?)([A-Z])(\d\d)$/.exec(well);
   if (!match) return null;
-  const row = match[1]!.charCodeAt(0) - 65;
-  const column = Number(match[2]) - 1;
-  return column >= 0 && column < 24 ? { row, column } : null;
+  const row = (match[1] ? 26 : 0) + match[2]!.charCodeAt(0) - 65;
+  const column = Number(match[3]) - 1;
+  return row < 32 && column >= 0 && column < 48 ? { row, column } : null;
+}
+
+export function rowName(row: number): string {
+  return (row < 26 ? "" : "A") + String.fromCharCode(65 + (row % 26));
 }
 
 export function wellName(row: number, column: number): string {
-  return String.fromCharCode(65 + row) + String(column + 1).padStart(2, "0");
+  return rowName(row) + String(column + 1).padStart(2, "0");
 }
 
-/** The smaller plate, unless a well is outside it. */
-export function formatFor(wells: readonly string[]): PlateFormat {
-  const outside = wells.some((name) => {
-    const at = place(name);
-    return at !== null && (at.row >= PLATE_96.rows || at.column >= PLATE_96.columns);
-  });
-  return outside ? PLATE_384 : PLATE_96;
+/**
+ * The plate with the number of wells that the plan names. Without it, or if a well is not on that plate, it is the smallest plate of 96, 384
+ * or 1536 wells that holds them all: plans of former versions name no plate, and 96 wells are the most usual ones.
+ */
+export function formatFor(wells: readonly string[], named: number | null = null): PlateFormat {
+  const places = wells.map(place).filter((at) => at !== null);
+  const holds = ({ rows, columns }: PlateFormat) => places.every((at) => at.row < rows && at.column < columns);
+  const asked = named === null ? undefined : PLATES.get(named);
+  const usual = [96, 384, 1536].map((count) => PLATES.get(count)!);
+  return (asked && holds(asked) ? asked : usual.find(holds)) ?? PLATES.get(1536)!;
 }
 
 export type Condition =
@@ -46,8 +61,8 @@ export const CONDITIONS: Record<Condition, { sign: string; label: string }> = {
   flagged: { sign: "!", label: "measured, flagged" },
   skipped: { sign: "–", label: "skipped" },
   failed: { sign: "✕", label: "failed" },
-  interrupted: { sign: "‖", label: "not finished" },
-  aborted: { sign: "■", label: "not finished" },
+  interrupted: { sign: "‖", label: "interrupted and given up" },
+  aborted: { sign: "■", label: "left out when the run was ended" },
 };
 
 /** `wells` are those of the run, in the order of measurement. */
@@ -66,6 +81,13 @@ export function conditionOf(
     default:
       return well.outcome;
   }
+}
+
+/** The conditions of all wells of a run. */
+export function conditionsOf(wells: readonly WellStatus[], specimen: SpecimenStatus | null): Condition[] {
+  // Looked up once: a plate may have 1536 wells.
+  const active = specimen === null ? -1 : wells.findIndex((w) => w.well === specimen.well);
+  return wells.map((well, i) => (well.outcome === null && i < active ? "measuring" : conditionOf(well, specimen)));
 }
 
 function isBefore(well: string, other: string | undefined, wells: readonly WellStatus[]): boolean {

@@ -21,7 +21,7 @@ pub struct EventBody {
     pub time: String,
     /// The run of the event. `None` if it belongs to no run.
     pub run: Option<String>,
-    /// The well of the event, `A01` to `P24`. `None` if it belongs to no well.
+    /// The well of the event, `A01` to `AF48`. `None` if it belongs to no well.
     pub well: Option<String>,
     /// What happened.
     pub data: EventData,

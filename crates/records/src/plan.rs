@@ -1,7 +1,7 @@
 //! The plan of a run, as a client sends it. The whole plan is checked before anything moves.
 
-use crate::ConcentrationUnit;
 use crate::plate_map::Metadata;
+use crate::{ConcentrationUnit, PlateFormat, is_well};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -26,6 +26,9 @@ pub struct RunPlan {
     pub operator: String,
     #[serde(default)]
     pub external_id: Option<String>,
+    /// Number of wells of the plate: 6, 12, 24, 48, 96, 384 or 1536. Without it the plate is one that holds the wells.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plate_format: Option<u32>,
     /// The wells in the order in which they are visited.
     pub plate_map: Vec<PlannedWell>,
     /// Metadata of the plate in the MIHCSME format. They are stored with the run and not evaluated.
@@ -45,7 +48,7 @@ pub enum Control {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PlannedWell {
-    /// `A01` to `P24`.
+    /// `A01` to `AF48`.
     pub well: String,
     #[serde(default = "larva")]
     pub specimen: SpecimenKind,
@@ -148,13 +151,9 @@ pub fn is_plain_name(name: &str) -> bool {
         && name.bytes().all(|b| b.is_ascii_alphanumeric() || matches!(b, b'-' | b'_' | b'.'))
 }
 
-/// Whether a name is that of a well on a plate of up to 384 wells: `A01` to `P24`.
-pub fn is_well(name: &str) -> bool {
-    let b = name.as_bytes();
-    b.len() == 3
-        && (b'A'..=b'P').contains(&b[0])
-        && b[1..].iter().all(u8::is_ascii_digit)
-        && (1..=24).contains(&(u32::from(b[1] - b'0') * 10 + u32::from(b[2] - b'0')))
+/// What is wrong with a well that its plate does not have.
+pub(crate) fn off_plate(well: &str, format: PlateFormat) -> String {
+    format!("{well} is not on a plate of {} wells: A01 to {}", format.wells(), format.last_well())
 }
 
 /// A method that may have a version.
@@ -178,6 +177,7 @@ impl RunPlan {
             method_version: None,
             operator: operator.into(),
             external_id: None,
+            plate_format: None,
             plate_map,
             metadata: Metadata::new(),
         }
@@ -211,10 +211,19 @@ impl RunPlan {
         if self.plate_map.is_empty() {
             wrong("/plate_map".into(), "the plate map names no well".into());
         }
+        let format = self.plate_format.and_then(|wells| {
+            let found = PlateFormat::of_wells(wells);
+            if found.is_none() {
+                wrong("/plate_format".into(), format!("no plate of {wells} wells is known; the formats are {}", PlateFormat::known()));
+            }
+            found
+        });
         let mut seen = BTreeSet::new();
         for (i, w) in self.plate_map.iter().enumerate() {
             if !is_well(&w.well) {
-                wrong(format!("/plate_map/{i}/well"), format!("{:?} is not a well: A01 to P24", w.well));
+                wrong(format!("/plate_map/{i}/well"), format!("{:?} is not a well: A01 to AF48", w.well));
+            } else if let Some(format) = format.filter(|format| !format.holds(&w.well)) {
+                wrong(format!("/plate_map/{i}/well"), off_plate(&w.well, format));
             } else if !seen.insert(&w.well) {
                 wrong(format!("/plate_map/{i}/well"), format!("{} stands in the plate map twice", w.well));
             }
@@ -260,7 +269,7 @@ mod tests {
     fn every_mistake_is_listed_with_its_place() {
         let plan: RunPlan = serde_json::from_str(
             r#"{"plate_barcode": "../x", "method": "fast", "operator": " ",
-                "plate_map": [{"well": "A01"}, {"well": "A1"}, {"well": "A01"}, {"well": "Q01"}, {"well": "P25", "dpf": -1}]}"#,
+                "plate_map": [{"well": "A01"}, {"well": "A1"}, {"well": "A01"}, {"well": "AG01"}, {"well": "P49", "dpf": -1}]}"#,
         )
         .unwrap();
         let pointers: Vec<_> = plan.check(&methods()).unwrap_err().into_iter().map(|e| e.pointer).collect();
@@ -275,6 +284,27 @@ mod tests {
             "/plate_map/4/dpf",
         ];
         assert_eq!(pointers, expected);
+    }
+
+    #[test]
+    fn a_well_must_be_on_the_plate_that_the_plan_names() {
+        let of = |format: Option<u32>| {
+            let wells = ["A01", "D06", "AF48"].map(|well| PlannedWell::new(well, SpecimenKind::Larva, None));
+            let plan = RunPlan { plate_format: format, ..RunPlan::new("P", "quick", "kim", wells.to_vec()) };
+            plan.check(&methods()).map_or_else(|errors| errors.into_iter().map(|e| (e.pointer, e.detail)).collect(), |()| Vec::new())
+        };
+        assert_eq!(of(None), []);
+        assert_eq!(of(Some(1536)), []);
+        let off = |well: &str, at: usize| (format!("/plate_map/{at}/well"), format!("{well} is not on a plate of 24 wells: A01 to D06"));
+        assert_eq!(of(Some(24)), [off("AF48", 2)]);
+        let unknown = "no plate of 95 wells is known; the formats are 6, 12, 24, 48, 96, 384, 1536";
+        assert_eq!(of(Some(95)), [("/plate_format".to_owned(), unknown.to_owned())]);
+    }
+
+    #[test]
+    fn a_plan_without_a_format_is_written_as_before() {
+        let plan = RunPlan::new("P", "quick", "kim", vec![PlannedWell::new("A01", SpecimenKind::Bead, None)]);
+        assert!(!serde_json::to_string(&plan).unwrap().contains("plate_format"));
     }
 
     #[test]

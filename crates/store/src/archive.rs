@@ -213,7 +213,7 @@ pub fn archive(folder: &Path, to: &Path) -> Result<Receipt, StoreError> {
 }
 
 /// The receipts of a run, newest first.
-fn receipts(folder: &Path) -> Result<Vec<Receipt>, StoreError> {
+pub(super) fn receipts(folder: &Path) -> Result<Vec<Receipt>, StoreError> {
     let of = folder.join(RECEIPTS);
     let Ok(entries) = std::fs::read_dir(&of) else { return Ok(Vec::new()) };
     // Other names, such as folders, are ignored.

@@ -16,6 +16,11 @@ pub(super) fn folder_name(well: &str, attempt: u32) -> String {
     if attempt == 0 { well.to_owned() } else { format!("{well}{MARK}{attempt}") }
 }
 
+/// The well whose folder has this name, if it is one.
+pub(super) fn well_of(folder: &str) -> &str {
+    folder.split_once(MARK).map_or(folder, |(well, _)| well)
+}
+
 /// Numbers of the earlier attempts at a well, in ascending order.
 pub(super) fn earlier(run: &Path, well: &str) -> Vec<u32> {
     let entries = std::fs::read_dir(run).into_iter().flatten().flatten();

@@ -176,11 +176,21 @@ pub fn after_run(run: &Path, folder: &Path) -> Result<Option<GateFile>, StoreErr
 /// # Errors
 /// The folder exists and cannot be listed.
 pub fn all(folder: &Path, rig: &str, mode: Mode) -> Result<Vec<GateFile>, StoreError> {
+    let mut gates = every(folder)?;
+    gates.retain(|gate| gate.found.rig == rig && gate.found.mode == mode);
+    Ok(gates)
+}
+
+/// The gates of every rig and mode in the folder, the oldest first. A file that cannot be read is told in the log, and is none.
+///
+/// # Errors
+/// A folder that is there and cannot be listed.
+pub fn every(folder: &Path) -> Result<Vec<GateFile>, StoreError> {
     let mut gates: Vec<GateFile> = Vec::new();
     let is_gate = |path: &PathBuf| path.file_name().and_then(|n| n.to_str()).is_some_and(|n| n.starts_with("gate-"));
     for path in durable::json_files(folder)?.into_iter().filter(is_gate) {
         match durable::read_json::<GateFile>(&path, "a bead gate (carved.bead-gate/1)") {
-            Ok(file) if file.schema == SCHEMA && file.found.rig == rig && file.found.mode == mode => gates.push(file),
+            Ok(file) if file.schema == SCHEMA => gates.push(file),
             Ok(_) => {}
             Err(error) => tracing::warn!(%error, "a bead gate is passed over"),
         }

@@ -28,6 +28,7 @@ mod reader;
 mod recording;
 mod replay;
 mod run;
+mod run_files;
 mod schema;
 mod sums;
 #[cfg(any(test, feature = "testing"))]
@@ -46,6 +47,7 @@ pub use recording::{
 };
 pub use replay::ReplayWriter;
 pub use run::RunRecord;
+pub use run_files::RunFiles;
 pub use sums::{seal, seal_run};
 
 use carved_records::{Event, EventData, JournalRepaired, Mode, RunUnreadable, kind};

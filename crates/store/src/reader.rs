@@ -5,10 +5,12 @@
 //! run, specimen, file ─────── runs/RUN/..., names are checked before they become a path, bytes against SHA256SUMS
 //! ```
 
+use super::gates::{self, GateFile};
 use super::index::{self, EventsAfter, RunRow, RunsQuery};
 use super::recording::{DETECTION, MEASUREMENT, RECORDING, frame_name};
-use super::{RunRecord, StoreError, attempts, durable, run, sums};
-use carved_records::{ViewTaken, WellStatus, is_plain_name, is_well, sha256_hex};
+use super::{Receipt, RunFiles, RunRecord, StoreError, archive, attempts, durable, frames, run, sums};
+use carved_core::frame::{PixelFormat, RawFrame};
+use carved_records::{Event, ViewTaken, WellStatus, is_plain_name, is_well, sha256_hex};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -17,6 +19,8 @@ use std::sync::Arc;
 #[derive(Debug, Clone)]
 pub struct StoreReader {
     root: Arc<Path>,
+    /// The folder of the rig's calibrations.
+    calibrations: Arc<Path>,
 }
 
 /// A stored well of a run.
@@ -84,11 +88,34 @@ impl StoredFile {
         }
         Ok(bytes)
     }
+
+    /// The frame in the file, which a camera sent in this format.
+    ///
+    /// # Errors
+    /// As [`Self::read`], and a file that holds no such frame.
+    pub fn decode(self, format: PixelFormat) -> Result<RawFrame, StoreError> {
+        let path = self.path.clone();
+        frames::decode_bytes(&path, &self.read()?, format)
+    }
 }
 
 impl StoreReader {
     pub fn new(root: &Path) -> Self {
-        Self { root: root.into() }
+        Self { root: root.into(), calibrations: root.join("calibrations").into() }
+    }
+
+    /// The same with the rig's calibrations in another folder.
+    #[must_use]
+    pub fn with_calibrations(self, folder: &Path) -> Self {
+        Self { calibrations: folder.into(), ..self }
+    }
+
+    /// The bead gates that are kept, the oldest first, of all rigs whose calibrations are in the folder.
+    ///
+    /// # Errors
+    /// A folder that cannot be listed.
+    pub fn gates(&self) -> Result<Vec<GateFile>, StoreError> {
+        gates::every(&self.calibrations)
     }
 
     /// Runs, newest first.
@@ -135,6 +162,46 @@ impl StoreReader {
     pub fn run(&self, id: &str) -> Result<Option<RunRecord>, StoreError> {
         let Some(file) = self.folder(id).map(|f| f.join(run::FILE)).filter(|f| f.is_file()) else { return Ok(None) };
         RunRecord::read(&file).map(Some)
+    }
+
+    /// The events of a run after the event `after`, oldest first, at most `most`. Those of single views are left out.
+    ///
+    /// # Errors
+    /// An index that cannot be read.
+    pub fn events_of(&self, run: &str, after: u64, most: usize) -> Result<Vec<Event>, StoreError> {
+        index::events_of(&self.root, run, after, most)
+    }
+
+    /// The copies of a run that `carved archive` made, newest first. Receipts that cannot be read are logged and count as none.
+    pub fn copies(&self, run: &str) -> Vec<Receipt> {
+        let Some(folder) = self.folder(run) else { return Vec::new() };
+        archive::receipts(&folder).unwrap_or_else(|error| {
+            tracing::warn!(%error, "the receipts of a run's copies are not read");
+            Vec::new()
+        })
+    }
+
+    /// The files of a run that has ended. `None` if there is no such run.
+    ///
+    /// # Errors
+    /// A run under way, and a folder that cannot be read.
+    pub fn run_files(&self, id: &str) -> Result<Option<RunFiles>, StoreError> {
+        let Some(folder) = self.folder(id).filter(|f| f.join(run::FILE).is_file()) else { return Ok(None) };
+        RunFiles::of(&folder).map(Some)
+    }
+
+    /// The format of the frames of a well. `None` where nothing was recorded of it.
+    ///
+    /// # Errors
+    /// A recording that cannot be read, or that names no format.
+    pub fn pixel_format(&self, run: &str, well: &str, attempt: u32) -> Result<Option<PixelFormat>, StoreError> {
+        let Some(folder) = self.specimen_folder(run, well, attempt) else { return Ok(None) };
+        let path = folder.join(RECORDING);
+        let mut recording: Value = durable::read_json(&path, "JSON")?;
+        let format = serde_json::from_value(recording["rig"]["pixel_format"].take());
+        let wrong =
+            |e: serde_json::Error| StoreError::Format { path, expected: "a pixel format as `rig.pixel_format`", found: e.to_string() };
+        format.map(Some).map_err(wrong)
     }
 
     /// An attempt at a well of a run. Attempt 0 is the newest one. `None` if nothing was recorded.

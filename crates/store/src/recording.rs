@@ -200,7 +200,7 @@ impl Recording {
             if is { Ok(()) } else { Err(wrong()) }
         };
         let (well, run, method) = (&self.specimen.well, &self.run, &self.method_name);
-        named("a well A01 to P24 as `specimen.well`", well, is_well(well))?;
+        named("a well A01 to AF48 as `specimen.well`", well, is_well(well))?;
         named("a name of letters, digits, '-', '_' and '.' as `run`", run, is_plain_name(run))?;
         named("a name of letters, digits, '-', '_' and '.' as `method_name`", method, is_plain_name(method))
     }

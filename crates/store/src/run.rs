@@ -83,7 +83,7 @@ impl RunRecord {
         }
         let planned = run.plan.plate_map.iter().map(|planned| &planned.well);
         if let Some(well) = planned.chain(run.wells.iter().map(|status| &status.well)).find(|well| !is_well(well)) {
-            return Err(wrong("wells A01 to P24", well));
+            return Err(wrong("wells A01 to AF48", well));
         }
         Ok(run)
     }

@@ -1,6 +1,6 @@
 //! `SHA256SUMS` files in the format of `sha256sum -c`.
 
-use super::{StoreError, durable};
+use super::{StoreError, attempts, durable};
 use carved_records::{is_well, sha256_hex};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -21,10 +21,16 @@ fn files(folder: &Path, under: &Path, found: &mut Vec<PathBuf>) -> Result<(), St
     Ok(())
 }
 
-/// SHA-256 of each file of the folder, by its name in the folder.
-pub fn of_folder(folder: &Path) -> Result<BTreeMap<PathBuf, String>, StoreError> {
+/// Names of the files of the folder, also of those in folders below it; `SHA256SUMS` of the folder itself is left out.
+pub fn names(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
     let mut names = Vec::new();
     files(folder, Path::new(""), &mut names)?;
+    Ok(names)
+}
+
+/// SHA-256 of every file of the folder, by its name in it.
+pub fn of_folder(folder: &Path) -> Result<BTreeMap<PathBuf, String>, StoreError> {
+    let names = names(folder)?;
     let hash = |name: PathBuf| {
         let path = folder.join(&name);
         let bytes = carved_files::read(&path).map_err(StoreError::io("read", &path))?;
@@ -53,7 +59,7 @@ pub fn seal_run(run: &Path) -> Result<(), StoreError> {
     let mut sealed = Ok(());
     for entry in std::fs::read_dir(run).map_err(StoreError::io("list", run))?.flatten() {
         let name = entry.file_name().into_string().unwrap_or_default();
-        if name.get(..3).is_some_and(is_well)
+        if is_well(attempts::well_of(&name))
             && let Err(error) = seal(&entry.path())
         {
             sealed = Err(error);

@@ -14,6 +14,9 @@ pub struct Args {
     /// The plate map, a CSV or a JSON file (`.json`). If it has several plates, --barcode selects one.
     #[arg(long)]
     plate_map: PathBuf,
+    /// Number of wells of the plate: 6, 12, 24, 48, 96, 384 or 1536 [default: that of the plate map, or a plate that holds the wells]
+    #[arg(long, value_name = "WELLS")]
+    plate_format: Option<u32>,
     /// The plate's barcode.
     #[arg(long)]
     barcode: String,
@@ -55,6 +58,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let plan = RunPlan {
         method_version: args.method_version.clone(),
         external_id: args.external_id.clone(),
+        plate_format: args.plate_format.or(map.plate_format),
         metadata: map.metadata,
         ..RunPlan::new(&args.barcode, &args.method, &args.operator, map.plate_map)
     };

@@ -33,8 +33,8 @@ const PAUSE: Duration = Duration::from_millis(300);
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     anyhow::ensure!(
-        args.replay.is_none() && !args.translation && !args.second_camera && args.camera_out.is_none(),
-        "--controller folder has no devices; expected neither --replay, --translation, --second-camera nor --camera-out"
+        args.replay.is_none() && !args.translation && !args.second_camera && args.camera_out.is_none() && args.axis_out.is_empty(),
+        "--controller folder has no devices; expected neither --replay, --translation, --second-camera, --camera-out nor --axis-out"
     );
     let mut config = Config::parse(CONFIG, Path::new(CONFIG_NAME))?;
     config.http.listen = args.listen;

@@ -5,6 +5,7 @@
 //!                                 └── GigE camera on 127.0.0.x ─> Aravis ─────┴──> the same daemon as `serve`
 //! ```
 
+mod cables;
 mod controller;
 mod folder;
 mod holds;
@@ -20,11 +21,11 @@ use crate::config::{CameraDriver, Config};
 use crate::http;
 use crate::session::Instrument;
 use anyhow::Context;
+use cables::Cables;
 use carved_devices::camera::CameraSelect;
 use carved_devices::sampler::{LoaderInterlock, Sampler};
 use carved_records::{Mode, is_well};
 use carved_store::Claim;
-use hardware_sim::gige::CameraFaults;
 use hardware_sim::{Rig, RigSettings, ShaftSettings, Sight, SlideSettings};
 use holds::Holds;
 use job::Job;
@@ -33,7 +34,6 @@ use scenery::{Appearance, SceneSampler, Scenery};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::Duration;
 
 /// The configuration of the emulated rig. The addresses of its devices are filled in once they are open.
@@ -62,7 +62,10 @@ pub struct Args {
     holds: Vec<Holds>,
     /// Disconnect the camera's cable once: seconds after the start, and for how many seconds, as in 60,30.
     #[arg(long, value_name = "AFTER,FOR", value_parser = out_for, conflicts_with = "replay")]
-    camera_out: Option<[Duration; 2]>,
+    camera_out: Option<cables::Out>,
+    /// Disconnect the cable of the motor controller: seconds after the start, and for how many seconds. May be given several times.
+    #[arg(long, value_name = "AFTER,FOR", value_parser = out_for, conflicts_with = "replay")]
+    axis_out: Vec<cables::Out>,
     /// The controller that turns the emulated capillary, or `folder`: a vendor's program that turns it and stores pictures.
     #[arg(long, value_enum, default_value_t = controller::Make::Grbl)]
     controller: controller::Make,
@@ -91,7 +94,7 @@ fn out_for(text: &str) -> Result<[Duration; 2], String> {
 }
 
 fn well(name: &str) -> Result<String, String> {
-    if is_well(name) { Ok(name.to_owned()) } else { Err("wells are A01 to P24; the demo plate has A01 to A04".into()) }
+    if is_well(name) { Ok(name.to_owned()) } else { Err("wells are A01 to AF48; the demo plate has A01 to A04".into()) }
 }
 
 pub fn run(args: Args) -> anyhow::Result<()> {
@@ -121,7 +124,10 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         None => scenery::of_phantoms(&args, &config),
     };
 
-    let settings = rig_settings(&config, &args)?;
+    let cables = Cables::new(args.camera_out, &args.axis_out);
+    // A port that is connected again may get another device name. The link keeps its name.
+    let serial_link = cables.concern_axis().then(|| config.store.data_dir.join("emulated-axis"));
+    let settings = RigSettings { serial_link, ..rig_settings(&config, &args)? };
     let machine = settings.controller.clone();
     let mut rig = Rig::start(settings, sight).context("the emulated rig did not start")?;
     controller::connect(&mut config.rotation, &rig)?;
@@ -154,25 +160,12 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     // `rig` is dropped after the daemon has released its devices.
     std::thread::scope(|scope| {
         let (running, ended) = std::sync::mpsc::channel::<()>();
-        if let Some(times) = args.camera_out {
-            let camera = rig.faults().camera();
-            scope.spawn(move || take_cable_out(camera, times, &ended));
-        }
+        let (rig, cables) = (&rig, &cables);
+        scope.spawn(move || cables.follow(rig, &ended));
         let served = daemon.run(move |handle| async move { job.run(handle, &folder).await });
         drop(running);
         served
     })
-}
-
-/// Disconnects the cable once, or not at all if the daemon ends earlier.
-fn take_cable_out(camera: &CameraFaults, [after, lasting]: [Duration; 2], ended: &Receiver<()>) {
-    for (pause, out) in [(after, true), (lasting, false)] {
-        if ended.recv_timeout(pause) != Err(RecvTimeoutError::Timeout) {
-            return;
-        }
-        tracing::warn!(out, "the emulated camera's cable");
-        camera.pull_cable(out);
-    }
 }
 
 /// The contents of the emulated camera's picture, who changes them, and the work after the start.

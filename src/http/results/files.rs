@@ -1,6 +1,6 @@
 //! Files of a specimen. The recorded hash of a file is its tag, so that a repeated request does not read the file.
 
-use super::{Attempt, read, unknown_specimen};
+use super::{Attempt, picture, read, unknown_specimen};
 use crate::http::conditional;
 use crate::http::problem::Problem;
 use crate::http::{App, AppState};
@@ -9,6 +9,8 @@ use axum::extract::{Path, Query, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use carved_store::SpecimenFile;
+use serde::Deserialize;
+use utoipa::IntoParams;
 
 async fn stored(
     app: &App,
@@ -38,10 +40,57 @@ async fn stored(
 /// Name of the detection frame among the views.
 pub(super) const DETECTION: &str = "detection.png";
 
-/// The number in `7.png`.
-fn number(file: &str) -> Result<u32, Problem> {
-    let number = file.strip_suffix(".png").filter(|n| !n.is_empty() && n.bytes().all(|b| b.is_ascii_digit())).and_then(|n| n.parse().ok());
-    number.ok_or_else(|| Problem::new(StatusCode::NOT_FOUND, "unknown_file", format!("{file:?} is no view; use 0.png, 1.png, ...")))
+/// The name of that frame without an ending.
+const DETECTED: &str = "detection";
+
+fn unknown_view(file: &str) -> Problem {
+    Problem::new(StatusCode::NOT_FOUND, "unknown_file", format!("{file:?} is no view; use 0.png, 1.png, ..."))
+}
+
+/// The number in `7`.
+fn number(digits: &str) -> Option<u32> {
+    Some(digits).filter(|n| !n.is_empty() && n.bytes().all(|b| b.is_ascii_digit()))?.parse().ok()
+}
+
+/// A view for the page: JPEG, scaled down. Its tag is that of the frame with the width.
+async fn shown(
+    app: &App,
+    (run, well): (String, String),
+    Scaled { attempt, width }: Scaled,
+    file: SpecimenFile,
+    headers: &HeaderMap,
+) -> Result<Response, Problem> {
+    if let Some(width) = width.filter(|width| !picture::WIDTHS.contains(width)) {
+        let (least, most) = (picture::WIDTHS.start(), picture::WIDTHS.end());
+        return Err(Problem::bad_request("bad_query", format!("width is {width}; use {least} to {most} px")));
+    }
+    let (r, w) = (run.clone(), well.clone());
+    let found = read(app, move |store| Ok(store.pixel_format(&r, &w, attempt)?.zip(store.file(&r, &w, attempt, file)?)));
+    let (format, file) = found.await?.ok_or_else(|| unknown_specimen(&run, &well))?;
+    let known = file.sha256().map(|hash| format!("\"{}-{}\"", &hash[..hash.len().min(32)], width.unwrap_or(0)));
+    if let Some(tag) = &known {
+        let answer = conditional::answer(headers, tag, || StatusCode::OK.into_response());
+        if answer.status() == StatusCode::NOT_MODIFIED {
+            return Ok(answer);
+        }
+    }
+    let bytes = read(app, move |_| Ok(picture::jpeg(&file.decode(format)?, width))).await??;
+    let tag = known.unwrap_or_else(|| conditional::tag_of(&bytes));
+    let full = || ([(header::CONTENT_TYPE, "image/jpeg"), (header::CACHE_CONTROL, "no-cache")], bytes).into_response();
+    Ok(conditional::answer(headers, &tag, full))
+}
+
+#[derive(Debug, Default, Clone, Copy, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub(in crate::http) struct Scaled {
+    /// An earlier attempt at the well, by its number; 0 or left out, the newest.
+    #[serde(default)]
+    #[param(required = false)]
+    attempt: u32,
+    /// Largest width of a `.jpg`, px; left out, that of the frame.
+    #[param(minimum = 32, maximum = 8192)]
+    width: Option<u32>,
 }
 
 type Named = Result<Path<(String, String)>, PathRejection>;
@@ -51,7 +100,7 @@ type Which = Result<Query<Attempt>, QueryRejection>;
 /// The surface where the outlines put it, um, binary PLY.
 #[utoipa::path(
     get, path = "/v1/runs/{run_id}/specimens/{well}/mesh.ply", tag = "results",
-    params(("run_id" = String, Path), ("well" = String, Path, description = "`A01` to `P24`"), Attempt),
+    params(("run_id" = String, Path), ("well" = String, Path, description = "`A01` to `AF48`"), Attempt),
     responses(
         (status = 200, description = "PLY", body = Vec<u8>, content_type = "application/octet-stream"),
         (status = 304, description = "The client has it"),
@@ -65,7 +114,7 @@ pub(in crate::http) async fn mesh(State(app): State<AppState>, path: Named, whic
 /// The same surface in fewer triangles, um, to look at.
 #[utoipa::path(
     get, path = "/v1/runs/{run_id}/specimens/{well}/mesh.glb", tag = "results",
-    params(("run_id" = String, Path), ("well" = String, Path, description = "`A01` to `P24`"), Attempt),
+    params(("run_id" = String, Path), ("well" = String, Path, description = "`A01` to `AF48`"), Attempt),
     responses(
         (status = 200, description = "Binary glTF", body = Vec<u8>, content_type = "model/gltf-binary"),
         (status = 304, description = "The client has it"),
@@ -81,34 +130,41 @@ pub(in crate::http) async fn model(
     stored(&app, of, which.attempt, SpecimenFile::Model, "model/gltf-binary", &headers).await
 }
 
-/// The raw frame of a view, as it came, or the one on which the well was judged.
+/// The frame of a view, or the one on which the well was judged: `.png` as it came, `.jpg` in colour and scaled down, to look at.
 #[utoipa::path(
     get, path = "/v1/runs/{run_id}/specimens/{well}/views/{view}", tag = "results",
     params(
-        ("run_id" = String, Path), ("well" = String, Path, description = "`A01` to `P24`"),
-        ("view" = String, Path, description = "`0.png`, `1.png`, ...: the ledger's number; `detection.png`"), Attempt,
+        ("run_id" = String, Path), ("well" = String, Path, description = "`A01` to `AF48`"),
+        ("view" = String, Path, description = "`0.png`, `1.png`, ...: the ledger's number; `detection.png`; or with `.jpg`"), Scaled,
     ),
     responses(
-        (status = 200, description = "PNG", body = Vec<u8>, content_type = "image/png"),
+        (status = 200, description = "PNG or JPEG", content((Vec<u8> = "image/png"), (Vec<u8> = "image/jpeg"))),
         (status = 304, description = "The client has it"),
     )
 )]
 pub(in crate::http) async fn view(
     State(app): State<AppState>,
     path: Numbered,
-    which: Which,
+    which: Result<Query<Scaled>, QueryRejection>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     let (Path((run, well, file)), Query(which)) = (path?, which?);
-    let wanted = if file == DETECTION { SpecimenFile::Detection } else { SpecimenFile::View(number(&file)?) };
-    stored(&app, (run, well), which.attempt, wanted, "image/png", &headers).await
+    let (name, ending) = file.rsplit_once('.').ok_or_else(|| unknown_view(&file))?;
+    let wanted = if name == DETECTED { Some(SpecimenFile::Detection) } else { number(name).map(SpecimenFile::View) };
+    let wanted = wanted.ok_or_else(|| unknown_view(&file))?;
+    match (ending, which.width) {
+        ("jpg", _) => shown(&app, (run, well), which, wanted, &headers).await,
+        ("png", None) => stored(&app, (run, well), which.attempt, wanted, "image/png", &headers).await,
+        ("png", Some(_)) => Err(Problem::bad_request("bad_query", "a .png is the raw frame and has no width; use .jpg")),
+        _ => Err(unknown_view(&file)),
+    }
 }
 
 /// The mask that a view carved with.
 #[utoipa::path(
     get, path = "/v1/runs/{run_id}/specimens/{well}/profiles/{view}", tag = "results",
     params(
-        ("run_id" = String, Path), ("well" = String, Path, description = "`A01` to `P24`"),
+        ("run_id" = String, Path), ("well" = String, Path, description = "`A01` to `AF48`"),
         ("view" = String, Path, description = "`0.png`, `1.png`, ...: the ledger's number"), Attempt,
     ),
     responses(
@@ -123,5 +179,6 @@ pub(in crate::http) async fn profile(
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     let (Path((run, well, file)), Query(which)) = (path?, which?);
-    stored(&app, (run, well), which.attempt, SpecimenFile::Profile(number(&file)?), "image/png", &headers).await
+    let view = file.strip_suffix(".png").and_then(number).ok_or_else(|| unknown_view(&file))?;
+    stored(&app, (run, well), which.attempt, SpecimenFile::Profile(view), "image/png", &headers).await
 }

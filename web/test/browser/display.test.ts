@@ -6,7 +6,7 @@ import { createRequire } from "node:module";
 import { after, afterEach, before, beforeEach, test } from "node:test";
 import type { Browser, Page } from "playwright-core";
 import { openBrowser, openPage, shoot } from "../support/browser.ts";
-import { FixtureServer } from "../support/fixture-server.ts";
+import { FixtureServer, kept } from "../support/fixture-server.ts";
 import { ellipsoidGlb } from "../support/picture.ts";
 import { carved, fault, placed, run, specimen, status, well } from "../support/statuses.ts";
 
@@ -55,9 +55,17 @@ const {
 const detail = {
   ...stored,
   ...{ plate_barcode: "P-9", mode: "imported", method_settings: {}, software_version: "0.0.9", specimens: [] },
-  plan: { ...plan, plate_barcode: "P-9", plate_map: oldWells.map((w) => ({ well: w.well })) },
+  copies: [{ archived: "2025-11-03T08:00:00Z", destination: "/nas/P-9-old", bytes: 2.5e9, files: 812 }],
+  plan: { ...plan, plate_barcode: "P-9", plate_format: 24, plate_map: oldWells.map((w) => ({ well: w.well })) },
 };
-const { results: _results, plan: _plan, method_settings: _settings, specimens: _specimens, ...row } = detail;
+const {
+  results: _results,
+  plan: _plan,
+  method_settings: _settings,
+  specimens: _specimens,
+  copies: _copies,
+  ...row
+} = detail;
 
 let browser: Browser;
 let server: FixtureServer;
@@ -114,6 +122,13 @@ test("an old run is found, opened with all that a live one shows, and closed; th
   assert.equal(await text("plate-name"), "P-9");
   assert.match(await text("sentence"), /^Taking view 10 of 22 of the larva in A05$/, "what the instrument does stays");
   assert.equal(await page.locator("#abort").isVisible(), true);
+  assert.equal(await page.locator("#plate").getAttribute("data-wells"), "24", "the plate that the plan names");
+  await until("opened-copies", /^Copied to \/nas\/P-9-old on 2025-11-03 .*: 812 files, 2\.50 GB/);
+  const whole = page.getByRole("link", { name: "All files of the run (tar)" });
+  assert.equal(await whole.getAttribute("href"), "/v1/runs/P-9-old/files.tar");
+  const saved = page.waitForEvent("download");
+  await whole.click();
+  assert.equal((await saved).suggestedFilename(), "P-9-old.tar");
   await shoot(page, "stored-run");
   // Its address can be kept.
   await page.reload();
@@ -127,6 +142,145 @@ test("an old run is found, opened with all that a live one shows, and closed; th
   // Chromium reports the 404 of the run that is not there.
   complaints.splice(0, complaints.length, ...complaints.filter((c) => !/404/.test(c)));
 });
+
+test("groups of the plate map: a dot per well, the numbers as a table, and a dot leads to its well", async () => {
+  server.answers["/v1/runs/demo-1"] = {
+    ...detail,
+    plan: {
+      ...plan,
+      plate_map: [
+        ...["A01", "A02", "A03"].map((name) => ({ well: name, dpf: 3, compound: "DMSO", control: "negative" })),
+        { well: "A04", dpf: 3, compound: "BPA", concentration: 10, concentration_unit: "uM" },
+        { well: "A05", dpf: 3, compound: "BPA", concentration: 10, concentration_unit: "uM" },
+      ],
+    },
+  };
+  const known = { group: "fixed, 3 dpf", n: 12, mean: 245e6, sd: 8e6, z: 0, percentile: 50 };
+  server.answers["/v1/runs/demo-1/specimens/A01"] = kept({
+    measurement: { reference: { estimates: [{ estimator: "support", volume: { known }, area: {} }] } },
+  });
+  await page.goto(server.url);
+  await page.getByText("Groups of the plate map").click();
+  await page.locator('#groups-chart svg[data-groups="2"]').waitFor();
+  await until("groups-words", /Behind: mean ± 1 SD of the references, 12 larvae of 3 dpf\./);
+  assert.equal(await page.locator("#groups-chart .groups-reference").count(), 2);
+  const rows = await page.locator("#groups-table tbody tr").allInnerTexts();
+  assert.deepEqual(
+    rows.map((row) => row.split("\t")),
+    [
+      ["a", "Larva, 3 dpf, DMSO, negative control", "3", "250.0", "250.0", "10.00", "240.0", "260.0"],
+      ["b", "Larva, 3 dpf, BPA 10.0 uM", "1", "310.0", "310.0", "–", "310.0", "310.0"],
+    ],
+  );
+  await shoot(page, "groups");
+  await page.locator('#groups-chart [data-well="A04"]').click();
+  await until("well-heading", /^Well A04$/);
+  await page.locator("#groups-quantity").selectOption("area");
+  await until("groups-table", /Area by group/);
+});
+
+test("control charts of the beads mark what is out of its limits", async () => {
+  const gate = (i: number, mean: number, jumped = false) => ({
+    ...{ id: `g${i}`, rig: "vast", mode: "hardware", measured: `2026-03-${String(i).padStart(2, "0")}T08:00:00Z` },
+    ...{ verdict: jumped ? "failed" : "passed", passes: !jumped, beads: 3, nominal_um: 500, begins_history: i === 1 },
+    quantities: [
+      {
+        ...{ name: "diameter_um", mean, sd: 0.5, history_mean: i > 5 ? 500 : null },
+        ...{ lower_limit: i > 5 ? 498 : null, upper_limit: i > 5 ? 502 : null, jumped, drifted: false },
+      },
+    ],
+  });
+  const gates = Array.from({ length: 9 }, (_, i) => gate(i + 1, 500 + 0.3 * (i % 3), false));
+  server.answers["/v1/bead-gates"] = { gates: [...gates, gate(10, 505, true)] };
+  await page.goto(server.url);
+  await page.getByText("Beads: control charts and drift").click();
+  await until("beads-words", /^10 gates\. The newest, of 2026-03-10 .*, did not pass\.$/);
+  const chart = page.locator("#beads-charts svg");
+  assert.equal(await chart.count(), 1);
+  assert.deepEqual([await chart.getAttribute("data-points"), await chart.getAttribute("data-out")], ["10", "1"]);
+  await until("beads-charts", /Mean diameter, µm: 2026-03-10 .*: 505\.00 of 3 beads, a jump\./);
+  await shoot(page, "beads");
+});
+
+test("what happened in a run is read in parts, in words, with each step on demand, and followed", async () => {
+  const event = (id: number, kind: string, data: unknown, well: string | null = null) => ({
+    ...{ id, time: `2026-03-05T09:30:${String(id).padStart(2, "0")}Z`, kind, run: "demo-1", well, data },
+  });
+  const events = [
+    event(1, "run.accepted", { plate_barcode: "P-1", method: "standard" }),
+    event(2, "specimen.phase", { phase: "load" }, "A01"),
+    event(3, "specimen.tried_again", { attempt: 1, why: "the specimen moved" }, "A01"),
+  ];
+  server.answers["/v1/runs/demo-1/events"] = { events, next: null };
+  await page.goto(server.url);
+  await page.getByText("What happened in this run").click();
+  await until("log-words", /^2 events, the newest first; 1 step not listed\.$/);
+  const items = page.locator("#log-list li span");
+  assert.deepEqual(await items.allInnerTexts(), [
+    "A01 is measured again: attempt 1 failed, the specimen moved.",
+    "The run was accepted for plate P-1, method standard.",
+  ]);
+  await page.getByLabel("Each step").check();
+  assert.deepEqual((await items.allInnerTexts())[1], "A01: loading.");
+  // News are asked for behind the newest event that is known.
+  server.answers["/v1/runs/demo-1/events"] = { events: [event(4, "run.held", { by: "operator" })], next: null };
+  server.publish({ ...running, uptime_s: 1 });
+  await until("log-words", /^4 events/);
+  assert.equal(await items.first().innerText(), "An operator holds the run.");
+  assert.ok(server.read.includes("/v1/runs/demo-1/events?after=3"), server.read.join(" "));
+  await shoot(page, "log");
+});
+
+test("the list of runs is filtered by the daemon, which knows all of them", async () => {
+  await page.goto(server.url);
+  await page.getByText("All runs").click();
+  await until("runs-words", /^2 of 2 runs\.$/);
+  server.answers["/v1/runs"] = { runs: [row], next: null };
+  await page.locator("#runs-outcome").selectOption({ label: "finished in part" });
+  await until("runs-words", /^1 of 1 runs\.$/);
+  await page.locator("#runs-mode").selectOption({ label: "imported" });
+  await page.waitForFunction(() => document.querySelector<HTMLButtonElement>("#runs-refresh")?.disabled === false);
+  const asked = server.read.filter((path) => path.startsWith("/v1/runs?"));
+  assert.deepEqual(asked, [
+    "/v1/runs?limit=100",
+    "/v1/runs?limit=100&outcome=partial",
+    "/v1/runs?limit=100&outcome=partial&mode=imported",
+  ]);
+});
+
+for (const [wells, last] of [
+  [6, "B03"],
+  [12, "C04"],
+  [24, "D06"],
+  [48, "F08"],
+  [96, "H12"],
+  [384, "P24"],
+  [1536, "AF48"],
+] as const) {
+  test(`a plate of ${wells} wells fits a desktop and a telephone`, async () => {
+    const named = { ...plan, plate_format: wells, plate_map: [{ well: last }] };
+    server.answers["/v1/runs/demo-1"] = { ...detail, plan: named };
+    server.publish(status({ run: run([larva("A01", 240e6, 0), larva(last, 250e6, 0)]) }));
+    for (const [width, height] of [
+      [1920, 1080],
+      [390, 844],
+    ] as const) {
+      await page.setViewportSize({ width, height });
+      await page.goto(server.url);
+      await page.locator(`#plate[data-wells="${wells}"]`).waitFor();
+      assert.equal(await page.locator("#plate .well").count(), wells);
+      const beyond = await page.evaluate(() => document.documentElement.scrollWidth - window.innerWidth);
+      assert.ok(beyond <= 0, `${width} px: ${beyond} px beyond the right edge`);
+      const table = (await page.locator("#plate").boundingBox())!;
+      if (width === 1920) assert.ok(table.height < height, `the plate is ${table.height} px high`);
+      const well = (await wellButton(last).boundingBox())!;
+      assert.ok(well.width >= 9 && well.height >= 9, `${width} px: a well is ${well.width} x ${well.height} px`);
+      await wellButton(last).click();
+      await until("well-heading", new RegExp(`^Well ${last}$`));
+      await shoot(page, `plate-${wells}-${width}`);
+    }
+  });
+}
 
 test("the plate is coloured by volume, by references and by its own controls, with numbers in words", async () => {
   await page.goto(server.url);

@@ -200,19 +200,29 @@ test("a chosen well shows what is stored of it, and the page says whose pictures
   // The second view has no profile.
   const profiles = [0, 2].map((i) => `${base}/profiles/${i}.png`);
   const links = { ...NO_FILES, mesh_glb: `${base}/mesh.glb`, views, profiles };
+  const known = { group: "fixed, 3 dpf", n: 12, mean: 3.2e6, sd: 150_000, z: 1.5, percentile: 93 };
   const fin: [number, number][] = [
     [100, 180],
     [400, 180],
   ];
-  const measurement = { views: [{ index: 0, fins_px: [fin] }] };
+  // The camera that sees the model of 3400 x 500 x 460 um as the ellipse of the profiles.
+  const camera = { f: 1e9, kx: 180 / 1700, ky: 30 / 250, ux: 256, uy: 256, width: 512, height: 512 };
+  const view = (index: number, residual_px: number) => ({
+    ...{ index, omega: index * Math.PI, used: true, reason: null, dy_px: 0, residual_px },
+  });
+  const measurement = {
+    calibration: { psi: camera, rho: 1 },
+    views: [{ ...view(0, 0.2), fins_px: [fin] }, { ...view(1, 0), used: false, reason: "not_seen" }, view(2, 0.4)],
+    reference: { estimates: [{ estimator: "support", volume: {}, area: { known } }] },
+  };
   server.answers[base] = kept({
-    recording: { rig: { pixel_format: "BayerRG8" } },
+    recording: { rig: { pixel_format: "BayerRG8", camera } },
     measurement,
     hull_volumes_um3: late,
     estimates: estimated(21),
     links,
   });
-  for (const path of views) server.files[path] = frame;
+  for (const path of views) server.files[path.replace("png", "jpg")] = frame;
   for (const path of profiles)
     server.files[path] = png(512, 512, (x, y) =>
       ((x - 256) / 180) ** 2 + ((y - 256) / 30) ** 2 < 1 ? [255, 255, 255, 255] : [0, 0, 0, 255],
@@ -235,11 +245,9 @@ test("a chosen well shows what is stored of it, and the page says whose pictures
   await page.locator('#chart svg[data-points="15"]').waitFor();
   await until("chart-caption", /^A01: reported 243\.1.nL/);
   assert.equal(await page.locator("#profile-image").isVisible(), true);
-  // A mosaic's four pixels are one in colour.
-  assert.equal(await page.locator("#frame-image").evaluate((image: HTMLImageElement) => image.naturalWidth), 256);
   // The fin that all views share is drawn above the specimen, and nothing beside it.
-  const drawn = (u: number, v: number) =>
-    page.locator("#profile-image").evaluate(
+  const drawn = (u: number, v: number, of = "profile") =>
+    page.locator(`#${of}-image`).evaluate(
       (image: HTMLImageElement, [x, y]) => {
         const canvas = new OffscreenCanvas(image.naturalWidth, image.naturalHeight).getContext("2d")!;
         canvas.drawImage(image, 0, 0);
@@ -249,7 +257,48 @@ test("a chosen well shows what is stored of it, and the page says whose pictures
     );
   assert.deepEqual(await drawn(250, 180), [64, 220, 255, 255]);
   assert.deepEqual(await drawn(250, 190), [0, 0, 0, 0]);
+  await page.locator("#model-image").waitFor();
+  // The outline of the model is where the camera sees it: at both ends of the ellipse and at its upper border.
+  const model = [16, 92, 255, 255];
+  for (const [u, v] of [
+    [76, 256],
+    [436, 256],
+    [256, 226],
+  ] as const)
+    assert.deepEqual(await drawn(u, v, "model"), model);
+  for (const [u, v] of [
+    [256, 256],
+    [256, 220],
+    [66, 256],
+  ] as const)
+    assert.deepEqual(await drawn(u, v, "model"), [0, 0, 0, 0]);
+  await page.getByLabel("Model's outline").uncheck();
+  assert.equal(await page.locator("#model-image").isVisible(), false);
+  await page.getByLabel("Model's outline").check();
+  // The strip has every view with its distance, and marks the one in large.
+  const strip = page.locator("#views-list button");
+  assert.equal(await strip.count(), 3);
+  assert.match(await strip.nth(1).innerText(), /^2 · 180°\s*left out: not seen$/);
+  await until("views-words", /^3 views, 1 left out\. .* 0\.40 px in view 3\.$/);
+  // Its pictures are read when it is looked at.
+  assert.ok(
+    server.read.every((path) => !path.includes("width=")),
+    "thumbnails were read below the window",
+  );
+  await page.locator("#views").scrollIntoViewIfNeeded();
+  await page.waitForFunction(() =>
+    [...document.querySelectorAll<HTMLImageElement>("#views-list img")].every((image) => image.naturalWidth > 0),
+  );
+  assert.equal(await strip.nth(0).getAttribute("aria-pressed"), "true");
+  assert.match(await text("standing"), /Area 3\.425 mm²: 1\.5 SD above the mean of 12 larvae .* 93 % of such/s);
+  assert.equal(await page.locator("#standing svg").getAttribute("data-z"), "1.500");
   await shoot(page, "stored");
+  await strip.nth(2).click();
+  await until("frame-whose", /^view 3 of 3$/);
+  assert.equal(await strip.nth(2).getAttribute("aria-pressed"), "true");
+  assert.equal(await strip.nth(0).getAttribute("aria-pressed"), "false");
+  await strip.nth(0).click();
+  await until("frame-whose", /^view 1 of 3$/);
   await page.locator("#frame-view").focus();
   await page.keyboard.press("ArrowRight");
   await until("frame-whose", /^view 2 of 3$/);
@@ -262,7 +311,7 @@ test("a chosen well shows what is stored of it, and the page says whose pictures
 
   const skipped = "/v1/runs/demo-1/specimens/A04";
   const judged = `${skipped}/views/detection.png`;
-  server.files[judged] = frame;
+  server.files[judged.replace("png", "jpg")] = frame;
   server.answers[skipped] = kept({ links: { ...NO_FILES, detection: judged } });
   await page.locator('[data-well="A04"].well').click();
   await until("frame-whose", /^as it was found$/);
@@ -397,7 +446,8 @@ test("what is stored and cannot be read says why, and is read once it can be", a
   const views = [0, 1].map((i) => `${base}/views/${i}.png`);
   const links = { ...NO_FILES, mesh_glb: `${base}/mesh.glb`, views };
   server.answers[base] = kept({ links });
-  for (const path of views) server.files[path] = frame;
+  const pictures = views.map((path) => path.replace("png", "jpg"));
+  for (const path of pictures) server.files[path] = frame;
   server.files[links.mesh_glb] = ellipsoidGlb([1700, 250, 230]);
   server.broken[base] = "the folder of A01 is damaged.";
   server.publish(running(9));
@@ -406,7 +456,7 @@ test("what is stored and cannot be read says why, and is read once it can be", a
   await until("frame-empty", /^The frames of A01 cannot be read: the folder of A01 is damaged\.$/);
   await until("model-empty", /^The model of A01 cannot be read: the folder of A01 is damaged\.$/);
   delete server.broken[base];
-  server.broken[views[1]!] = "the frame is damaged";
+  server.broken[pictures[1]!] = "the frame is damaged";
   server.publish(running(10));
   await until("frame-whose", /^view 1 of 2$/);
   await until("model-heading", /^Model of A01$/);
@@ -599,7 +649,7 @@ test("abort asks once, says what it did, and takes no for an answer", async () =
     status({ state: "Aborted", doing: "run demo-1 was aborted", run: run(wells, { outcome: "aborted" }) }),
   );
   await until("state", /Aborted/i);
-  assert.equal(await text("progress-line"), "Run demo-1 was aborted: 1 measured, 1 not finished, 2 not measured.");
+  assert.equal(await text("progress-line"), "Run demo-1 was aborted: 1 measured, 1 left out, 2 not measured.");
   assert.equal(await page.locator("#progress").evaluate((bar: HTMLProgressElement) => bar.value), 0.25);
   assert.equal(await page.locator("#abort").isVisible(), false);
   assert.equal(await page.locator("#answer").isVisible(), false, "what was accepted has happened");
@@ -724,7 +774,9 @@ test("a new run: every mistake of its map, the preflight, the start", async () =
     { well: "A02", specimen: "bead" },
   ];
   const metadata = { StudyInformation: {} };
-  server.answers["/v1/plate-maps/check"] = { plate_map: wells, metadata, notes: ["A1 is read as A01"] };
+  server.answers["/v1/plate-maps/check"] = {
+    ...{ plate_format: 24, plate_map: wells, metadata, notes: ["A1 is read as A01"] },
+  };
   server.answers["/v1/preflight"] = {
     checks: [
       { code: "camera", passed: true, blocks: true, detail: "the camera sends frames", what_to_do: null },
@@ -739,7 +791,20 @@ test("a new run: every mistake of its map, the preflight, the start", async () =
   };
   await page.getByLabel("Plate map").setInputFiles({ ...map, buffer: Buffer.from("well,dpf\nA1,3\n") });
   await until("plate-holds", /^2 wells: 1 larva of 3 dpf, 1 bead\.$/);
-  assert.equal(await page.locator("#new-run-list").innerText(), "A1 is read as A01");
+  assert.equal(await page.locator("#new-run-list li").innerText(), "A1 is read as A01");
+  // The plate is drawn before the start, on the plate that the map names.
+  assert.equal(await page.locator("#plan-plate").getAttribute("data-wells"), "24");
+  assert.equal(await page.locator("#plan-plate [data-planned]").count(), 2);
+  assert.match(
+    (await page.locator('[data-planned="A01"]').getAttribute("title")) ?? "",
+    /larva, 3 dpf, DMSO; number 1/,
+  );
+  assert.deepEqual(await page.locator("#plan-legend li").allInnerTexts(), [
+    "a\nlarva, 3 dpf, DMSO (1 well)",
+    "b\nbead (1 well)",
+  ]);
+  await page.locator("#plate-format").selectOption({ label: "48 wells" });
+  assert.equal(await page.locator("#plan-plate").getAttribute("data-wells"), "48");
   assert.equal(await page.locator("#start").isDisabled(), true, "barcode and operator are missing");
   await page.getByLabel("Plate barcode").fill("P-7");
   await until("new-run-missing", /^Still needed: your name\.$/);
@@ -752,7 +817,14 @@ test("a new run: every mistake of its map, the preflight, the start", async () =
   await page.locator("#new-run-missing").waitFor({ state: "hidden" });
   await page.getByRole("button", { name: "Preflight" }).click();
   await until("new-run-words", /1 of 2 checks failed\. The run would not start\./);
-  assert.match(await page.locator("#new-run-list li").first().innerText(), /This plate needs 12 GB.*Free 9 GB/s);
+  assert.match(
+    await page.locator("#new-run-list li").first().innerText(),
+    /✕ Disk: this plate needs 12 GB.*Free 9 GB/s,
+  );
+  assert.deepEqual(await page.locator("#new-run-list h3").allInnerTexts(), [
+    "What prevents the start",
+    "What is right",
+  ]);
   await shoot(page, "preflight");
   await page.getByLabel("Operator").fill("Kim B.");
   await page.locator("#new-run-words").waitFor({ state: "hidden" });
@@ -769,7 +841,9 @@ test("a new run: every mistake of its map, the preflight, the start", async () =
   await page.waitForFunction(() => document.querySelector<HTMLInputElement>("#barcode")?.value === "");
   server.publish(running(1));
   await page.locator("#new-run").waitFor({ state: "hidden" });
-  const plan = { plate_barcode: "P-7", method: "standard", operator: "Kim", plate_map: wells, metadata };
+  const plan = {
+    ...{ plate_barcode: "P-7", method: "standard", operator: "Kim", plate_format: 48, plate_map: wells, metadata },
+  };
   assert.deepEqual(commands(), ["POST /v1/plate-maps/check", "POST /v1/preflight", "PUT /v1/runs/monday-1"]);
   assert.deepEqual(JSON.parse(server.taken[1]!.body), plan);
   assert.deepEqual(JSON.parse(server.taken[2]!.body), plan);

@@ -39,6 +39,8 @@ export class FixtureServer {
   readonly taken: { command: string; body: string }[] = [];
   /** Queries of the status requests, oldest first. */
   readonly asked: string[] = [];
+  /** Paths and queries of what was read beside the status, oldest first. */
+  readonly read: string[] = [];
   /** Answer to a command in place of 200: a problem in words, with what is wrong. */
   refusal: { code?: string; detail: string; errors?: object[] } | null = null;
   /** Bodies of what is read, and of what commands answer, by path. */
@@ -121,12 +123,14 @@ export class FixtureServer {
         body: Buffer.concat(chunks).toString(),
       });
       this.#json(response, 200, this.answers[url.pathname] ?? {});
-    } else if (url.pathname in this.broken) {
+    } else if ((this.read.push(url.pathname + url.search), url.pathname in this.broken)) {
       this.#json(response, 500, { title: "Internal Server Error", detail: this.broken[url.pathname] });
     } else if (url.pathname in this.files) {
       response.writeHead(200, { "Content-Type": "application/octet-stream" }).end(this.files[url.pathname]);
     } else if (url.pathname in this.answers) {
       this.#json(response, 200, this.answers[url.pathname]);
+    } else if (url.pathname === `/v1/runs/${this.#status.run?.id}`) {
+      this.#json(response, 200, { plan: { plate_map: [] } });
     } else {
       this.#live(url.pathname, request, response);
     }
@@ -135,6 +139,14 @@ export class FixtureServer {
   #live(path: string, request: IncomingMessage, response: ServerResponse): void {
     if (/^\/v1\/runs\/[^/]+\/specimens\/\w+$/.test(path)) {
       this.#json(response, 200, kept());
+      return;
+    }
+    if (/^\/v1\/runs\/[^/]+\/events$/.test(path)) {
+      this.#json(response, 200, { events: [], next: null });
+      return;
+    }
+    if (path === "/v1/bead-gates") {
+      this.#json(response, 200, { gates: [] });
       return;
     }
     if (!path.startsWith("/v1/live/")) {

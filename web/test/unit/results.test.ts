@@ -2,7 +2,8 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { callFor } from "../../src/calls.ts";
 import { sorted } from "../../src/results.ts";
-import { asStatus, fits } from "../../src/runs.ts";
+import { entryOf } from "../../src/runlog.ts";
+import { asStatus, copyWords, fits } from "../../src/runs.ts";
 import { fault, run, status, well } from "../support/statuses.ts";
 
 test("wells without a number come last in both directions", () => {
@@ -65,9 +66,56 @@ test("a stored run has no commands, no faults and no specimen of the instrument"
   const detail = {
     ...stored,
     ...{ plate_barcode: "P-9", mode: "hardware", method_settings: {}, software_version: "0.1.0", specimens: [] },
+    copies: [],
     plan: { plate_barcode: "P-9", method: "standard", operator: "Kim", plate_map: [{ well: "B02" }] },
   };
   const shown = asStatus(detail, live);
   assert.deepEqual([shown.run?.id, shown.state, shown.faults.length, shown.specimen], ["old", "Complete", 0, null]);
   assert.deepEqual([shown.plate.barcode, shown.plate.bring, shown.run?.hold], ["P-9", null, null]);
+});
+
+test("the copies of a run are said with their place, size and day", () => {
+  const copy = { archived: "2026-03-06T10:00:00Z", destination: "/nas/P-7", bytes: 1.25e9, files: 812 };
+  assert.match(copyWords({ copies: [] }), /^No copy of this run is recorded/);
+  assert.match(
+    copyWords({ copies: [copy, copy] }),
+    /^Copied to \/nas\/P-7 on 2026-03-06 .*: 812 files, 1\.25 GB, each read again after copying\. 1 earlier copy as well\.$/,
+  );
+  assert.match(copyWords({ copies: [copy, copy, copy] }), /2 earlier copies as well\.$/);
+});
+
+test("events are said in words, with what is trouble and what is only a step", () => {
+  const said = (kind: string, data: unknown, well: string | null = "A01") => {
+    const { weight, words } = entryOf({ id: 1, time: "2026-03-05T09:30:00Z", kind, run: "r", well, data });
+    return `${weight}: ${words}`.replaceAll("\u202f", " ");
+  };
+  const done = {
+    outcome: "succeeded",
+    volume_um3: 243.1e6,
+    volume_sd_um3: 1.4e6,
+    flags: [],
+    reason: null,
+    seconds: 61,
+  };
+  assert.equal(said("specimen.done", done), "news: A01: measured, 243.1 ± 1.4 nL, after 1 min 1 s.");
+  assert.equal(
+    said("specimen.done", { ...done, flags: ["dead_looking"] }),
+    "trouble: A01: measured, 243.1 ± 1.4 nL (it looks dead), after 1 min 1 s.",
+  );
+  assert.equal(
+    said("specimen.done", { outcome: "skipped", reason: "empty", flags: [], volume_um3: null }),
+    "news: A01: skipped: the capillary is empty.",
+  );
+  assert.equal(
+    said("run.held", { by: "fault", cause: "The camera is silent." }, null),
+    "trouble: The run is held: The camera is silent.",
+  );
+  assert.equal(said("run.held", { by: "operator" }, null), "news: An operator holds the run.");
+  assert.equal(said("specimen.phase", { phase: "revolve" }), "step: A01: taking views.");
+  assert.equal(
+    said("specimen.interrupted", { reason: "rotation_lost", policy: "redo", kept: false }),
+    "trouble: A01 was interrupted (rotation lost): it is measured again from the start.",
+  );
+  assert.equal(said("run.ended", { outcome: "partial" }, null), "news: The run finished in part.");
+  assert.equal(said("pump.primed", null), "step: Pump: primed, A01.", "a kind of a newer version");
 });

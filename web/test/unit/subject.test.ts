@@ -1,7 +1,6 @@
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
-import { colours } from "../../src/develop.ts";
 import { withSpread } from "../../src/format.ts";
 import { flagWords, reasonWords } from "../../src/reasons.ts";
 import { chosenWell, subjectOf } from "../../src/subject.ts";
@@ -53,19 +52,6 @@ test("the well to show: the operator's, or the one under way, or the last that w
   const next = { ...held, specimen: specimen("A02", [], { in_capillary: false, phase: "load" as const }) };
   assert.equal(chosenWell(next, null), "A01");
   assert.deepEqual(subjectOf(next, null), subjectOf(half, "A01"));
-});
-
-test("a mosaic's four pixels are one in colour, wherever red stands", () => {
-  const mosaic = (...counts: number[]) => ({
-    width: 2,
-    height: 2,
-    data: new Uint8ClampedArray(counts.flatMap((count) => [count, count, count, 255])),
-  });
-  const seen = [200, 100, 40, 255];
-  assert.deepEqual([...colours(mosaic(200, 90, 110, 40), "RG").data], seen);
-  assert.deepEqual([...colours(mosaic(40, 90, 110, 200), "BG").data], seen);
-  assert.deepEqual([...colours(mosaic(90, 200, 40, 110), "GR").data], seen);
-  assert.deepEqual([...colours(mosaic(90, 40, 200, 110), "GB").data], seen);
 });
 
 test("a spread has two digits, and its value ends at the same place", () => {

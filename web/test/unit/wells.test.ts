@@ -1,24 +1,72 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { conditionOf, formatFor, place, places, PLATE_384, PLATE_96, spoken, wellName } from "../../src/wells.ts";
+import { groupsOf } from "../../src/planplate.ts";
+import { templateOf } from "../../src/template.ts";
+import { conditionOf, conditionsOf, formatFor, place, places, spoken, wellName } from "../../src/wells.ts";
 import { placed, specimen, well } from "../support/statuses.ts";
 
-test("names and places are each other's inverse on the whole plate", () => {
-  for (let row = 0; row < 16; row += 1) {
-    for (let column = 0; column < 24; column += 1) {
+test("names and places are each other's inverse on the largest plate", () => {
+  for (let row = 0; row < 32; row += 1) {
+    for (let column = 0; column < 48; column += 1) {
       assert.deepEqual(place(wellName(row, column)), { row, column });
     }
   }
-  assert.deepEqual(place("A01"), { row: 0, column: 0 });
-  assert.deepEqual(place("H12"), { row: 7, column: 11 });
-  for (const wrong of ["A1", "A00", "A25", "Q01", "a01", "A001", ""]) assert.equal(place(wrong), null, wrong);
+  const known = { A01: [0, 0], H12: [7, 11], P24: [15, 23], Z48: [25, 47], AA01: [26, 0], AF48: [31, 47] };
+  for (const [name, [row, column]] of Object.entries(known)) assert.deepEqual(place(name), { row, column }, name);
+  for (const wrong of ["A1", "A00", "A49", "AG01", "BA01", "a01", "A001", ""]) assert.equal(place(wrong), null, wrong);
 });
 
-test("the plate is the smaller one that holds every well", () => {
-  assert.equal(formatFor([]), PLATE_96);
-  assert.equal(formatFor(["A01", "H12"]), PLATE_96);
-  assert.equal(formatFor(["A01", "I01"]), PLATE_384);
-  assert.equal(formatFor(["A13"]), PLATE_384);
+test("the plate is the one of the plan, or the smallest usual one that holds every well", () => {
+  const wellsOf = (wells: readonly string[], named: number | null = null) => {
+    const { rows, columns } = formatFor(wells, named);
+    return rows * columns;
+  };
+  assert.equal(wellsOf([]), 96);
+  assert.equal(wellsOf(["A01", "H12"]), 96);
+  assert.equal(wellsOf(["A01", "I01"]), 384);
+  assert.equal(wellsOf(["A13"]), 384);
+  assert.equal(wellsOf(["A25"]), 1536);
+  assert.equal(wellsOf(["AA01"]), 1536);
+  for (const named of [6, 12, 24, 48, 96, 384, 1536]) assert.equal(wellsOf(["A01"], named), named);
+  assert.equal(wellsOf(["C01"], 6), 96, "a plan that contradicts itself shows all its wells");
+  assert.equal(wellsOf(["A01"], 7), 96);
+});
+
+test("an empty plate map has every well of its plate, and the columns that the daemon reads", () => {
+  const lines = templateOf(24).split("\r\n");
+  assert.equal(
+    lines[0],
+    "well,specimen,dpf,compound,concentration,concentration_unit,strain,treatment,control,replicate",
+  );
+  assert.deepEqual(
+    [lines[1], lines[6], lines[7], lines[24], lines[25]],
+    ["A01,larva,,,,,,,,", "A06,larva,,,,,,,,", "B01,larva,,,,,,,,", "D06,larva,,,,,,,,", ""],
+  );
+  assert.equal(templateOf(1536).split("\r\n").length, 1 + 1536 + 1);
+});
+
+test("wells that are planned alike are one group, in words", () => {
+  const dmso = {
+    specimen: "larva" as const,
+    dpf: 3,
+    compound: "DMSO",
+    concentration: 0.1,
+    concentration_unit: "% v/v" as const,
+  };
+  const groups = groupsOf([
+    { well: "A01", ...dmso, control: "negative" },
+    { well: "A02", specimen: "bead" },
+    { well: "A03", ...dmso, control: "negative", replicate: 2 },
+    { well: "A04", ...dmso },
+  ]);
+  assert.deepEqual(
+    groups.map(({ words, wells }) => [words, wells.map((w) => w.well)]),
+    [
+      ["larva, 3 dpf, DMSO 0.100 % v/v, negative control", ["A01", "A03"]],
+      ["bead", ["A02"]],
+      ["larva, 3 dpf, DMSO 0.100 % v/v", ["A04"]],
+    ],
+  );
 });
 
 test("a well's condition follows its outcome, its flags and the specimen under way", () => {
@@ -29,6 +77,13 @@ test("a well's condition follows its outcome, its flags and the specimen under w
   const wells = [well("B01"), well("B02"), well("B03")];
   const conditions = wells.map((w) => conditionOf(w, own, wells));
   assert.deepEqual(conditions, ["measuring", "active", "pending"], "numbers are made while the next is brought");
+  for (const under of [own, null, specimen("B01", []), specimen("H12", [])]) {
+    assert.deepEqual(
+      conditionsOf(wells, under),
+      wells.map((w) => conditionOf(w, under, wells)),
+      "all at once as one by one",
+    );
+  }
   assert.deepEqual(
     wells.map((w) => conditionOf(w, null, wells)),
     ["pending", "pending", "pending"],

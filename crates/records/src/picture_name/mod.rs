@@ -10,6 +10,7 @@ mod pattern;
 
 pub use pattern::{Pattern, PatternError};
 
+use crate::PlateFormat;
 use crate::plate_map::well_of;
 use pattern::Field;
 use std::collections::BTreeMap;
@@ -28,7 +29,7 @@ pub fn is_picture(path: &Path) -> bool {
 /// The content of a name.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Label {
-    /// `A01` to `P24`.
+    /// `A01` to `AF48`; a name without a pattern names wells up to `P24`.
     pub well: Option<String>,
     /// Number of the fish in its well.
     pub fish: Option<u32>,
@@ -98,8 +99,8 @@ fn of_vast(path: &str) -> Option<Label> {
     if fish.is_some() {
         tokens.pop();
     }
-    // The well is next to the numbers. A `W` before it is optional.
-    let well = tokens.last().and_then(|token| well_of(token));
+    // The well is beside the numbers. `W` before it is not needed.
+    let well = tokens.last().and_then(|token| well_of_vast(token));
     let (well, folder) = in_folders(path, well);
     // Without a well, any numbered picture would be read as a view.
     well.as_ref()?;
@@ -113,6 +114,11 @@ fn of_vast(path: &str) -> Option<Label> {
     })
 }
 
+/// A well on a plate that VAST takes. On larger plates words such as `AB12` and `Z9` would be wells, too.
+fn well_of_vast(word: &str) -> Option<String> {
+    well_of(word).filter(|well| PlateFormat { rows: 16, columns: 24 }.holds(well))
+}
+
 fn age(text: &str) -> Option<f64> {
     text.replacen(',', ".", 1).parse().ok().filter(|age: &f64| age.is_finite())
 }
@@ -122,7 +128,7 @@ fn in_folders(path: &str, well: Option<String>) -> (Option<String>, String) {
     let mut folders: Vec<&str> = path.split('/').collect();
     folders.pop();
     let of_folder = |name: &str| {
-        let wells: Vec<String> = name.split(['_', '-', ' ']).filter_map(well_of).collect();
+        let wells: Vec<String> = name.split(['_', '-', ' ']).filter_map(well_of_vast).collect();
         if let [well] = &wells[..] { Some(well.clone()) } else { None }
     };
     // A plate's folder may have a name such as P1. It is read as a well only if the name of the picture contains no well.

@@ -73,10 +73,10 @@ pub struct Row {
     pub cells: Vec<Cell>,
 }
 
-/// A well as in a file: `a1` and `A1` are `A01`. `None` if it is not a well.
+/// A well as a file may name it: `a1` and `A1` are `A01`, and `aa1` is `AA01`.
 pub fn well_of(written: &str) -> Option<String> {
-    let row = written.chars().next().filter(char::is_ascii_alphabetic)?.to_ascii_uppercase();
-    let column = &written[1..];
+    let letters = written.bytes().take_while(u8::is_ascii_alphabetic).count();
+    let (row, column) = (written[..letters].to_ascii_uppercase(), &written[letters..]);
     let digits = !column.is_empty() && column.len() <= 2 && column.bytes().all(|b| b.is_ascii_digit());
     let name = format!("{row}{column:0>2}");
     (digits && is_well(&name)).then_some(name)
@@ -108,7 +108,7 @@ impl Row {
             Some(written) => {
                 let found = well_of(&written);
                 match &found {
-                    None => mistakes.push((self.name_of(Column::Well), format!("{written:?} is not a well: A01 to P24"))),
+                    None => mistakes.push((self.name_of(Column::Well), format!("{written:?} is not a well: A01 to AF48"))),
                     Some(name) if *name != written => notes.push(format!("{}: {written} is read as {name}", self.place)),
                     Some(_) => {}
                 }

@@ -3,6 +3,7 @@
 use super::cell::{Cell, Column, Row};
 use super::number::Decimal;
 use super::{Mistake, Place, Reading, mihcsme};
+use crate::PlateFormat;
 use serde_json::Value;
 
 pub fn read(bytes: &[u8], plate: Option<&str>, reading: &mut Reading) {
@@ -23,7 +24,17 @@ pub fn read(bytes: &[u8], plate: Option<&str>, reading: &mut Reading) {
                 Some(Value::Object(metadata)) => reading.map.metadata = metadata,
                 Some(_) => reading.wrong(Mistake::at("/metadata", "metadata is an object, or is left out")),
             }
-            // The answer to a check can be sent again. Its notes are ignored.
+            match document.remove("plate_format") {
+                None | Some(Value::Null) => {}
+                Some(format) => match format.as_u64().and_then(|wells| PlateFormat::of_wells(u32::try_from(wells).ok()?)) {
+                    Some(format) => reading.map.plate_format = Some(format.wells()),
+                    None => reading.wrong(Mistake::at(
+                        "/plate_format",
+                        format!("{format:.60} is not the number of wells of a plate: {}", PlateFormat::known()),
+                    )),
+                },
+            }
+            // What a check answered can be checked again.
             document.remove("notes");
             match document.remove("plate_map") {
                 Some(Value::Array(wells)) => self::wells(&wells, "/plate_map", reading),
@@ -34,7 +45,8 @@ pub fn read(bytes: &[u8], plate: Option<&str>, reading: &mut Reading) {
                 }
             }
             for key in document.keys() {
-                reading.wrong(Mistake::at(format!("/{}", escape(key)), "unknown field; the known ones are plate_map, metadata"));
+                reading
+                    .wrong(Mistake::at(format!("/{}", escape(key)), "unknown field; the known ones are plate_format, plate_map, metadata"));
             }
         }
         Ok(_) => reading.wrong(Mistake::at("", "expected a list of wells, or an object with plate_map")),

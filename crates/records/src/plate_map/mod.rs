@@ -18,7 +18,8 @@ mod text;
 pub use cell::well_of;
 pub use table::{UNCLOSED_QUOTE, unclosed_quote};
 
-use super::{FieldError, PlannedWell};
+use super::plan::off_plate;
+use super::{FieldError, PlannedWell, PlateFormat};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -37,6 +38,9 @@ pub enum Format {
 /// A plate map without mistakes.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct PlateMap {
+    /// The `plate_format` of a run's plan, where the file names it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plate_format: Option<u32>,
     /// The `plate_map` of a run's plan: the wells in the order of the file.
     pub plate_map: Vec<PlannedWell>,
     /// The `metadata` of a run's plan: MIHCSME unchanged, or `columns` with the cells of CSV columns that carved does not read.
@@ -189,6 +193,11 @@ impl Reading {
     }
 
     fn finish(mut self) -> Result<PlateMap, Vec<Mistake>> {
+        if let Some(format) = self.map.plate_format.and_then(PlateFormat::of_wells) {
+            let off: Vec<_> = self.named.iter().filter(|(well, _)| !format.holds(well)).collect();
+            let mistakes: Vec<_> = off.into_iter().map(|(well, place)| place.mistake("well", off_plate(well, format))).collect();
+            mistakes.into_iter().for_each(|mistake| self.wrong(mistake));
+        }
         if self.mistakes.is_empty() && self.map.plate_map.is_empty() {
             self.wrong(Mistake::in_line(1, "", "the plate map names no well"));
         }

@@ -66,20 +66,34 @@ fn the_same_map_reads_the_same_however_a_spreadsheet_saves_it() {
 
 #[test]
 fn names_of_wells_are_read_as_people_write_them_and_that_is_said() {
-    let map = csv("well\na1\nA2\nP24\n\"A03\"\n").unwrap();
-    assert_eq!(names(&map), ["A01", "A02", "P24", "A03"]);
-    assert_eq!(map.notes, ["line 2: a1 is read as A01", "line 3: A2 is read as A02"]);
+    let map = csv("well\na1\nA2\nP24\n\"A03\"\n\"af48\"\n").unwrap();
+    assert_eq!(names(&map), ["A01", "A02", "P24", "A03", "AF48"]);
+    assert_eq!(map.notes, ["line 2: a1 is read as A01", "line 3: A2 is read as A02", "line 6: af48 is read as AF48"]);
+}
+
+#[test]
+fn a_json_map_names_its_plate_and_wells_beyond_it_are_mistakes() {
+    let of = |format: &str| json(&format!(r#"{{"plate_format": {format}, "plate_map": [{{"well": "A1"}}, {{"well": "P24"}}]}}"#));
+    assert_eq!(of("384").unwrap().plate_format, Some(384));
+    assert_eq!(of("null").unwrap().plate_format, None);
+    let mistakes = of("96").unwrap_err();
+    assert_eq!(mistakes[0].to_string(), "/plate_map/1/well: P24 is not on a plate of 96 wells: A01 to H12");
+    for wrong in ["95", "-6", "\"96\"", "96.5", "[]"] {
+        assert_eq!(of(wrong).unwrap_err()[0].pointer.as_deref(), Some("/plate_format"), "{wrong}");
+    }
+    let again = serde_json::to_string(&of("384").unwrap()).unwrap();
+    assert_eq!(json(&again).unwrap().plate_format, Some(384));
 }
 
 #[test]
 fn every_mistake_is_listed_with_its_line_and_column() {
     let text = "well,compound,concentration,concentration_unit,dpf,control,replicate\n\
         A1,x,3,,3,,\n\
-        Q01,,-1,mM,31,maybe,0\n\
+        AG01,,-1,mM,31,maybe,0\n\
         \n\
         ,x,,,,,\n\
         A01,,three,furlong,,,1.5\n\
-        A25,,1,MM,,,\n\
+        A49,,1,MM,,,\n\
         B01,,,mM,old,,\n";
     let of = |line, column: &str| (line, column.to_owned());
     let expected = [
@@ -105,7 +119,7 @@ fn every_mistake_is_listed_with_its_line_and_column() {
     expected.sort();
     assert_eq!(found, expected);
     for end in ["\n", "\r\n", "\r"] {
-        assert_eq!(places(&["well", "A01", "", "Z9"].join(end)), [of(4, "well")], "{end:?}");
+        assert_eq!(places(&["well", "A01", "", "ZZ9"].join(end)), [of(4, "well")], "{end:?}");
     }
     let twice = csv("well\nA01\nA1\n").unwrap_err();
     assert_eq!(twice[0].to_string(), "line 3, well: A01 stands in the plate map twice, first at line 2");
@@ -165,7 +179,7 @@ fn a_column_that_is_not_known_is_kept_and_hides_no_mistake() {
     assert_eq!(serde_json::Value::Object(map.metadata), kept);
     assert!(map.notes[0].starts_with("line 1, colour: ") && map.notes[0].contains("concentration_unit"), "{:?}", map.notes);
     assert_eq!(map.notes.len(), 3, "both columns, and a1");
-    assert_eq!(places("well,colour,dpf\nZ9,red,3\nA01,blue,x\n"), [(2, "well".into()), (3, "dpf".into())]);
+    assert_eq!(places("well,colour,dpf\nZZ9,red,3\nA01,blue,x\n"), [(2, "well".into()), (3, "dpf".into())]);
     assert_eq!(places("well,colour,colour,DPF,dpf\nA01,,,3,\nA02,,,x,\n"), [(1, "colour".into()), (1, "dpf".into()), (3, "DPF".into())]);
 }
 
@@ -251,8 +265,8 @@ fn check(bytes: &[u8], format: Format) -> Result<(), TestCaseError> {
 /// Valid cells and nearly valid cells.
 fn cell() -> impl Strategy<Value = String> {
     let common = [
-        "", "A01", "b2", "P24", "Q1", "1,5", "1.500", "0.1", "-1", "µM", "% v/v", "mM", "negative", "Positive", "larva", "bead", "\"",
-        "\"x", "nan", "1e400", "0", "3",
+        "", "A01", "b2", "aa1", "P24", "AG1", "1,5", "1.500", "0.1", "-1", "µM", "% v/v", "mM", "negative", "Positive", "larva", "bead",
+        "\"", "\"x", "nan", "1e400", "0", "3",
     ];
     prop_oneof![8 => prop::sample::select(common.to_vec()).prop_map(str::to_owned), 1 => "[ -~µ\\r\\n]{0,6}"]
 }

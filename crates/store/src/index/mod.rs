@@ -20,7 +20,7 @@ mod tables;
 mod tests;
 
 pub use query::{Cursor, EventsAfter, RunRow, RunsQuery};
-pub(super) use query::{events_after, runs, used_bytes, views, was_accepted};
+pub(super) use query::{events_after, events_of, runs, used_bytes, views, was_accepted};
 pub use refresh::{Found, Unreadable};
 pub(super) use rows::word;
 

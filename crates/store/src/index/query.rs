@@ -130,6 +130,17 @@ pub fn events_after(root: &Path, id: u64, most: usize) -> Result<EventsAfter, St
     })
 }
 
+/// Events of a run after `after`, oldest first. Those of single views are left out: there are some twenty of each well.
+pub fn events_of(root: &Path, run: &str, after: u64, most: usize) -> Result<Vec<Event>, StoreError> {
+    ask(root, |c| {
+        let mut select = c.prepare(
+            "SELECT id, time, kind, run, well, data FROM events INDEXED BY events_by_run WHERE run = ?1 AND id > ?2 AND kind <> ?3
+             ORDER BY id LIMIT ?4",
+        )?;
+        select.query_map(params![run, after, kind::VIEW_TAKEN, most], event_row)?.collect()
+    })
+}
+
 pub fn was_accepted(root: &Path, run: &str) -> Result<bool, StoreError> {
     let known = "SELECT EXISTS (SELECT 1 FROM events WHERE run = ? AND kind = ?)";
     ask(root, |c| c.query_row(known, [run, kind::RUN_ACCEPTED], |row| row.get(0)))

@@ -45,7 +45,7 @@ pub(super) fn sort(labelled: Vec<Labelled>, fish: Option<u32>) -> anyhow::Result
     let without: Vec<String> = labelled.iter().filter(|(_, l)| l.well.is_none()).map(|(path, _)| path.display().to_string()).collect();
     ensure!(
         without.is_empty(),
-        "{} pictures name no well, neither in their name nor in that of a folder: {}; expected one of A01 to P24. Give a --pattern with {{well}}, \
+        "{} pictures name no well, neither in their name nor in that of a folder: {}; expected one of A01 to AF48. Give a --pattern with {{well}}, \
          or put the pictures of each well into a folder named after it",
         without.len(),
         first_of(&without)

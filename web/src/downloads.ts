@@ -1,0 +1,71 @@
+// Links to files. On an instrument with a token a link alone would be refused, so the file is read with the token and then offered.
+
+import { fetchFile, Refused } from "./api.ts";
+import { element, show } from "./dom.ts";
+import type { Specimen } from "./status.ts";
+import { save } from "./table.ts";
+import { authorization } from "./token.ts";
+import { viewNumber } from "./views.ts";
+
+/** A link that offers a file under a name. */
+export function downloadLink(href: string, name: string, words: string): HTMLAnchorElement {
+  const link = element("a", "", words);
+  link.href = href;
+  link.download = name;
+  link.addEventListener("click", (event) => {
+    if (Object.keys(authorization()).length === 0) return;
+    event.preventDefault();
+    void (async () => {
+      try {
+        save(await fetchFile(href), name);
+      } catch (error) {
+        if (!(error instanceof Refused)) throw error;
+        link.title = `${name} cannot be read: ${error.message}.`;
+        link.after(element("span", "quiet", ` ${link.title}`));
+      }
+    })();
+  });
+  return link;
+}
+
+/** The files of a stored well, and the raw frame of the view on screen. */
+export class WellFiles {
+  readonly #box: HTMLElement;
+  #specimen: Specimen | null = null;
+  #view: number | null = null;
+
+  constructor(box: HTMLElement) {
+    this.#box = box;
+  }
+
+  update(specimen: Specimen | null): void {
+    if (specimen === this.#specimen) return;
+    this.#specimen = specimen;
+    this.#draw();
+  }
+
+  /** The number of the view on screen. */
+  mark(view: number | null): void {
+    if (view === this.#view) return;
+    this.#view = view;
+    this.#draw();
+  }
+
+  #draw(): void {
+    const specimen = this.#specimen;
+    show(this.#box, specimen !== null);
+    if (specimen === null) return;
+    const { run, well, links } = specimen;
+    const of = `${run}-${well}`;
+    const raw = links.views.find((link) => viewNumber(link) === this.#view);
+    const files: [string | null | undefined, string, string][] = [
+      [links.mesh_ply, `${of}.ply`, "Surface (PLY)"],
+      [links.mesh_glb, `${of}.glb`, "Model (GLB)"],
+      [`/v1/runs/${encodeURIComponent(run)}/specimens/${well}`, `${of}.json`, "Record and numbers (JSON)"],
+      [raw, `${of}-view-${this.#view}.png`, `Raw frame of view ${(this.#view ?? 0) + 1} (PNG)`],
+    ];
+    this.#box.replaceChildren(
+      ...files.flatMap(([link, name, words]) => (link ? [downloadLink(link, name, words)] : [])),
+    );
+  }
+}

@@ -1,0 +1,105 @@
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { cameraOfView, project, projectionOf, scaled } from "../../src/projection.ts";
+import { edgeOf, silhouetteOf } from "../../src/silhouette.ts";
+import { standingsOf, standingWords } from "../../src/standing.ts";
+import type { Measured, Psi, ViewRecord } from "../../src/status.ts";
+import { pictureOf, stripWords, viewNumber, viewWords } from "../../src/views.ts";
+
+const psi: Psi = { f: 60_000, kx: 1 / 5.5, ky: 1 / 5.5, ux: 511.5, uy: 511.5, width: 1024, height: 1024 };
+
+function near(found: [number, number] | null, u: number, v: number): void {
+  assert.ok(found && Math.hypot(found[0] - u, found[1] - v) < 1e-6, `${found} is not ${u}, ${v}`);
+}
+
+test("the signs of the camera are those of docs/calibration.md", () => {
+  near(project(projectionOf(psi, 1), 55, 0, 0), 521.5, 511.5);
+  const at = (camera: Psi, omega: number, x: [number, number, number]) => project(projectionOf(camera, omega), ...x)!;
+  assert.ok(at(psi, 0.1, [0, 0, -275])[1] > at(psi, 0, [0, 0, -275])[1], "positive omega moves the near wall down");
+  assert.ok(at({ ...psi, gamma: 0.01 }, 0, [1000, 0, 0])[1] > 511.5, "positive gamma lowers the +x end");
+  const depth = (alpha: number) => {
+    const [, , w] = projectionOf({ ...psi, alpha }, 0);
+    return w![0] * 1000 + w![3];
+  };
+  assert.ok(depth(0.01) < depth(0), "positive alpha brings the +x end nearer");
+  assert.equal(project(projectionOf(psi, 0), 0, 0, -60_001), null, "behind the camera");
+});
+
+test("every parameter has its place: the product of the matrices, computed apart", () => {
+  const camera = { ...psi, kx: 0.18, ky: 0.19, ux: 500, uy: 510, s: 0.001, alpha: 0.02, gamma: -0.03, phi: 1.5 };
+  near(project(projectionOf(camera, 0.7), 800, -150, 230), 642.9797437437467, 1263.007168029302);
+});
+
+test("a smaller picture has its pixels where the larger one has them", () => {
+  const p = projectionOf(psi, 0.4);
+  const [u, v] = project(p, 700, 120, -80)!;
+  // The corner of the picture stays: u + 0.5 is scaled.
+  near(project(scaled(p, 0.25), 700, 120, -80), (u + 0.5) / 4 - 0.5, (v + 0.5) / 4 - 0.5);
+});
+
+const view = (index: number, omega: number, change: Partial<ViewRecord> = {}): ViewRecord => ({
+  ...{ index, omega, used: true, reason: null, dy_px: 0, residual_px: 0.2 },
+  ...change,
+});
+
+test("a view is seen by the calibrated camera: shift, angle, and the rig's camera without a calibration", () => {
+  const views = [view(0, 0, { used: false, reason: "dust", dy_px: null }), view(1, 0.3, { dy_px: 2 }), view(2, 0.6)];
+  const measured: Measured = { calibration: { psi: { ...psi, uy: 500 }, rho: 1.1 }, views };
+  const recording = { rig: { camera: psi } };
+  const x = [100, 50, -200] as const;
+  const at = (m: Measured | null, i: number) => project(cameraOfView(recording, m, i)!.projection, ...x);
+  near(at(measured, 1), ...project(projectionOf({ ...psi, uy: 502 }, 0.3), ...x)!);
+  near(at(measured, 2), ...project(projectionOf({ ...psi, uy: 500 }, 0.3 + 1.1 * 0.3), ...x)!);
+  near(at({ calibration: null, views }, 2), ...project(projectionOf(psi, 0.6), ...x)!);
+  assert.equal(cameraOfView(recording, measured, 7), null);
+  assert.equal(cameraOfView({}, { views }, 1), null);
+});
+
+test("the silhouette of two triangles has no gap, and its edge is two pixels wide", () => {
+  // A camera that shows world (x, y) as pixel (x, y).
+  const plain = [
+    [1, 0, 0, 0],
+    [0, 1, 0, 0],
+    [0, 0, 0, 1],
+  ] as const;
+  const positions = [1.5, 1.5, 1, 6.5, 1.5, 1, 6.5, 4.5, 1, 1.5, 4.5, 1];
+  const mask = silhouetteOf({ positions, corners: [0, 1, 2, 0, 2, 3] }, plain, 9, 7);
+  const inside = (u: number, v: number) => mask[v * 9 + u] === 1;
+  for (let v = 0; v < 7; v += 1)
+    for (let u = 0; u < 9; u += 1) assert.equal(inside(u, v), u >= 2 && u <= 6 && v >= 2 && v <= 4, `${u} ${v}`);
+  const edge = edgeOf(inside, 9, 7);
+  const row = (v: number) => [...edge.subarray(v * 9, v * 9 + 9)].join("");
+  assert.equal(row(3), "011000110");
+  assert.equal(row(0), "000000000");
+});
+
+test("links lead to pictures of the page's size, and to the number of their view", () => {
+  assert.equal(viewNumber("/v1/runs/r/specimens/A01/views/12.png?attempt=2"), 12);
+  assert.equal(viewNumber("/v1/runs/r/specimens/A01/views/detection.png"), null);
+  assert.equal(pictureOf("/v1/x/views/3.png"), "/v1/x/views/3.jpg");
+  assert.equal(pictureOf("/v1/x/views/3.png?attempt=1", 320), "/v1/x/views/3.jpg?attempt=1&width=320");
+  assert.equal(pictureOf("/v1/x/views/3.png", 320), "/v1/x/views/3.jpg?width=320");
+});
+
+test("a view says its distance, or why it does not count; the strip names the worst", () => {
+  assert.equal(viewWords(view(3, 1)), "0.20 px");
+  assert.equal(viewWords(view(3, 1, { used: false, reason: "not_seen" })), "left out: not seen");
+  assert.equal(viewWords(undefined), "no numbers");
+  const all = [view(0, 0), view(1, 1, { residual_px: 0.1 }), view(2, 2, { residual_px: 0.9 })];
+  assert.match(stripWords(all), /^3 views, all of them count\. .* 0\.20 px \(median\), 0\.90 px in view 3\.$/);
+  assert.match(stripWords([...all, view(3, 3, { used: false })]), /^4 views, 1 left out\./);
+});
+
+test("a larva stands where its estimator has references, and says its share in words", () => {
+  const known = { group: "fixed, 3 dpf", n: 12, mean: 3.2e6, sd: 150_000, z: -0.8, percentile: 22.6 };
+  const estimate = (estimator: string, z: number) => ({ estimator, volume: {}, area: { known: { ...known, z } } });
+  const measured = { reference: { estimates: [estimate("voxel", 2), estimate("support", -0.8)] } };
+  const [area, ...more] = standingsOf(measured, "support");
+  assert.deepEqual([area!.quantity, area!.z, area!.mean, more.length], ["Area", -0.8, 3.2, 0]);
+  assert.equal(standingsOf(measured, "field")[0]!.z, 2, "the first, where the estimator has none");
+  assert.equal(
+    standingWords(area!),
+    "Area 3.080 mm²: 0.8 SD below the mean of 12 larvae (fixed, 3 dpf). 23 % of such larvae are smaller.",
+  );
+  assert.deepEqual(standingsOf(null, null), []);
+});
