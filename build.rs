@@ -30,8 +30,12 @@ fn main() {
     }
 }
 
-/// The time of the newest file in a folder. `None` if it cannot be read.
+/// The time of the newest file below a folder. `None` if it cannot be read.
 fn newest(folder: &Path) -> Option<SystemTime> {
     let files = std::fs::read_dir(folder).ok()?.flatten();
-    files.filter_map(|file| file.metadata().ok()?.modified().ok()).max()
+    let time = |file: std::fs::DirEntry| match file.metadata().ok()? {
+        found if found.is_dir() => newest(&file.path()),
+        found => found.modified().ok(),
+    };
+    files.filter_map(time).max()
 }

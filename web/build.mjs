@@ -1,38 +1,38 @@
-// Bundles the page into dist/ (three files that the daemon embeds, plain and compressed), or with --tests the tests into build/.
+// Bundles the operator's page into dist/ and the page of `carved setup` into dist/setup/ (three files each, which the program embeds,
+// plain and compressed), or with --tests the tests into build/.
 
 import { build } from "esbuild";
 import { copyFile, mkdir, readdir, readFile, rm, stat, writeFile } from "node:fs/promises";
 import { join } from "node:path";
 import { brotliCompressSync, constants, gzipSync } from "node:zlib";
 
-/** Small and without a trace of the machine it was built on: the same sources give the same bytes. */
-async function page() {
-  await rm("dist", { recursive: true, force: true });
-  await mkdir("dist", { recursive: true });
-  await build({
-    entryPoints: { app: "src/main.ts" },
-    outdir: "dist",
-    bundle: true,
-    minify: true,
-    format: "esm",
-    target: ["chrome109", "firefox115", "safari16.4"],
-    legalComments: "eof",
-    logLevel: "warning",
-  });
-  await build({
-    entryPoints: { app: "src/app.css" },
-    outdir: "dist",
-    bundle: true,
-    minify: true,
-    target: ["chrome109", "firefox115", "safari16.4"],
-    logLevel: "warning",
-  });
-  await copyFile("src/index.html", "dist/index.html");
-  for (const name of await readdir("dist")) await compress(join("dist", name));
-  for (const name of await readdir("dist")) {
-    const { size } = await stat(join("dist", name));
-    console.log(`web/dist/${name}  ${(size / 1024).toFixed(1)} KiB`);
+/** What both pages have in common. */
+const COMMON = {
+  bundle: true,
+  minify: true,
+  target: ["chrome109", "firefox115", "safari16.4"],
+  logLevel: "warning",
+};
+
+/** Builds one page: three files, plain and compressed. The same sources give the same bytes on every machine. */
+async function page(html, script, style, outdir) {
+  await mkdir(outdir, { recursive: true });
+  await build({ ...COMMON, entryPoints: script, outdir, format: "esm", legalComments: "eof" });
+  await build({ ...COMMON, entryPoints: style, outdir });
+  await copyFile(html, join(outdir, "index.html"));
+  const files = (await readdir(outdir, { withFileTypes: true })).filter((entry) => entry.isFile());
+  for (const { name } of files) {
+    await compress(join(outdir, name));
+    const { size } = await stat(join(outdir, name));
+    console.log(`web/${outdir}/${name}  ${(size / 1024).toFixed(1)} KiB`);
   }
+}
+
+async function pages() {
+  await rm("dist", { recursive: true, force: true });
+  await page("src/setup/index.html", { setup: "src/setup/main.ts" }, { setup: "src/setup/setup.css" }, "dist/setup");
+  // Last: make takes this file's time for that of the whole folder.
+  await page("src/index.html", { app: "src/main.ts" }, { app: "src/app.css" }, "dist");
 }
 
 /** Writes `FILE.br` and `FILE.gz`, which the daemon sends to browsers that read them. gzip without the time of the build. */
@@ -67,4 +67,4 @@ async function tests() {
   });
 }
 
-await (process.argv.includes("--tests") ? tests() : page());
+await (process.argv.includes("--tests") ? tests() : pages());

@@ -29,6 +29,7 @@ mod setup;
 #[cfg(feature = "simulate")]
 mod simulate;
 mod stored;
+mod switch;
 #[cfg(feature = "simulate")]
 mod validate;
 
@@ -83,6 +84,8 @@ enum Command {
     Doctor(doctor::Args),
     /// Set up a rig step by step: asks, measures with a bead, and writes its configuration.
     Setup(setup::Args),
+    /// Switch a digital output of the controller by hand, such as a light or a valve.
+    Output(switch::Args),
     /// Start, follow and control runs on a daemon that serves.
     #[command(subcommand, after_help = run::EXIT_CODES)]
     Run(run::Command),
@@ -156,6 +159,7 @@ fn run() -> anyhow::Result<ExitCode> {
         Command::Index(command) => index::run(&command),
         Command::Doctor(args) => doctor::run(&args),
         Command::Setup(args) => setup::run(&args),
+        Command::Output(args) => switch::run(&args),
         Command::Run(command) => return run::run(&command),
         Command::Plate(command) => return plate::run(&command),
         Command::Config(ConfigCommand::Check(args)) => check::run(&args),

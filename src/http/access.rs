@@ -9,6 +9,7 @@
 
 use super::AppState;
 use super::problem::Problem;
+use crate::config::Guard;
 use axum::extract::{Request, State};
 use axum::http::uri::Authority;
 use axum::http::{HeaderMap, Method, StatusCode, header};
@@ -16,11 +17,20 @@ use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use sha2::{Digest, Sha256};
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 pub(super) async fn check(State(app): State<AppState>, request: Request, next: Next) -> Response {
-    let refused = host(&app.guard.hosts, &request)
-        .and_then(|asked| origin(&request, &asked))
-        .and_then(|()| token(app.guard.token.as_deref(), &request));
+    checked(&app.guard, request, next).await
+}
+
+/// As [`check`], for a server without the daemon's state.
+pub(super) async fn check_guard(State(guard): State<Arc<Guard>>, request: Request, next: Next) -> Response {
+    checked(&guard, request, next).await
+}
+
+async fn checked(guard: &Guard, request: Request, next: Next) -> Response {
+    let refused =
+        host(&guard.hosts, &request).and_then(|asked| origin(&request, &asked)).and_then(|()| token(guard.token.as_deref(), &request));
     match refused {
         Ok(()) => next.run(request).await,
         Err(problem) => problem.into_response(),

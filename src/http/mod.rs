@@ -35,8 +35,9 @@ mod safety;
 mod serve;
 mod status;
 
+pub use page::setup as setup_page;
 pub use problem::Problem;
-pub use serve::{HttpError, bind, serve};
+pub use serve::{HttpError, bind, serve, serve_routes};
 
 use crate::config::{Guard, HttpSettings};
 use crate::session::SessionHandle;
@@ -109,6 +110,11 @@ fn router(session: SessionHandle, reader: StoreReader, settings: &HttpSettings, 
         .layer(from_fn(secure_headers))
         .layer(from_fn_with_state(app.clone(), metrics::count))
         .with_state(app)
+}
+
+/// Puts the access rules and the headers of the daemon before other routes. A token protects what is below `/v1/`.
+pub fn guarded(routes: Router, guard: Guard) -> Router {
+    routes.layer(from_fn_with_state(Arc::new(guard), access::check_guard)).layer(from_fn(secure_headers))
 }
 
 async fn method_not_allowed(method: axum::http::Method, uri: Uri) -> Problem {

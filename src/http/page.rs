@@ -17,6 +17,9 @@ use rust_embed::{EmbeddedFile, RustEmbed};
 struct Dist;
 
 const UNBUILT: &str = include_str!("unbuilt.html");
+const UNBUILT_SETUP: &str = "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>carved setup</title><h1>carved setup is running</h1>\
+    <p>This program was built without its pages. Build both with <code>make build</code>, or set up in the terminal: start \
+    <code>carved setup</code> without <code>--listen</code>.</p></html>";
 
 /// Scripts only from this server. Models and pictures are blobs if they are fetched with a token, and the plots set inline styles.
 const POLICY: &str = "default-src 'self'; img-src 'self' blob: data:; connect-src 'self' blob:; style-src 'self' 'unsafe-inline'; \
@@ -31,17 +34,34 @@ pub(super) async fn index(headers: HeaderMap) -> Response {
     }
 }
 
+/// The folder of the page of `carved setup`, which another server serves.
+const SETUP: &str = "setup/";
+
 /// The other files of the page. Other paths are unknown.
 pub(super) async fn asset(method: Method, uri: Uri, headers: HeaderMap) -> Response {
     let reads = matches!(method, Method::GET | Method::HEAD);
     let path = uri.path().trim_start_matches('/');
-    if reads && !ENCODINGS.iter().any(|(_, ending)| path.ends_with(ending)) {
-        if let Some(answer) = file(&headers, path) {
-            return answer;
-        }
+    let is_public = !path.starts_with(SETUP) && !ENCODINGS.iter().any(|(_, ending)| path.ends_with(ending));
+    if reads
+        && is_public
+        && let Some(answer) = file(&headers, path)
+    {
+        return answer;
     }
     let detail = format!("there is nothing at {}; /docs lists what there is", uri.path());
     Problem::new(StatusCode::NOT_FOUND, "unknown_route", detail).into_response()
+}
+
+/// The page of `carved setup` and its files.
+pub async fn setup(method: Method, uri: Uri, headers: HeaderMap) -> Response {
+    let reads = matches!(method, Method::GET | Method::HEAD);
+    let path = uri.path().trim_start_matches('/');
+    let answer = file(&headers, &format!("{SETUP}{}", if path.is_empty() { "index.html" } else { path }));
+    match answer.filter(|_| reads) {
+        Some(answer) => answer,
+        None if path.is_empty() => document("text/html; charset=utf-8", UNBUILT_SETUP.into()),
+        None => Problem::new(StatusCode::NOT_FOUND, "unknown_route", format!("there is nothing at {}", uri.path())).into_response(),
+    }
 }
 
 /// Names of encodings with the endings of their files, the smallest files first.

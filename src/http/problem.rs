@@ -47,7 +47,8 @@ const DETAILED: usize = 20;
 const RETRY_AFTER_S: u32 = 5;
 
 impl Problem {
-    pub(super) fn new(status: StatusCode, code: &str, detail: impl Into<String>) -> Self {
+    /// A problem that a person has to look at.
+    pub fn new(status: StatusCode, code: &str, detail: impl Into<String>) -> Self {
         Self {
             kind: format!("urn:carved:problem:{code}"),
             title: status.canonical_reason().unwrap_or("Error").to_owned(),

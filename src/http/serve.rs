@@ -9,7 +9,7 @@
 
 use super::pace::Peer;
 use super::{closed, router};
-use crate::config::{HttpSettings, HttpSettingsError};
+use crate::config::{Guard, HttpSettings, HttpSettingsError};
 use crate::session::SessionHandle;
 use axum::Router;
 use carved_store::StoreReader;
@@ -64,11 +64,25 @@ pub async fn serve(
     settings: HttpSettings,
     shutdown: impl Future<Output = ()>,
 ) -> Result<(), HttpError> {
+    let routes = |guard, closing| router(session, reader, &settings, guard, closing);
+    serve_routes(listener, &settings, routes, shutdown).await
+}
+
+/// As [`serve`], for other routes. `routes` gets the access rules, and what becomes true when the server must end.
+///
+/// # Errors
+/// As [`serve`].
+pub async fn serve_routes(
+    listener: std::net::TcpListener,
+    settings: &HttpSettings,
+    routes: impl FnOnce(Guard, watch::Receiver<bool>) -> Router,
+    shutdown: impl Future<Output = ()>,
+) -> Result<(), HttpError> {
     let guard = settings.guard(listener.local_addr()?)?;
     listener.set_nonblocking(true)?;
     let listener = TcpListener::from_std(listener)?;
     let (close, closing) = watch::channel(false);
-    let router = router(session, reader, &settings, guard, closing.clone());
+    let router = routes(guard, closing.clone());
     let slots = Arc::new(Semaphore::new(settings.max_connections));
     let mut connections = JoinSet::new();
     let mut shutdown = pin!(shutdown);
@@ -76,7 +90,7 @@ pub async fn serve(
         tokio::select! {
             accepted = next_client(&listener, &slots) => match accepted {
                 Ok((stream, peer, slot)) => {
-                    let served = connection(stream, peer, slot, builder(&settings), router.clone(), closing.clone());
+                    let served = connection(stream, peer, slot, builder(settings), router.clone(), closing.clone());
                     connections.spawn(served);
                 }
                 Err(why) => {

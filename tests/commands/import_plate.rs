@@ -133,6 +133,9 @@ fn a_plate_of_vast_pictures_becomes_a_run_like_any_other() {
     let angles: Vec<f64> = ledger.as_array().unwrap().iter().map(|e| e["omega"].as_f64().unwrap().to_degrees().round()).collect();
     assert_eq!(angles, [0.0, 30.0, 60.0, 90.0, 120.0, 150.0, 180.0, 240.0, 270.0, 300.0, 330.0, 360.0]);
     assert!(json(&folder.join("B03/import.json"))["warnings"].to_string().contains("view 8"));
+    assert_eq!(json(&folder.join("B03/recording.json"))["missing_views"], json!([8]));
+    let flagged = |line: &Value| line["flags"].as_array().unwrap().iter().any(|flag| flag == "missing_views");
+    assert!(flagged(&lines[0]) && !flagged(&lines[1]), "{} {}", lines[0], lines[1]);
     assert!(json(&folder.join("import.json"))["not_imported"].to_string().contains("overview.png"));
 
     // Once more: refused, and nothing is changed.
@@ -215,6 +218,7 @@ fn what_is_no_plate_is_refused_and_leaves_nothing() {
     let two = folder("two", &["P1/W_A01_1_1.png", "P2/W_A01_1_1.png"]);
     let fish = folder("fish", &["W_A01_1_1.png", "W_A01_2_1.png", "W_A02_1_1.png"]);
     let odd = folder("odd", &["VAST_1_1.png", "VAST_1_2.png"]);
+    let strange = folder("strange", &["picture1.png", "picture2.png"]);
     let gaps = folder("gaps", &["W_A01_1_1.png", "W_A01_1_2.png", "W_A01_1_9.png"]);
     let empty = folder("empty/none", &["x/W_A01_1_1.png"]);
     fs::remove_dir_all(empty.join("x")).unwrap();
@@ -234,7 +238,9 @@ fn what_is_no_plate_is_refused_and_leaves_nothing() {
         (&one, &["--even", "--pattern", "{_}_{view}"], "4 pictures name no well"),
         (&two, &["--even"], "two plates"),
         (&fish, &["--even"], "1 of 2 wells have several fish, a run has one specimen per well: A01 has fish 1, 2"),
-        (&odd, &["--even"], "give a --pattern for other names"),
+        (&odd, &["--even"], "2 pictures say fish and view, but no well: "),
+        (&odd, &["--even"], "into a folder that is named after it, as A02/VAST_1_4.tiff"),
+        (&strange, &["--even"], "give a --pattern for other names"),
         (&gaps, &["--even"], "which leave gaps; say with --views"),
         (&empty, &["--even"], "found no picture"),
         (&huge, &["--even"], "the file has 1048576 MB; expected a picture of 512 MB at most"),
@@ -249,6 +255,54 @@ fn what_is_no_plate_is_refused_and_leaves_nothing() {
     assert!(output.status.code() == Some(2) && stderr(&output).contains("found no {view}"), "{}", stderr(&output));
     let several = folder("several", &["A01_1.png", "A01_2.png", "A01_3.png", "A02_1.png", "A02_2.png", "A02_3.png"]);
     assert!(refused(&[text(&several), "--even"]).contains("the names say 2 wells, A01, A02; expected the pictures of one specimen"));
+    let fishes: Vec<String> = (1..=2).flat_map(|fish| (1..=3).map(move |view| format!("VAST_{fish}_{view}.png"))).collect();
+    let fishes = folder("fishes", &fishes.iter().map(String::as_str).collect::<Vec<_>>());
+    assert!(refused(&[text(&fishes), "--even"]).contains("the names say 2 fish, 1, 2; expected the pictures of one specimen"));
     let output = run(&["import", text(&one), "--even", "--dry-run"]);
     assert!(output.status.code() == Some(2) && stderr(&output).contains("--plate <BARCODE>"), "{}", stderr(&output));
+}
+
+/// Two fish in A01 and one in A02, with one list of angles that names the files. The command is killed in the middle, and repeated.
+#[test]
+fn every_fish_becomes_a_run_and_an_interrupted_import_goes_on() {
+    let dir = tempfile::tempdir().unwrap();
+    let (plate, data) = (dir.path().join("plate"), dir.path().join("data"));
+    let bead = scene(Specimen::bead(400.0).unwrap());
+    for (well, fish) in [("A01", 1), ("A01", 2), ("A02", 1), ("B01", 1), ("B02", 1)] {
+        shoot(&bead, 4, 4, |i| plate.join(format!("{well}/VAST_{fish}_{}.tiff", i + 1)));
+    }
+    let list = dir.path().join("angles.csv");
+    fs::write(&list, "file,degrees\nVAST_1_1.tiff,0\nVAST_1_2.tiff,90\nVAST_1_3,180\nVAST_1_4,270\n").unwrap();
+    let args = ["import", text(&plate), "--plate", "P-3", "--specimen", "bead", "--voxel", "14", "--data", text(&data)];
+    let said = refused(&[&args[1..], &["--even"]].concat());
+    assert!(said.contains("A01 has fish 1, 2") && said.contains("--fish all"), "{said}");
+
+    // Killed after the first well.
+    let first = [&args[..], &["--fish", "1", "--run", "P-3-fish1", "--angles", text(&list)]].concat();
+    let mut child =
+        crate::common::carved().args(&first).stdout(std::process::Stdio::piped()).stderr(std::process::Stdio::null()).spawn().unwrap();
+    let mut line = String::new();
+    std::io::BufRead::read_line(&mut std::io::BufReader::new(child.stdout.take().unwrap()), &mut line).unwrap();
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let before: Value = serde_json::from_str(&line).unwrap();
+    let runs = data.join("runs");
+    assert!(runs.join(".P-3-fish1.part/done/A01.json").is_file() && !runs.join("P-3-fish1").exists(), "{line}");
+    let (code, lines, said) = import(&first[1..]);
+    assert_eq!((code, &lines[0]), (Some(0), &before), "{said}");
+    assert!(said.contains("A01: was imported before the interruption"), "{said}");
+    assert!(!runs.join(".P-3-fish1.part").exists() && !runs.join("P-3-fish1/done").exists());
+    let output = run(&["replay", text(&runs.join("P-3-fish1"))]);
+    assert_eq!(String::from_utf8_lossy(&output.stdout).matches("identical, bit for bit").count(), 4, "{}", stderr(&output));
+
+    // All fish: the run that is there stays as it is, and the other is made.
+    let (code, lines, said) = import(&[&args[1..], &["--fish", "all", "--even"]].concat());
+    assert_eq!((code, lines.len()), (Some(0), 2), "{said}");
+    assert!(said.contains("the run P-3-fish1 is there already"), "{said}");
+    assert_eq!(json(&runs.join("P-3-fish2/run.json"))["wells"].as_array().unwrap().len(), 1);
+    assert_eq!(json(&runs.join("P-3-fish2/import.json"))["fish"], 2);
+    let said = refused(&[&args[1..], &["--fish", "all", "--even"]].concat());
+    assert!(said.contains("the runs of all 2 fish are there already"), "{said}");
+    let output = run(&[&args[..], &["--fish", "some", "--even"]].concat());
+    assert!(output.status.code() == Some(2) && stderr(&output).contains("expected the number of a fish, or all"));
 }

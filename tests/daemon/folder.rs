@@ -47,7 +47,7 @@ impl Pair {
         let settings = VastProgramSettings {
             folder: pictures.join("P-017"),
             views: VIEWS,
-            repeats_first: false,
+            repeats_first: extra.contains("repeats_first = true"),
             step: Duration::ZERO,
             // Longer than the time of quiet: size and time alone do not tell that a picture is complete.
             pause: Duration::from_millis(250),
@@ -127,12 +127,33 @@ fn wells_are_measured_while_another_program_stores_them_in_its_own_order() {
     let why = status["run"]["results"][2]["reason"].as_str().unwrap();
     assert!(why.contains("view 3 is missing") && why.contains("well A04"), "{why}");
     for well in ["A02", "A04"] {
-        let error = error_percent(&pair.measurement(well));
+        let measurement = pair.measurement(well);
+        let error = error_percent(&measurement);
         assert!(error.abs() < 1.0, "{well}: {error} %");
+        // Without a picture at 360 deg nobody knows whether the bead has moved, and the result says so.
+        assert!(has_flag(&measurement, "no_closure") && measurement["closure"].is_null(), "{well}: {}", measurement["flags"]);
     }
     let recording = json(&pair.dir.path().join("data/runs").join(RUN).join("A02/recording.json"));
     let ledger = recording["ledger"].as_array().unwrap();
     assert_eq!((ledger.len(), ledger.iter().filter(|entry| entry["closure"] == true).count()), (VIEWS as usize, 0));
+}
+
+fn has_flag(measurement: &Value, flag: &str) -> bool {
+    measurement["flags"].as_array().unwrap().iter().any(|raised| raised == flag)
+}
+
+#[test]
+fn a_picture_at_360_deg_closes_the_turn() {
+    let mut pair = Pair::start("repeats_first = true");
+    pair.waits(&["A01"]);
+    pair.stores("A01", Some(bead()), None);
+    pair.daemon.wait_for_outcome();
+    let measurement = pair.measurement("A01");
+    assert!(!has_flag(&measurement, "no_closure"), "{}", measurement["flags"]);
+    assert!(measurement["closure"]["iou"].as_f64().unwrap() > 0.98, "{}", measurement["closure"]);
+    let recording = json(&pair.dir.path().join("data/runs").join(RUN).join("A01/recording.json"));
+    let ledger = recording["ledger"].as_array().unwrap();
+    assert_eq!((ledger.len(), ledger.iter().filter(|entry| entry["closure"] == true).count()), (VIEWS as usize + 1, 1));
 }
 
 #[test]

@@ -17,6 +17,7 @@ const FLAGS: Record<string, string> = {
   fins_unseen:
     "the views do not show all of its fins, so its volume may be up to 5 % too small: look at light and focus",
   few_views: "too few views count, or none from one side",
+  missing_views: "pictures of some views are missing: its numbers come from the others",
   moved: "it moved during the turn: measure it again",
   no_closure: "no view closed the turn, so nobody knows whether it moved",
   nonconvex: "it is bent or hollow in places: there the voxels are trusted",

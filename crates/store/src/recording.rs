@@ -57,6 +57,9 @@ pub struct MeasurementFile {
     pub method_version: Option<String>,
 }
 
+/// The flag of an imported turn that lacks a picture.
+const MISSING_VIEWS: &str = "missing_views";
+
 impl MeasurementFile {
     /// The numbers of a recording, compared with these references.
     pub fn new(recording: &Recording, references: &[References], mut record: SpecimenRecord) -> Self {
@@ -79,6 +82,9 @@ impl MeasurementFile {
         if let Some(standing) = &reference {
             let trusted = record.measurement.estimator.name();
             record.held_against(standing.z(trusted), recording.method.quality.reference_z);
+        }
+        if !recording.missing_views.is_empty() {
+            record.flags.push(MISSING_VIEWS.into());
         }
         Self { mode: recording.mode, record, fluorescence: None, reference, method_version: recording.method.version.clone() }
     }
@@ -164,6 +170,9 @@ pub struct Recording {
     /// The method's rule ended the turn after this number of views.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ended_after_views: Option<u32>,
+    /// Numbers of the views of an imported turn that have no picture, as the names of the pictures count.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub missing_views: Vec<u32>,
     /// The turn was accepted before the specimen was released. The numbers are computed from these frames only.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub accepted: bool,
@@ -186,6 +195,7 @@ impl Recording {
             truth: None,
             references_sha256: None,
             ended_after_views: None,
+            missing_views: Vec::new(),
             accepted: false,
             ledger: Ledger::default(),
         }

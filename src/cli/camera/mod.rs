@@ -39,7 +39,7 @@ impl Configured {
 }
 
 /// The controller that has switched the light on, on a rig with such a light. The light goes off when it is dropped.
-fn light(config: &Config) -> anyhow::Result<Option<Box<dyn RotationAxis>>> {
+pub fn light(config: &Config) -> anyhow::Result<Option<Box<dyn RotationAxis>>> {
     if !config.rotation.outputs().iter().any(|output| output.on == OutputUse::Views) {
         return Ok(None);
     }

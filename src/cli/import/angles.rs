@@ -22,12 +22,20 @@ pub(super) enum Angles {
     Rad(Vec<f64>),
 }
 
-/// The angles of `pictures`, which are file names in order.
-pub(super) fn read(file: &Path, pictures: &[String]) -> anyhow::Result<Angles> {
+/// The pictures of a plate, for a list that names files.
+pub(super) struct PlatePictures<'a> {
+    /// Numbers of the views in the order of the turn.
+    pub views: &'a [u32],
+    /// Every picture with the number of its view.
+    pub pictures: Vec<(u32, &'a Path)>,
+}
+
+/// The angles of `pictures`, which are file names in order. With `plate` they are the names of its views.
+pub(super) fn read(file: &Path, pictures: &[String], plate: Option<&PlatePictures>) -> anyhow::Result<Angles> {
     let name = || format!("--angles {}", file.display());
     let bytes = carved_files::read(file).with_context(|| format!("{}: cannot be read", name()))?;
     let text = String::from_utf8(bytes).map_err(|_| anyhow!("{}: found bytes that are no UTF-8 text; save it as plain text", name()))?;
-    parse(&text, pictures).with_context(name)
+    parse(&text, pictures, plate).with_context(name)
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -53,7 +61,7 @@ fn column(name: &str) -> Option<Column> {
 /// The number of a line in the file, from 1, and its fields.
 type Row = (usize, Vec<String>);
 
-fn parse(text: &str, pictures: &[String]) -> anyhow::Result<Angles> {
+fn parse(text: &str, pictures: &[String], plate: Option<&PlatePictures>) -> anyhow::Result<Angles> {
     let lines = (1..).zip(text.trim_start_matches('\u{feff}').lines());
     let lines: Vec<(usize, &str)> = lines.filter(|(_, l)| !l.trim().is_empty() && !l.trim_start().starts_with('#')).collect();
     let Some((_, first)) = lines.first() else { bail!("found no line, expected one angle per picture") };
@@ -74,7 +82,7 @@ fn parse(text: &str, pictures: &[String]) -> anyhow::Result<Angles> {
         rows[0].1.len()
     );
     let (_, header) = rows.remove(0);
-    table(&header, &rows, pictures)
+    table(&header, &rows, pictures, plate)
 }
 
 /// Number of columns of VAST's list.
@@ -108,7 +116,7 @@ fn external(rows: &[Row], pictures: &[String]) -> anyhow::Result<Angles> {
     of_all(rows.iter().map(angle).collect::<anyhow::Result<_>>()?, pictures).map(Angles::Degrees)
 }
 
-fn table(header: &[String], rows: &[Row], pictures: &[String]) -> anyhow::Result<Angles> {
+fn table(header: &[String], rows: &[Row], pictures: &[String], plate: Option<&PlatePictures>) -> anyhow::Result<Angles> {
     let found = || format!("found the columns {}", header.join(", "));
     let at = |wanted: [Column; 2]| -> anyhow::Result<Option<usize>> {
         let places: Vec<usize> = (0..header.len()).filter(|&i| column(&header[i]).is_some_and(|c| wanted.contains(&c))).collect();
@@ -125,7 +133,10 @@ fn table(header: &[String], rows: &[Row], pictures: &[String]) -> anyhow::Result
         keys.extend(key.map(|key| (*n, row[key].as_str())));
     }
     let angles = match key.map(|key| column(&header[key])) {
-        Some(Some(Column::File)) => by_file(&keys, &angles, pictures)?,
+        Some(Some(Column::File)) => match plate {
+            Some(plate) => by_file_of_plate(&keys, &angles, plate)?,
+            None => by_file(&keys, &angles, pictures)?,
+        },
         Some(_) => by_view(&keys, &of_all(angles, pictures)?)?,
         None => of_all(angles, pictures)?,
     };
@@ -163,6 +174,33 @@ fn by_file(keys: &[(usize, &str)], angles: &[f64], pictures: &[String]) -> anyho
     let missing: Vec<&str> = pictures.iter().map(String::as_str).filter(|p| !given.contains_key(p)).collect();
     ensure!(missing.is_empty(), "found no angle of {}; expected one of every picture", missing.join(", "));
     Ok(pictures.iter().filter_map(|p| given.get(p.as_str()).copied()).collect())
+}
+
+/// Largest difference between two angles that a list gives for one view, deg or rad: they are the same, written with other digits.
+const SAME_ANGLE: f64 = 1e-3;
+
+/// The angle of each view of a plate, by the names of pictures with or without folders and extension. A name fits the pictures whose paths
+/// end with it. All wells have the same angles.
+fn by_file_of_plate(keys: &[(usize, &str)], angles: &[f64], plate: &PlatePictures) -> anyhow::Result<Vec<f64>> {
+    let mut given: BTreeMap<u32, (usize, f64)> = BTreeMap::new();
+    for ((n, key), angle) in keys.iter().zip(angles) {
+        let written = key.replace('\\', "/");
+        let fits = |path: &Path| path.ends_with(&written) || path.with_extension("").ends_with(&written);
+        let mut views: Vec<u32> = plate.pictures.iter().filter(|(_, path)| fits(path)).map(|(view, _)| *view).collect();
+        views.dedup();
+        let (Some(view), true) = (views.first(), views.iter().all(|view| *view == views[0])) else {
+            bail!("line {n}: found {key:?}, which is none of the {} pictures", plate.pictures.len())
+        };
+        let (first, known) = *given.entry(*view).or_insert((*n, *angle));
+        ensure!(
+            (known - angle).abs() <= SAME_ANGLE,
+            "line {n}: found {angle} for view {view}, line {first} has {known}; expected one angle per view, the same in all wells. Import wells \
+             that were turned to other angles in a run of their own"
+        );
+    }
+    let missing: Vec<String> = plate.views.iter().filter(|view| !given.contains_key(view)).map(u32::to_string).collect();
+    ensure!(missing.is_empty(), "found no angle of view {}; expected one of every view of the turn", missing.join(", "));
+    Ok(plate.views.iter().filter_map(|view| Some(given.get(view)?.1)).collect())
 }
 
 /// The angles by view number. Views count the pictures in order, from 0 or from 1.
@@ -243,9 +281,9 @@ mod tests {
             "view, degrees, note\n0,0,\n2,7.2,b\n1,3.6,c\n",
             "angle_deg\n0\n3.6\n7.2\n",
         ] {
-            assert_eq!(parse(text, &pictures(3)).unwrap(), deg, "{text}");
+            assert_eq!(parse(text, &pictures(3), None).unwrap(), deg, "{text}");
         }
-        assert_eq!(parse("view,omega_rad\n0,0\n1,-0.5\n", &pictures(2)).unwrap(), Angles::Rad(vec![0.0, -0.5]));
+        assert_eq!(parse("view,omega_rad\n0,0\n1,-0.5\n", &pictures(2), None).unwrap(), Angles::Rad(vec![0.0, -0.5]));
     }
 
     #[test]
@@ -270,8 +308,33 @@ mod tests {
             ("view,angle_deg\n0,0\n1,1\n3,2\n", "found view 3, expected every number from 0 to 2 once"),
             ("view,angle_deg\n0,0\n1\n", "line 3: found 1 columns, the header has 2"),
         ] {
-            let said = format!("{:#}", parse(text, &pictures(3)).unwrap_err());
+            let said = format!("{:#}", parse(text, &pictures(3), None).unwrap_err());
             assert!(said.contains(expected), "{text:?}: {said}");
+        }
+    }
+
+    #[test]
+    fn a_list_of_files_gives_a_plate_the_angles_of_its_views() {
+        let paths: Vec<String> = ["A01", "B02"].iter().flat_map(|well| (1..=3).map(move |v| format!("P/{well}/VAST_1_{v}.tiff"))).collect();
+        let of = |text: &str| {
+            let pictures = paths.iter().zip([1, 2, 3, 1, 2, 3]).map(|(path, view)| (view, Path::new(path))).collect();
+            let names: Vec<String> = (1..=3).map(|view| format!("view {view}")).collect();
+            parse(text, &names, Some(&PlatePictures { views: &[1, 2, 3], pictures }))
+        };
+        let expected = Angles::Degrees(vec![0.0, 120.0, 240.0]);
+        for text in [
+            "file,degrees\nVAST_1_2.tiff,120\nVAST_1_1,0\nVAST_1_3.tiff,240\n",
+            "file,degrees\nA01/VAST_1_1.tiff,0\nA01\\VAST_1_2.tiff,120\nB02/VAST_1_2.tiff,120.0\nP/B02/VAST_1_3,240\n",
+        ] {
+            assert_eq!(of(text).unwrap(), expected, "{text}");
+        }
+        for (text, words) in [
+            ("file,degrees\nA01/VAST_1_1.tiff,0\nB02/VAST_1_1.tiff,5\n", "line 3: found 5 for view 1, line 2 has 0"),
+            ("file,degrees\nVAST_1_1.tiff,0\nVAST_1_3.tiff,240\n", "found no angle of view 2"),
+            ("file,degrees\nC03/VAST_1_1.tiff,0\n", "line 2: found \"C03/VAST_1_1.tiff\", which is none of the 6 pictures"),
+        ] {
+            let said = format!("{:#}", of(text).unwrap_err());
+            assert!(said.contains(words), "{said}");
         }
     }
 }

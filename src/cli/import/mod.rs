@@ -16,7 +16,7 @@ mod turn;
 mod write;
 
 use crate::cli::segment::input::Kind;
-use angles::Angles;
+use angles::{Angles, PlatePictures};
 use anyhow::{Context, bail, ensure};
 use carved_core::frame::RawFrame;
 use carved_core::measure::references::References;
@@ -195,7 +195,7 @@ fn one_turn(args: &Args) -> anyhow::Result<()> {
     let sources = rig::load(args, &mut warn)?;
     let rig = sources.rig(args, kind, &mut warn)?;
     let names: Vec<String> = looks.iter().map(Looked::name).collect();
-    let (omega_deg, angles_from) = omega_deg(args, &sources, &names, &mut warn)?;
+    let (omega_deg, angles_from) = omega_deg(args, &sources, &names, None, &mut warn)?;
     let turn = turn::turn(omega_deg, args.closure).with_context(|| angles_from.clone())?;
     let imported = Imported::new(args, &rig, (looks, kind), turn, angles_from, warnings)?;
     let specimen = PlannedWell::new(&args.well, args.specimen.into(), args.dpf);
@@ -218,7 +218,13 @@ fn one_turn(args: &Args) -> anyhow::Result<()> {
 }
 
 /// omega of every picture, deg, and the origin of the angles in words.
-fn omega_deg(args: &Args, sources: &Sources, names: &[String], warn: &mut dyn FnMut(String)) -> anyhow::Result<(Vec<f64>, String)> {
+fn omega_deg(
+    args: &Args,
+    sources: &Sources,
+    names: &[String],
+    plate: Option<&PlatePictures>,
+    warn: &mut dyn FnMut(String),
+) -> anyhow::Result<(Vec<f64>, String)> {
     let asked = match &args.sense {
         Some(sense) => Some(if sense == "-1" { -1.0 } else { 1.0 }),
         None => sources.sense,
@@ -244,7 +250,7 @@ fn omega_deg(args: &Args, sources: &Sources, names: &[String], warn: &mut dyn Fn
             );
             of_rad(omega.to_vec(), from)
         }
-        (None, Some(file), _) => match angles::read(file, names)? {
+        (None, Some(file), _) => match angles::read(file, names, plate)? {
             Angles::Rad(rad) => of_rad(rad, format!("omega_rad of --angles {}", file.display())),
             Angles::Degrees(deg) => {
                 let from =

@@ -37,8 +37,8 @@ impl Action {
             Self::Expose => "Finding the exposure.",
             Self::LookAtEmpty => "Taking pictures of the empty capillary.",
             Self::Home => "The motors go to their reference position.",
-            Self::Turn => "The capillary turns twice. Ctrl-C stops the motors.",
-            Self::Measure => "Measuring the bead over one turn. Ctrl-C stops the motors.",
+            Self::Turn => "The capillary turns twice.",
+            Self::Measure => "Measuring the bead over one turn.",
             Self::Write => "Writing and checking the configuration.",
         }
     }

@@ -66,6 +66,13 @@ pub struct State {
     written: Option<Written>,
 }
 
+impl State {
+    /// Whether the person said that the bead is in the picture.
+    pub fn is_loaded(&self) -> bool {
+        self.answers.contains_key("loaded")
+    }
+}
+
 /// Why a question is asked again.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Problem {
@@ -82,6 +89,14 @@ pub struct Machine {
     doubted: Option<(String, String)>,
 }
 
+/// The stages, for a person.
+pub const STAGES: [&str; 8] = ["Controller", "Camera", "Empty capillary", "Bead", "Two turns", "Scale", "Proof", "File"];
+
+/// The answer of a rig whose light carved does not switch.
+const NO_LIGHT: &str = "none";
+/// Time that a light gets to become steady, ms: a LED and its driver need less than a tenth of this.
+const LIGHT_SETTLE_MS: u32 = 100;
+
 /// The last question. It is asked only where a file exists or could not be written.
 const REPLACE: &str = "replace";
 
@@ -92,9 +107,9 @@ const USUAL_BEAD: [f64; 2] = [0.2, 0.97];
 /// A larger difference between bead and bore is a wrong number, not a scale to be corrected, %.
 const MOST_SCALE_PERCENT: f64 = 15.0;
 /// Least overlap of the bead with itself after one turn.
-const LEAST_CLOSURE: f64 = 0.95;
+pub const LEAST_CLOSURE: f64 = 0.95;
 /// Largest difference of the steps of a turn from the configured ones.
-const MOST_STEPS_OFF: f64 = 0.005;
+pub const MOST_STEPS_OFF: f64 = 0.005;
 /// Blur above this multiple of the method's is out of focus.
 const MOST_BLUR: f64 = 2.5;
 
@@ -103,7 +118,7 @@ impl Machine {
     pub fn resume(state: State) -> Self {
         let mut machine = Self { state, doubted: None };
         if machine.state.proof.is_none() {
-            machine.state.answers.remove("motion");
+            machine.forget("motion");
             machine.state.is_home = false;
         }
         machine
@@ -111,6 +126,43 @@ impl Machine {
 
     pub fn state(&self) -> &State {
         &self.state
+    }
+
+    /// The number of the stage in [`STAGES`] to which a step belongs, or one more for the end.
+    pub fn stage(&self, step: &Step) -> usize {
+        let at = match step {
+            Step::Ask(question) => match question.id {
+                "name" | "controller" | "steps" | "reference" | "light" => "Controller",
+                "camera" | "pixel_format" | "width" | "height" | "data_dir" => "Camera",
+                "empty" | "bore_um" => "Empty capillary",
+                "bead_um" | "tolerance_percent" | "loaded" => "Bead",
+                "motion" | "sense" => "Two turns",
+                "ruler" => "Scale",
+                _ => "File",
+            },
+            Step::Act(action) => match action {
+                Action::ListPorts | Action::Identify => "Controller",
+                Action::ListCameras => "Camera",
+                Action::Expose | Action::LookAtEmpty => "Empty capillary",
+                Action::Home | Action::Turn => "Two turns",
+                Action::Measure if self.state.bead.is_none() => "Scale",
+                Action::Measure => "Proof",
+                Action::Write => "File",
+            },
+            Step::Finished => return STAGES.len(),
+        };
+        STAGES.iter().position(|stage| *stage == at).unwrap_or(STAGES.len())
+    }
+
+    /// The questions that are answered, with their answers, in the order of answering.
+    pub fn given(&self) -> impl Iterator<Item = (&str, &str)> {
+        self.state.order.iter().filter_map(|id| Some((id.as_str(), self.answered(id)?)))
+    }
+
+    /// Removes an answer, and nothing that follows from it.
+    fn forget(&mut self, id: &str) {
+        self.state.answers.remove(id);
+        self.state.order.retain(|other| other != id);
     }
 
     fn answered(&self, id: &str) -> Option<&str> {
@@ -132,6 +184,7 @@ impl Machine {
             (s.controller.is_none(), Step::Act(Action::Identify)),
             (missing("steps"), self.ask("steps")),
             (missing("reference") && self.can_home(), self.ask("reference")),
+            (missing("light") && self.can_home(), self.ask("light")),
             (s.cameras.is_none(), Step::Act(Action::ListCameras)),
             (missing("camera"), self.ask("camera")),
             (missing("pixel_format"), self.ask("pixel_format")),
@@ -163,10 +216,15 @@ impl Machine {
     }
 
     fn ask(&self, id: &'static str) -> Step {
+        Step::Ask(Box::new(self.question(id)))
+    }
+
+    /// A question, as it is asked now.
+    pub fn question(&self, id: &'static str) -> Question {
         let (text, kind, default) = self.words(id);
         let problem = self.state.problem.as_ref().filter(|problem| problem.id == id);
         let default = problem.and_then(|p| p.proposal.clone()).or(default);
-        Step::Ask(Box::new(Question { id, text, kind, default, problem: problem.map(|p| p.text.clone()) }))
+        Question { id, text, kind, default, problem: problem.map(|p| p.text.clone()) }
     }
 
     /// Text, form and default of a question.
@@ -198,6 +256,12 @@ impl Machine {
                 chosen(&[("home", "The motors search a home switch"), ("here", "Where the motors stand when carved starts")]),
                 some(if s.controller.as_ref().and_then(|c| c.homes) == Some(false) { "here" } else { "home" }),
             ),
+            "light" => (
+                "Output of the controller that switches the light. carved then has it on while it takes pictures, and off otherwise."
+                    .into(),
+                Kind::Choice { options: self.light_pins(), open: false },
+                some(NO_LIGHT),
+            ),
             "camera" => {
                 let options = listed(&s.cameras);
                 let default = only(&options);
@@ -220,6 +284,24 @@ impl Machine {
             "name" => ("Name of this instrument. It is written into every recording.".into(), Kind::Text, some("vast-1")),
             _ => self.words_of_specimens(id),
         }
+    }
+
+    /// The outputs of the controller at which a light can be.
+    fn light_pins(&self) -> Vec<Choice> {
+        let numbered = |pins: std::ops::RangeInclusive<u32>, label: &str| {
+            pins.map(|pin| Choice::new(pin.to_string(), format!("{label} {pin}"))).collect::<Vec<_>>()
+        };
+        let mut options = vec![Choice::new(NO_LIGHT, "None: the light is always on, or something else switches it")];
+        options.extend(match self.state.controller.as_ref().map(|c| c.driver.as_str()) {
+            Some("tmcl") => numbered(0..=7, "OUT"),
+            Some("zaber") => numbered(1..=4, "Digital output"),
+            _ => vec![
+                Choice::new("flood_coolant", "Flood coolant, M8"),
+                Choice::new("mist_coolant", "Mist coolant, M7"),
+                Choice::new("spindle", "Spindle, M3"),
+            ],
+        });
+        options
     }
 
     /// As `words`, for the questions about what is in the capillary.
@@ -273,6 +355,11 @@ impl Machine {
         Some(100.0 * (bead?.diameter_um / self.number("bead_um")? - 1.0))
     }
 
+    /// Whether bead and bore contradict each other.
+    fn contradicts(&self) -> bool {
+        self.off_percent(self.state.bead.as_ref()).is_some_and(|off| off.abs() > MOST_SCALE_PERCENT)
+    }
+
     /// Takes the answer to the question that `next` asks.
     ///
     /// # Errors
@@ -280,13 +367,14 @@ impl Machine {
     pub fn answer(&mut self, typed: &str, bench: &dyn Bench) -> Result<(), Refused> {
         let Step::Ask(question) = self.next(bench.exists()) else { return Ok(()) };
         if typed.trim() == "back" {
-            self.back();
-            return Ok(());
+            return self.back();
         }
         let value = question.kind.read(typed).map_err(Refused::Wrong)?;
         let before = bench.check(&self.draft()).unwrap_or_default();
         let mut later = self.clone();
-        later.remove(question.id);
+        // What followed from an earlier answer was removed with it. Something that does not follow stays: two turns that were measured
+        // before an interruption.
+        later.forget(question.id);
         later.state.answers.insert(question.id.into(), value.clone());
         later.state.order.push(question.id.into());
         later.state.problem = None;
@@ -302,6 +390,12 @@ impl Machine {
         *self = later;
         match question.id {
             "ruler" => self.judge_ruler(),
+            // The person insists: not a number but the measurement is wrong.
+            "bead_um" if question.problem.is_some() && self.contradicts() => {
+                self.state.bead = None;
+                self.state.is_home = false;
+                self.forget("motion");
+            }
             "bead_um" => self.judge_bead(),
             _ => {}
         }
@@ -324,23 +418,30 @@ impl Machine {
     }
 
     /// Removes the newest answer, so that its question is asked again.
-    fn back(&mut self) {
-        if let Some(id) = self.state.order.last().cloned() {
-            self.remove(&id);
-            self.state.problem = None;
-        }
+    fn back(&mut self) -> Result<(), Refused> {
+        let Some(id) = self.state.order.last().cloned() else {
+            return Err(Refused::Wrong("This is the first question".into()));
+        };
+        self.doubted = None;
+        self.remove(&id);
+        self.state.problem = None;
+        Ok(())
     }
 
-    /// Removes an answer and every measurement that depends on it.
+    /// Removes an answer and everything that follows from it.
     fn remove(&mut self, id: &str) {
+        self.forget(id);
         let s = &mut self.state;
-        s.answers.remove(id);
-        s.order.retain(|other| other != id);
-        (s.proof, s.written) = (None, None);
-        match id {
-            "controller" => s.controller = None,
-            "camera" | "pixel_format" | "width" | "height" | "empty" => (s.exposure, s.empty) = (None, None),
-            _ => {}
+        s.written = None;
+        if id == REPLACE {
+            return;
+        }
+        s.proof = None;
+        // The capillary is looked at again while it is empty. So the bead is brought again, and a person with a hand at the capillary
+        // confirms again that the motors may move.
+        let is_emptied = ["camera", "pixel_format", "width", "height", "empty", "light"].contains(&id);
+        if is_emptied {
+            (s.exposure, s.empty) = (None, None);
         }
         if !["name", "data_dir", "bore_um", "bead_um", "tolerance_percent", "sense", "ruler"].contains(&id) {
             s.turn = None;
@@ -349,8 +450,20 @@ impl Machine {
         if !["name", "data_dir", "bead_um", "tolerance_percent", "sense", "ruler"].contains(&id) {
             s.bead = None;
         }
-        if ["bore_um", "bead_um"].contains(&id) {
-            s.answers.remove("ruler");
+        if id == "controller" {
+            s.controller = None;
+        }
+        let follows: &[&str] = match id {
+            // Another controller has other outputs, and perhaps no switch.
+            "controller" => &["reference", "light", "loaded", "motion"],
+            _ if is_emptied => &["empty", "loaded", "motion"],
+            // A specimen that is brought in again is turned after another confirmation only.
+            "loaded" => &["motion"],
+            "bore_um" | "bead_um" => &["ruler"],
+            _ => &[],
+        };
+        for id in follows {
+            self.forget(id);
         }
     }
 
@@ -360,10 +473,6 @@ impl Machine {
         match id {
             "controller" => self.state.ports = None,
             "camera" => self.state.cameras = None,
-            // A specimen that is brought in again is turned after another confirmation only.
-            "loaded" => {
-                self.state.answers.remove("motion");
-            }
             _ => {}
         }
         self.state.problem = Some(Problem { id: id.into(), text, proposal });
@@ -446,12 +555,13 @@ impl Machine {
         if self.judge_closure(&bead) {
             return;
         }
-        let (Some(off), Some(stated)) = (self.off_percent(Some(&bead)), self.answered("bead_um")) else { return };
-        if off.abs() > MOST_SCALE_PERCENT {
+        let Some(stated) = self.answered("bead_um") else { return };
+        if self.contradicts() {
             let bore = self.answered("bore_um").unwrap_or_default();
             let text = format!(
                 "The bead measures {:.1} um with the scale of a bore of {bore} um, but {stated} um are stated, {:.2} times as much as measured. One of \
-                 both numbers is wrong. Correct the diameter of the bead here, or type back until the bore is asked{}",
+                 both numbers is wrong. Correct the diameter of the bead here, or go back until the bore is asked. If both are right, give \
+                 the same diameter again: the bead is then measured again{}",
                 bead.diameter_um,
                 stated.parse::<f64>().unwrap_or(f64::NAN) / bead.diameter_um,
                 out_of_focus(&bead)
@@ -505,7 +615,7 @@ impl Machine {
                 out_of_focus(&bead)
             );
             self.again("loaded", text, None);
-            self.state.answers.remove("ruler");
+            self.forget("ruler");
         }
     }
 
@@ -554,6 +664,12 @@ impl Machine {
             set("rotation", key, Some(value.clone()));
         }
         set("rotation", "reference", quoted("reference").filter(|_| self.can_home()));
+        if let Some(pin) = self.answered("light").filter(|pin| *pin != NO_LIGHT && self.can_home()) {
+            let pin = pin.parse::<u32>().map_or_else(|_| toml::Value::from(pin), toml::Value::from);
+            for (key, value) in [("pin", pin.to_string()), ("on", "\"views\"".into()), ("settle_ms", LIGHT_SETTLE_MS.to_string())] {
+                set("rotation.outputs.light", key, Some(value));
+            }
+        }
         set("camera", "select", quoted("camera").map(|address| format!("{{ address = {address} }}")));
         set("camera", "pixel_format", quoted("pixel_format"));
         set("camera", "exposure_us", s.exposure.as_ref().map(|e| number(e.exposure_us)));
@@ -591,7 +707,8 @@ impl Machine {
     }
 }
 
-fn out_of_focus(bead: &Bead) -> String {
+/// What to do where the edges are blurred; empty where they are not.
+pub fn out_of_focus(bead: &Bead) -> String {
     match bead.blur_px {
         Some([found, expected]) if found > MOST_BLUR * expected => {
             format!(

@@ -1,6 +1,7 @@
 //! What a person is asked, and the rules for an answer that need nothing else than the question.
 
 use carved_core::units::StepsPerRevolution;
+use serde::Serialize;
 
 /// One question. The same `id` is the key of its answer in a file of answers.
 #[derive(Debug, Clone, PartialEq)]
@@ -14,8 +15,37 @@ pub struct Question {
     pub problem: Option<String>,
 }
 
+/// Short names of the questions, for a list of answers.
+const TITLES: [(&str, &str); 19] = [
+    ("name", "Name of the instrument"),
+    ("controller", "Port of the controller"),
+    ("steps", "Steps of one turn"),
+    ("reference", "Step 0"),
+    ("light", "Light"),
+    ("camera", "Camera"),
+    ("pixel_format", "Format of the frames"),
+    ("width", "Width of the picture"),
+    ("height", "Height of the picture"),
+    ("data_dir", "Folder for the runs"),
+    ("empty", "The capillary is empty"),
+    ("bore_um", "Inner diameter of the capillary"),
+    ("bead_um", "Diameter of the bead"),
+    ("tolerance_percent", "Accepted deviation"),
+    ("loaded", "The bead is in the picture"),
+    ("motion", "The motors may move"),
+    ("sense", "Sense of the turn"),
+    ("ruler", "Ruler"),
+    ("replace", "Write the file"),
+];
+
+/// The short name of a question.
+pub fn title(id: &str) -> &str {
+    TITLES.iter().find(|(known, _)| *known == id).map_or(id, |(_, title)| title)
+}
+
 /// The form of the answer.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(tag = "form", rename_all = "lowercase")]
 pub enum Kind {
     Text,
     Number {
@@ -33,7 +63,7 @@ pub enum Kind {
     Confirm,
 }
 
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Choice {
     pub value: String,
     pub label: String,

@@ -3,11 +3,11 @@
 use super::bench::{Action, Bead, Bench, Controller, Empty, FoundExposure, Listed, Outcome, Request, Turn, Written};
 use super::period::orbit;
 use super::question::ratio_f64;
-use crate::cli::camera::{average, exposure};
+use crate::cli::camera::{average, exposure, light as camera_light};
 use crate::cli::doctor::{self, advice};
 use crate::cli::serve::{self, NO_DEVICES};
 use crate::cli::told;
-use crate::config::Config;
+use crate::config::{CameraDriver, Config, RotationDriver};
 use crate::session::live;
 use anyhow::{Context, bail, ensure};
 use carved_core::frame::RawFrame;
@@ -16,12 +16,14 @@ use carved_core::profile::{EmptyCapillary, Picture};
 use carved_core::units::StepsPerRevolution;
 use carved_devices::acquisition::{Next, RevolutionPlan, revolve};
 use carved_devices::cancel::CancelToken;
+use carved_devices::outputs::{views_off, views_on};
 use carved_devices::rotation::{Answer, Port, identify, serial_ports};
-use carved_devices::{Rig, StopHandle, camera};
+use carved_devices::{Rig, RotationAxis, StopHandle, camera};
 use carved_records::{LedgerEntry, Method, ViewOrder};
 use carved_store::{durable, frames};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 const BAUD: u32 = 115_200;
@@ -39,6 +41,7 @@ const USABLE_TOP: std::ops::RangeInclusive<f64> = 120.0..=254.0;
 pub struct Stopper {
     cancel: CancelToken,
     moving: Arc<Mutex<Option<StopHandle>>>,
+    is_finished: Arc<AtomicBool>,
 }
 
 impl Stopper {
@@ -54,7 +57,16 @@ impl Stopper {
         self.cancel.is_cancelled()
     }
 
-    /// Whether devices are open that may move.
+    /// The configuration is written, so a signal ends the program without an error.
+    pub fn finish(&self) {
+        self.is_finished.store(true, Ordering::Release);
+    }
+
+    pub fn is_finished(&self) -> bool {
+        self.is_finished.load(Ordering::Acquire)
+    }
+
+    /// Whether devices are open that may move, or a light is on.
     pub fn may_move(&self) -> bool {
         self.moving.lock().unwrap_or_else(PoisonError::into_inner).is_some()
     }
@@ -64,36 +76,96 @@ impl Stopper {
     }
 }
 
-/// The newest picture as a JPEG file, for a page.
-pub type Shown = Arc<Mutex<Option<Arc<Vec<u8>>>>>;
+/// A picture that was taken, as a JPEG file, and how many of how many views were taken then.
+pub struct Shown {
+    pub jpeg: Arc<Vec<u8>>,
+    pub taken: Option<[usize; 2]>,
+}
+
+/// Gets every picture. `None`: nobody looks at them.
+pub type Show = Option<Box<dyn Fn(Shown) + Send>>;
+
+/// The emulated rig that is used instead of the devices of the computer.
+pub struct Emulated {
+    pub port: Listed,
+    pub camera: Listed,
+    /// Speed-up over real time.
+    pub time_scale: f64,
+}
+
+/// Time for a rendered picture, ms: on a busy machine it takes seconds.
+const RENDERED_MS: u32 = 20_000;
 
 /// The instrument that the draft describes.
 pub struct RealBench {
     file: PathBuf,
     stopper: Stopper,
-    shown: Shown,
+    show: Show,
+    emulated: Option<Emulated>,
 }
 
 impl RealBench {
     /// `file`: the configuration to be written. It is also the origin of relative paths.
-    pub fn new(file: PathBuf, stopper: Stopper, shown: Shown) -> Self {
-        Self { file, stopper, shown }
+    pub fn new(file: PathBuf, stopper: Stopper, show: Show) -> Self {
+        Self { file, stopper, show, emulated: None }
+    }
+
+    /// Uses this rig, and nothing of the computer.
+    #[cfg(feature = "simulate")]
+    pub fn emulate(&mut self, rig: Emulated) {
+        self.emulated = Some(rig);
+    }
+
+    fn ports(&self) -> Vec<Listed> {
+        self.emulated.as_ref().map_or_else(ports, |rig| vec![rig.port.clone()])
+    }
+
+    fn cameras(&self) -> Vec<Listed> {
+        self.emulated.as_ref().map_or_else(cameras, |rig| vec![rig.camera.clone()])
+    }
+
+    /// The configuration of the draft. An emulated rig gets the time that it needs, which is not written.
+    fn config(&self, draft: &str) -> anyhow::Result<Config> {
+        let mut config = Config::parse(draft, &self.file)?;
+        if let Some(rig) = &self.emulated {
+            if let CameraDriver::Aravis(camera) = &mut config.camera {
+                camera.frame_timeout_ms = RENDERED_MS;
+            }
+            config.acquisition.grab_deadline_ms = 3 * RENDERED_MS;
+            // Both motors start one after the other. At this speed-up the same delay gives a larger skew.
+            if let RotationDriver::Tmcl(axis) = &mut config.rotation {
+                axis.max_skew_steps = (f64::from(axis.max_skew_steps) * rig.time_scale.max(1.0)).ceil() as u32;
+            }
+        }
+        Ok(config)
     }
 
     fn beside(&self, name: &str) -> PathBuf {
         self.file.with_file_name(name)
     }
 
-    fn show(&self, picture: &Picture) {
-        *self.shown.lock().unwrap_or_else(PoisonError::into_inner) = live::jpeg(picture);
+    fn show(&self, frame: &RawFrame, taken: Option<[usize; 2]>) {
+        if let Some(show) = &self.show
+            && let Some(jpeg) = live::jpeg(&Picture::from_frame(frame))
+        {
+            show(Shown { jpeg, taken });
+        }
+    }
+
+    /// Switches the light on, on a rig with one. It is off again once the result is dropped.
+    fn light(&self, config: &Config) -> anyhow::Result<Lit<'_>> {
+        let axis = camera_light(config)?;
+        // A signal must not end the program while the light is on.
+        self.stopper.hold(axis.as_ref().map(|axis| axis.stop_handle()));
+        Ok(Lit { _at_rest: AtRest(self), _axis: axis })
     }
 
     fn outcome(&self, request: &Request) -> anyhow::Result<Outcome> {
-        let config = Config::parse(request.draft, &self.file)?;
+        let config = self.config(request.draft)?;
         Ok(match request.action {
-            Action::ListPorts => Outcome::Ports(ports()),
+            Action::ListPorts => Outcome::Ports(self.ports()),
             Action::Identify => Outcome::Controller(controller(request.controller)?),
-            Action::ListCameras => Outcome::Cameras(cameras()),
+            Action::ListCameras => Outcome::Cameras(self.cameras()),
             Action::Expose => Outcome::Exposure(self.exposure(&config)?),
             Action::LookAtEmpty => Outcome::Empty(self.empty(&config)?),
             Action::Home => {
@@ -108,9 +180,10 @@ impl RealBench {
 
     fn exposure(&self, config: &Config) -> anyhow::Result<FoundExposure> {
         let settings = config.camera.aravis().context(NO_DEVICES)?;
+        let _light = self.light(config)?;
         let (_, frames) = average::take(settings, 1)?;
         let first = frames.first().context("the camera gave no frame")?;
-        self.show(&Picture::from_frame(first));
+        self.show(first, None);
         match exposure::find(settings.clone(), exposure::TARGET) {
             Ok(found) => Ok(FoundExposure { exposure_us: found.exposure_us, top: found.top, follows: true }),
             Err(error) => {
@@ -123,10 +196,12 @@ impl RealBench {
 
     fn empty(&self, config: &Config) -> anyhow::Result<Empty> {
         let settings = config.camera.aravis().context(NO_DEVICES)?;
+        let lit = self.light(config)?;
         let (_, taken) = average::take(settings, FRAMES)?;
+        drop(lit);
         let frame = average::mean(&taken)?;
         let picture = Picture::from_frame(&frame);
-        self.show(&picture);
+        self.show(&frame, None);
         let method = method(config)?;
         let walls = EmptyCapillary::new(picture, &method.segment.walls)
             .context("No walls of a capillary are seen. Bring the capillary into the picture, along its rows, and look at focus and light")?
@@ -142,28 +217,35 @@ impl RealBench {
         Ok(Empty { bore_px: walls.bore_px(middle), middle_px: walls.middle_v(middle), tilt_deg: walls.tilt_deg(), file })
     }
 
-    /// Opens the rig, homes it, lets `work` use it, and leaves it at rest.
+    /// Opens the rig, homes it, switches its light on, lets `work` use it, and leaves it at rest and dark.
     fn with_rig<T>(&self, config: &Config, work: impl FnOnce(&mut Rig) -> anyhow::Result<T>) -> anyhow::Result<T> {
         let mut rig = serve::open_rig(config)?;
         let _at_rest = AtRest(self);
         self.stopper.hold(Some(rig.rotation.stop_handle()));
         rig.camera.arm()?;
         rig.rotation.reference(&self.stopper.cancel)?;
-        let done = work(&mut rig);
+        let done = match views_on(rig.rotation.as_mut(), &self.stopper.cancel) {
+            Ok(()) => work(&mut rig),
+            Err(error) => Err(error.into()),
+        };
+        views_off(rig.rotation.as_mut());
         // The camera's error is not the one to report.
         let _ended = rig.camera.disarm();
         ensure!(!self.stopper.is_stopped(), "stopped");
         done
     }
 
-    /// The views of a plan.
-    fn views(&self, rig: &mut Rig, config: &Config, plan: &RevolutionPlan) -> anyhow::Result<Vec<(LedgerEntry, RawFrame)>> {
-        let mut views = Vec::new();
-        revolve(rig, plan, &config.acquisition, &self.stopper.cancel, |entry, frame| {
-            self.show(&Picture::from_frame(&frame));
-            views.push((entry, frame));
-            Ok(Next::View)
-        })?;
+    /// The views of plans, one after the other.
+    fn views(&self, rig: &mut Rig, config: &Config, plans: &[&RevolutionPlan]) -> anyhow::Result<Vec<(LedgerEntry, RawFrame)>> {
+        let all = plans.iter().map(|plan| plan.stops().len()).sum();
+        let mut views = Vec::with_capacity(all);
+        for plan in plans {
+            revolve(rig, plan, &config.acquisition, &self.stopper.cancel, |entry, frame| {
+                self.show(&frame, Some([views.len() + 1, all]));
+                views.push((entry, frame));
+                Ok(Next::View)
+            })?;
+        }
         Ok(views)
     }
 
@@ -176,12 +258,8 @@ impl RealBench {
         };
         let fine = part(num.into(), u64::from(den) * 8, FINE_VIEWS)?;
         let two_turns = part(u64::from(num) * 2, den.into(), 2 * VIEWS)?;
-        let (fine, views) = self.with_rig(config, |rig| {
-            let fine = self.views(rig, config, &fine)?;
-            Ok((fine, self.views(rig, config, &two_turns)?))
-        })?;
+        let all = self.with_rig(config, |rig| self.views(rig, config, &[&fine, &two_turns]))?;
         let pipeline = pipeline(config)?;
-        let all: Vec<_> = fine.iter().chain(&views).collect();
         let looked = look(&pipeline, all.iter().map(|(_, frame)| frame))?;
         let row = |seen: &SegmentedFrame| seen.profile.as_ref().ok().filter(|p| p.mask.area_px() > 0).and_then(|p| p.mask.centroid());
         let places: Vec<[f64; 2]> =
@@ -193,7 +271,7 @@ impl RealBench {
     fn measure(&self, config: &Config) -> anyhow::Result<Bead> {
         let method = method(config)?;
         let plan = RevolutionPlan::new(method.asd, config.steps_per_revolution, ViewOrder::Sequential)?;
-        let views = self.with_rig(config, |rig| self.views(rig, config, &plan))?;
+        let views = self.with_rig(config, |rig| self.views(rig, config, &[&plan]))?;
         let mut pipeline = pipeline(config)?;
         let looked = look(&pipeline, views.iter().map(|(_, frame)| frame))?;
         for ((entry, _), seen) in views.iter().zip(&looked) {
@@ -264,6 +342,13 @@ impl Drop for AtRest<'_> {
             handle.end_motion();
         }
     }
+}
+
+/// A light that is on.
+struct Lit<'a> {
+    // The order matters: nothing moves when the controller is closed, which switches the light off.
+    _at_rest: AtRest<'a>,
+    _axis: Option<Box<dyn RotationAxis>>,
 }
 
 fn method(config: &Config) -> anyhow::Result<&Method> {
@@ -337,4 +422,31 @@ pub fn stored<T: serde::de::DeserializeOwned>(file: &Path) -> anyhow::Result<Opt
         return Ok(None);
     }
     Ok(Some(durable::read_json(file, "what carved setup leaves")?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_older_configuration_is_kept_and_no_backup_is_overwritten() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("rig.toml");
+        let text = include_str!("../../../config/vast-grbl.toml");
+        let mut bench = RealBench::new(file.clone(), Stopper::default(), None);
+        let mut write = |replaces| bench.perform(&Request { action: Action::Write, draft: text, controller: "", replaces });
+        let Outcome::Written(written) = write(false).unwrap() else { panic!("nothing was written") };
+        assert_eq!(written.backup, None);
+        std::fs::write(&file, "the older one").unwrap();
+        assert!(write(false).unwrap_err().contains("exists already"));
+        let Outcome::Written(written) = write(true).unwrap() else { panic!("nothing was written") };
+        let backup = PathBuf::from(written.backup.unwrap());
+        assert_eq!(backup, folder.path().join("rig.toml.bak"));
+        assert_eq!(std::fs::read_to_string(&backup).unwrap(), "the older one");
+        assert!(std::fs::read_to_string(&file).unwrap().contains("Written by carved setup"));
+        // A second backup would replace the first one.
+        let refused = write(true).unwrap_err();
+        assert!(refused.contains("rig.toml.bak") && refused.contains("rename it"), "{refused}");
+        assert!(std::fs::read_to_string(&file).unwrap().contains("Written by carved setup"));
+    }
 }

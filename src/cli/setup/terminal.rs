@@ -1,68 +1,70 @@
 //! The set-up in a terminal, or by answers that are given beforehand.
 
-use super::Args;
-use super::bench::Bench;
-use super::machine::{Machine, Refused, State, Step};
+use super::bench::Action;
+use super::dialogue::Person;
+use super::machine::{Machine, Refused};
 use super::question::{Kind, Question};
-use super::rig::{RealBench, Shown, Stopper, stored};
+use super::rig::Stopper;
+use super::{Args, Work};
 use anyhow::{Context, bail, ensure};
-use carved_store::durable;
 use std::collections::{BTreeMap, VecDeque};
 use std::io::IsTerminal;
 use std::path::Path;
 
 /// Where the answers come from.
-enum Answers {
+pub enum Answers {
     /// One line per question.
     Lines(std::io::Lines<std::io::StdinLock<'static>>),
     /// By question, in the order of being asked.
     File(BTreeMap<String, VecDeque<String>>),
 }
 
-pub fn run(args: &Args, state: &Path, stopper: &Stopper) -> anyhow::Result<()> {
-    let mut answers = Answers::of(args)?;
-    let mut bench = RealBench::new(args.out.clone(), stopper.clone(), Shown::default());
-    let mut machine = stored::<State>(state)?.map(Machine::resume).unwrap_or_default();
-    if machine.state() != &State::default() {
-        say!("Going on with the answers in {}. Remove that file to begin again.", state.display());
-    }
+/// Sets up in a terminal, or by given answers.
+///
+/// # Errors
+/// Files that cannot be used, and a set-up that cannot go on without a person.
+pub fn run(args: &Args, stopper: &Stopper) -> anyhow::Result<()> {
+    let mut answers = Answers::of(args.answers.as_deref())?;
+    let mut work = Work::begin(args, stopper, None)?;
     say!("Type back to answer the question before again. Ctrl-C ends the set-up and stops the motors.");
-    loop {
-        match machine.next(bench.exists()) {
-            Step::Finished => break,
-            Step::Act(action) => {
-                say!("\n{}", action.doing());
-                let draft = machine.draft();
-                match bench.perform(&machine.request(action, &draft)) {
-                    Ok(outcome) => {
-                        say!("{outcome}");
-                        machine.done(outcome);
-                    }
-                    Err(_) if stopper.is_stopped() => {
-                        bail!("stopped: the motors were told to stop. The answers are in {}", state.display())
-                    }
-                    Err(why) => machine.failed(action, why),
-                }
-            }
-            Step::Ask(question) => {
-                say!("\n{}", shown(&question));
-                let typed = answers.next(&question)?;
-                if let Err(refused) = machine.answer(&typed, &bench) {
-                    answers.refused(&question, &refused)?;
-                    say!("{}.", refused.text());
-                }
-            }
-        }
-        durable::write_json(state, machine.state())?;
+    let summary = work.converse(&mut answers)?;
+    say!("\n{summary}");
+    Ok(())
+}
+
+impl Person for Answers {
+    fn tell(&mut self, text: &str) -> anyhow::Result<()> {
+        say!("{text}");
+        Ok(())
     }
-    say!("\n{}", machine.summary());
-    std::fs::remove_file(state).with_context(|| format!("{}: cannot be removed", state.display()))
+
+    fn busy(&mut self, action: Action, _: &Machine) -> anyhow::Result<()> {
+        say!("\n{}", action.doing());
+        Ok(())
+    }
+
+    fn ask(&mut self, question: &Question, _: &Machine) -> anyhow::Result<String> {
+        say!("\n{}", shown(question));
+        self.next(question)
+    }
+
+    fn answered(&mut self, question: &Question, refused: Option<&Refused>) -> anyhow::Result<()> {
+        if let Some(refused) = refused {
+            self.refused(question, refused)?;
+            say!("{}.", refused.text());
+        }
+        Ok(())
+    }
 }
 
 impl Answers {
-    fn of(args: &Args) -> anyhow::Result<Self> {
+    /// Answers of a file, of standard input with the name `-`, or of a terminal.
+    ///
+    /// # Errors
+    /// A file that cannot be read, and no terminal.
+    pub fn of(file: Option<&Path>) -> anyhow::Result<Self> {
         let lines = || Ok(Self::Lines(std::io::stdin().lines()));
-        match &args.answers {
+        match file {
             Some(file) if file == Path::new("-") => lines(),
             Some(file) => {
                 let text = carved_files::read_to_string(file).with_context(|| format!("{}: cannot be read", file.display()))?;

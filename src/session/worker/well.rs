@@ -63,7 +63,10 @@ impl Worker {
             // `Again` is only returned if another attempt follows.
             Ok(Attempt::Cancelled | Attempt::Again(_)) => return self.cut_short(planned, &mut times).map(|()| ControlFlow::Break(())),
             Err(e) if retry::keeps_specimen(&e) => {
-                tracing::warn!(well = %planned.well, error = %e, "the specimen stays in the capillary");
+                // Where another program stores pictures, nothing of this rig holds a specimen.
+                let is_outside = self.instrument.rig.rotation.capabilities().outside;
+                let kept = if is_outside { "the pictures of this well are read again" } else { "the specimen stays in the capillary" };
+                tracing::warn!(well = %planned.well, error = %e, "{kept}");
                 return Err(e);
             }
             Err(e) => {

@@ -6,15 +6,16 @@
 //!  --plate-map ── plan ──────────────────────────────┴─ per well: look, write, measure ── run.json ── in place, indexed
 //! ```
 //! A well whose pictures cannot be used or measured is `failed` in the run with the reason; the others go on. The run is made beside its
-//! place and renamed when it is complete.
+//! place (`part`) and renamed when it is complete. After an interruption the same command goes on with the wells that are not done.
 
 mod dry;
+mod part;
 mod plan;
 mod sort;
 mod tree;
 mod well;
 
-use super::{rig, write};
+use super::rig;
 use crate::cli::run::code_of;
 use anyhow::{Context, bail, ensure};
 use carved_core::frame::RawFrame;
@@ -22,6 +23,7 @@ use carved_devices::acquisition::RevolutionPlan;
 use carved_records::picture_name::{self, Pattern};
 use carved_records::{Mode, RunOutcome, SpecimenOutcome, WellStatus, is_plain_name};
 use carved_store::{RunRecord, durable};
+use part::{DoneWell, Part};
 use plan::Plan;
 use serde_json::json;
 use std::collections::BTreeMap;
@@ -43,9 +45,9 @@ pub(super) struct PlateArgs {
     /// Only say what the names mean, what is missing and what is double; nothing is written
     #[arg(long, requires = "plate")]
     pub dry_run: bool,
-    /// The fish of each well that is imported, where wells have several
-    #[arg(long, requires = "plate", value_name = "NUMBER")]
-    pub fish: Option<u32>,
+    /// The fish of each well that is imported, where wells have several; `all` makes a run of each: RUN-fish1, RUN-fish2, ..
+    #[arg(long, requires = "plate", value_name = "NUMBER|all", value_parser = Fish::read)]
+    pub fish: Option<Fish>,
     /// Pictures per turn, the repeat at 360 deg included [default: those of most wells]
     #[arg(long, requires = "plate", value_parser = clap::value_parser!(u32).range(3..=10_000))]
     pub views: Option<u32>,
@@ -63,11 +65,61 @@ pub(super) struct PlateArgs {
     pub operator: String,
 }
 
-/// Imports the plate, or says what it would import.
+/// Which fish of each well are imported.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Fish {
+    One(u32),
+    All,
+}
+
+impl Fish {
+    fn read(text: &str) -> Result<Self, String> {
+        let number = || text.parse().map(Self::One).map_err(|_| format!("found {text:?}, expected the number of a fish, or all"));
+        if text == "all" { Ok(Self::All) } else { number() }
+    }
+}
+
+/// Imports the plate, or says what it would import. Every fish may become a run of its own.
 ///
 /// # Errors
-/// Names, options or files that do not make a plate, an existing run, or a disk that does not take the run. No run is left then.
+/// Names, options or files that do not make a plate, an existing run, or a disk that does not take the run. No run is left then. Wells
+/// that were finished are kept for the next time.
 pub(super) fn run(args: &super::Args, barcode: &str) -> anyhow::Result<ExitCode> {
+    let id = args.of_plate.run.as_deref().unwrap_or(barcode);
+    let fish = match args.of_plate.fish {
+        Some(Fish::All) => sort::all_fish(&tree::read(&args.frames, args.of_plate.pattern.as_ref())?.labelled),
+        Some(Fish::One(fish)) => return Ok(one_run(args, barcode, id, Some(fish))?.into()),
+        None => return Ok(one_run(args, barcode, id, None)?.into()),
+    };
+    let mut codes: Vec<u8> = Vec::new();
+    for fish in &fish {
+        let id = format!("{id}-fish{fish}");
+        let sources = rig::load(args, &mut |_| ())?;
+        // The command may be repeated after an interruption.
+        if folder_of(args, &sources, &id)?.symlink_metadata().is_ok() {
+            note!("carved: the run {id} is there already; it is left as it is");
+        } else {
+            codes.push(one_run(args, barcode, &id, Some(*fish)).with_context(|| format!("fish {fish}"))?);
+        }
+    }
+    ensure!(
+        !codes.is_empty(),
+        "the runs of all {} fish are there already; nothing is overwritten. Give another name with --run",
+        fish.len()
+    );
+    let (partial, failed) = (code_of(RunOutcome::Partial.into()), code_of(RunOutcome::Failed.into()));
+    let all = |code| codes.iter().all(|found| *found == code);
+    Ok(ExitCode::from(if all(0) {
+        0
+    } else if all(failed) {
+        failed
+    } else {
+        partial
+    }))
+}
+
+/// Imports one fish of each well into a run. Returns the exit code.
+fn one_run(args: &super::Args, barcode: &str, id: &str, fish: Option<u32>) -> anyhow::Result<u8> {
     let mut warnings: Vec<String> = Vec::new();
     let mut warn = |doubt: String| {
         if !warnings.contains(&doubt) {
@@ -76,28 +128,51 @@ pub(super) fn run(args: &super::Args, barcode: &str) -> anyhow::Result<ExitCode>
         }
     };
     let sources = rig::load(args, &mut warn)?;
-    let id = args.of_plate.run.as_deref().unwrap_or(barcode);
-    let out = destination(args.of_plate.data.as_deref().or(sources.data_dir()), id)?;
+    let out = folder_of(args, &sources, id)?;
+    ensure!(
+        out.symlink_metadata().is_err(),
+        "{}: the run is there already; nothing is overwritten. Give another name with --run",
+        out.display()
+    );
     let found = tree::read(&args.frames, args.of_plate.pattern.as_ref())?;
     if !found.others.is_empty() {
         warn(format!("{} pictures are not imported, their names do not say well and view: {}", found.others.len(), found.others_named()));
     }
-    let example = found.labelled.first().cloned();
-    let plate = sort::sort(found.labelled, args.of_plate.fish)?;
+    let example = found.labelled.iter().find(|(_, label)| fish.is_none_or(|fish| label.fish.unwrap_or(1) == fish)).cloned();
+    let plate = sort::sort(found.labelled, fish)?;
     plate.warnings.iter().cloned().for_each(&mut warn);
     let plan = Plan::of(args, barcode, &plate, &sources, &mut warn)?;
     if args.of_plate.dry_run {
         dry::tell(&out, example.as_ref(), &plate, &plan)?;
-        return Ok(ExitCode::SUCCESS);
+        return Ok(0);
     }
     durable::create_folder(durable::folder_of(&out))?;
-    let part = write::Part::beside(&out)?;
+    let part = Part::of(&out)?;
     let mut wells: Vec<WellStatus> = Vec::new();
     let mut empty: Option<Arc<RawFrame>> = None;
     for planned in &plan.run.plate_map {
         let well = Well { args, sources: &sources, plan: &plan, run: id, planned, folder: part.path().join(&planned.well) };
         let status = match plate.wells.get(&planned.well) {
-            Some(pictures) => well.import(pictures, &mut empty, &mut warn)?,
+            Some(pictures) => {
+                let key = well.key(pictures)?;
+                match part.done(&well.folder, &key)? {
+                    Some(done) => {
+                        note!("carved: {}: was imported before the interruption", planned.well);
+                        done.warnings.into_iter().for_each(&mut warn);
+                        well.take_empty(&mut empty)?;
+                        done.status
+                    }
+                    None => {
+                        let mut of_well = Vec::new();
+                        let status = well.import(pictures, &mut empty, &mut |doubt| {
+                            of_well.push(doubt.clone());
+                            warn(doubt);
+                        })?;
+                        part.keep(&planned.well, DoneWell { key, status: status.clone(), warnings: of_well })?;
+                        status
+                    }
+                }
+            }
             None => well.without_pictures(),
         };
         say!("{}", line(&status));
@@ -105,6 +180,7 @@ pub(super) fn run(args: &super::Args, barcode: &str) -> anyhow::Result<ExitCode>
     }
     if !wells.iter().any(|w| part.path().join(&w.well).is_dir()) {
         let why = wells.iter().find_map(|w| w.reason.as_deref()).unwrap_or("it has no well");
+        part.remove();
         bail!("none of the {} wells can be imported; no run was made. The first: {why}", wells.len());
     }
     let mut record = RunRecord::new(id, plan.run.clone(), plan.method.clone(), Mode::Imported, empty.as_deref());
@@ -116,7 +192,7 @@ pub(super) fn run(args: &super::Args, barcode: &str) -> anyhow::Result<ExitCode>
         "from": args.frames,
         "angles": plan.angles_from,
         "views": plan.views,
-        "fish": args.of_plate.fish,
+        "fish": fish,
         "not_imported": found.others,
         "warnings": warnings,
     });
@@ -134,14 +210,27 @@ pub(super) fn run(args: &super::Args, barcode: &str) -> anyhow::Result<ExitCode>
         "skipped": count(SpecimenOutcome::Skipped),
     });
     say!("{told}");
-    Ok(ExitCode::from(code_of(outcome.into())))
+    Ok(code_of(outcome.into()))
 }
 
-/// Refuses the pictures of several wells where those of one specimen are expected.
+/// Refuses the pictures of several wells or fish where those of one specimen are expected.
 ///
 /// # Errors
-/// Their names say two wells or more, each with enough pictures for a turn.
+/// Their names say two wells or two fish or more, each with enough pictures for a turn.
 pub(super) fn is_one_specimen(paths: &[PathBuf]) -> anyhow::Result<()> {
+    let mut fish: BTreeMap<u32, u32> = BTreeMap::new();
+    for number in paths.iter().filter_map(|path| tree::without_well(path)) {
+        *fish.entry(number).or_default() += 1;
+    }
+    fish.retain(|_, pictures| *pictures >= RevolutionPlan::LEAST_ASD);
+    let numbers: Vec<u32> = fish.into_keys().collect();
+    ensure!(
+        numbers.len() < 2,
+        "the names say {} fish, {}; expected the pictures of one specimen. Give the files of one fish, as VAST_1_*.tiff. To import all, put the \
+         pictures of each well into a folder that is named after it, and give --plate BARCODE --fish all",
+        numbers.len(),
+        sort::first_of(&numbers)
+    );
     let mut wells: BTreeMap<String, u32> = BTreeMap::new();
     for well in paths.iter().filter_map(|path| picture_name::read(Path::new(path.file_name()?), None)?.well) {
         *wells.entry(well).or_default() += 1;
@@ -170,19 +259,14 @@ fn line(status: &WellStatus) -> serde_json::Value {
     })
 }
 
-/// The folder of the run, which must be new.
-fn destination(data: Option<&Path>, id: &str) -> anyhow::Result<PathBuf> {
+/// The folder of a run.
+fn folder_of(args: &super::Args, sources: &rig::Sources, id: &str) -> anyhow::Result<PathBuf> {
     ensure!(
         is_plain_name(id),
         "--run (or --plate): found {id:?}, expected a name of 1 to 64 letters, digits, '-', '_' or '.', the first not a '.'"
     );
-    let out = data.unwrap_or(Path::new("carved-data")).join("runs").join(id);
-    ensure!(
-        out.symlink_metadata().is_err(),
-        "{}: the run is there already; nothing is overwritten. Give another name with --run",
-        out.display()
-    );
-    Ok(out)
+    let data = args.of_plate.data.as_deref().or(sources.data_dir());
+    Ok(data.unwrap_or(Path::new("carved-data")).join("runs").join(id))
 }
 
 /// Puts the run into the index of its data folder, so that a daemon that serves this folder lists it at once.

@@ -1,6 +1,7 @@
 //! The plan of the run: the wells, what is in them, and the angle of each view.
 
 use super::sort::{Plate, first_of};
+use crate::cli::import::angles::PlatePictures;
 use crate::cli::import::rig::Sources;
 use crate::cli::import::turn::{self, Turn};
 use crate::cli::import::{Args, omega_deg};
@@ -28,7 +29,10 @@ impl Plan {
     pub fn of(args: &Args, barcode: &str, plate: &Plate, sources: &Sources, warn: &mut dyn FnMut(String)) -> anyhow::Result<Self> {
         let views = plate.views(args.of_plate.views)?;
         let names: Vec<String> = views.iter().map(|view| format!("view {view}")).collect();
-        let (omega_deg, angles_from) = omega_deg(args, sources, &names, warn)?;
+        let pictures = plate.wells.values().flat_map(|well| &well.views);
+        let pictures = pictures.flat_map(|(view, paths)| paths.iter().map(|path| (*view, path.as_path()))).collect();
+        let of_plate = PlatePictures { views: &views, pictures };
+        let (omega_deg, angles_from) = omega_deg(args, sources, &names, Some(&of_plate), warn)?;
         let whole = turn::turn(omega_deg.clone(), args.closure).with_context(|| angles_from.clone())?;
         let closure = whole.stops.last().is_some_and(|stop| stop.closure);
         // 4, 12 or 20 views are usual, and so are these with the first view repeated.

@@ -102,6 +102,11 @@ fn is_one_plate(labelled: &[Labelled]) -> anyhow::Result<Vec<String>> {
     })
 }
 
+/// The numbers of all fish.
+pub(super) fn all_fish(labelled: &[Labelled]) -> BTreeSet<u32> {
+    labelled.iter().map(|(_, label)| label.fish.unwrap_or(1)).collect()
+}
+
 /// A run has one specimen per well.
 fn of_one_fish(labelled: Vec<Labelled>, fish: Option<u32>, warnings: &mut Vec<String>) -> anyhow::Result<Vec<Labelled>> {
     let mut of_well: BTreeMap<String, BTreeSet<u32>> = BTreeMap::new();
@@ -114,8 +119,8 @@ fn of_one_fish(labelled: Vec<Labelled>, fish: Option<u32>, warnings: &mut Vec<St
             of_well.iter().filter(|(_, f)| f.len() > 1).map(|(well, f)| format!("{well} has fish {}", numbers(f))).collect();
         ensure!(
             several.is_empty(),
-            "{} of {} wells have several fish, a run has one specimen per well: {}. Import each into a run of its own: --fish 1, then --fish 2 \
-             with another --run",
+            "{} of {} wells have several fish, a run has one specimen per well: {}. --fish all imports each into a run of its own, \
+             --fish 1 only the first",
             several.len(),
             of_well.len(),
             first_of(&several)

@@ -49,6 +49,13 @@ pub(super) fn read(named: &[PathBuf], pattern: Option<&Pattern>) -> anyhow::Resu
     }
     if tree.labelled.is_empty() {
         let of = named.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(", ");
+        let unplaced = tree.others.iter().filter(|path| without_well(path).is_some()).count();
+        ensure!(
+            unplaced == 0 || pattern.is_some(),
+            "{of}: the names of {unplaced} pictures say fish and view, but no well: {}. Put the pictures of each well into a folder that is named \
+             after it, as A02/VAST_1_4.tiff, and name the folder above it. Pictures of one specimen are imported without --plate",
+            tree.others_named()
+        );
         let expected = "expected names as W_A02_1_4.tiff (well, fish, view), or A02/VAST_1_4.tiff; give a --pattern for other names";
         match tree.others.len() {
             0 => bail!("{of}: found no picture; {expected}"),
@@ -56,6 +63,14 @@ pub(super) fn read(named: &[PathBuf], pattern: Option<&Pattern>) -> anyhow::Resu
         }
     }
     Ok(tree)
+}
+
+/// The fish of a name as `VAST_1_4.tiff`, which says fish and view and no well.
+pub(super) fn without_well(path: &Path) -> Option<u32> {
+    let name = path.file_stem()?.to_str()?;
+    let [word, fish, view, ..] = name.split('_').collect::<Vec<_>>()[..] else { return None };
+    view.parse::<u32>().ok()?;
+    word.eq_ignore_ascii_case("vast").then(|| fish.parse().ok())?
 }
 
 /// Pictures below a folder with their paths below the root. Names that begin with a dot are left out.

@@ -11,7 +11,7 @@ use anyhow::Context;
 use carved_core::frame::RawFrame;
 use carved_core::pipeline::SegmentedFrame;
 use carved_core::profile::Mask;
-use carved_records::{LedgerEntry, PlannedWell, SpecimenOutcome, WellStatus};
+use carved_records::{LedgerEntry, PlannedWell, SpecimenOutcome, WellStatus, sha256_hex};
 use carved_store::{Recording, RecordingReader};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -33,6 +33,41 @@ impl Well<'_> {
         let mut status = WellStatus::pending(self.planned);
         status.end(SpecimenOutcome::Skipped, Some("no picture of this well was found"));
         status
+    }
+
+    /// Hash of everything that the numbers of this well depend on: program, options, the contents of the named files, plan and pictures.
+    ///
+    /// # Errors
+    /// A file that cannot be read.
+    pub fn key(&self, pictures: &WellPictures) -> anyhow::Result<String> {
+        let Args { config, cameras, angles, settings, empty, .. } = self.args;
+        let mut files = Vec::new();
+        for file in [config, cameras, angles, settings, empty].into_iter().flatten() {
+            let bytes = carved_files::read(file).with_context(|| format!("{}: cannot be read", file.display()))?;
+            files.push((file, sha256_hex(&bytes)));
+        }
+        let mut seen = Vec::new();
+        for path in pictures.views.values().flatten() {
+            let place = || format!("{}: cannot be read", path.display());
+            let found = std::fs::metadata(path).with_context(place)?;
+            let changed = found.modified().with_context(place)?.duration_since(std::time::UNIX_EPOCH).unwrap_or_default();
+            seen.push((path, found.len(), changed.as_nanos()));
+        }
+        let options = format!("{:?}", self.args);
+        let (plan, version) = (self.plan, env!("CARGO_PKG_VERSION"));
+        let key = serde_json::to_vec(&(version, options, files, self.planned, (&plan.method, &plan.views, &plan.omega_deg), seen))?;
+        Ok(sha256_hex(&key))
+    }
+
+    /// Takes the picture of the empty capillary of a well that is done.
+    ///
+    /// # Errors
+    /// A recording that cannot be read.
+    pub fn take_empty(&self, empty: &mut Option<Arc<RawFrame>>) -> anyhow::Result<()> {
+        if empty.is_none() && self.folder.is_dir() {
+            *empty = RecordingReader::open(&self.folder)?.empty_capillary()?.map(Arc::new);
+        }
+        Ok(())
     }
 
     /// Writes the recording and measures it. What is wrong with its pictures ends the well, not the import.
@@ -114,7 +149,7 @@ impl Well<'_> {
             warnings.push(doubt);
         })?;
         let imported = Imported::new(self.args, &rig, (looks, kind), turn, plan.angles_from.clone(), warnings)?;
-        let recording = recording(rig, self.run, self.planned.clone(), kind, &imported)?;
+        let recording = Recording { missing_views: missing, ..recording(rig, self.run, self.planned.clone(), kind, &imported)? };
         Ok((imported, recording))
     }
 }
