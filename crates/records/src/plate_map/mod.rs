@@ -196,7 +196,9 @@ impl Reading {
         if let Some(format) = self.map.plate_format.and_then(PlateFormat::of_wells) {
             let off: Vec<_> = self.named.iter().filter(|(well, _)| !format.holds(well)).collect();
             let mistakes: Vec<_> = off.into_iter().map(|(well, place)| place.mistake("well", off_plate(well, format))).collect();
-            mistakes.into_iter().for_each(|mistake| self.wrong(mistake));
+            for mistake in mistakes {
+                self.wrong(mistake);
+            }
         }
         if self.mistakes.is_empty() && self.map.plate_map.is_empty() {
             self.wrong(Mistake::in_line(1, "", "the plate map names no well"));
