@@ -95,6 +95,30 @@ export interface FaultCode {
   what_to_do: string;
 }
 
+export interface GateQuantity {
+  drifted: boolean;
+  history_mean: number | null;
+  jumped: boolean;
+  lower_limit: number | null;
+  mean: number;
+  name: string;
+  sd: number | null;
+  upper_limit: number | null;
+}
+
+export interface GateRow {
+  beads: number;
+  begins_history: boolean;
+  id: string;
+  measured: string;
+  mode: string;
+  nominal_um: number;
+  passes: boolean;
+  quantities: GateQuantity[];
+  rig: string;
+  verdict: string;
+}
+
 export interface GateStatus {
   id: string;
   max_age_s: number;
@@ -103,6 +127,10 @@ export interface GateStatus {
   summary: string;
   verdict: string;
   words: string[];
+}
+
+export interface Gates {
+  gates: GateRow[];
 }
 
 export interface Handoff {
@@ -246,8 +274,8 @@ export interface Plate {
 export interface PlateMap {
   metadata: Record<string, unknown>;
   notes: string[];
-  plate_map: PlannedWell[];
   plate_format: number | null;
+  plate_map: PlannedWell[];
 }
 
 export interface Preflight {
@@ -283,7 +311,15 @@ export interface RotationStatus {
   referenced: boolean;
 }
 
+export interface RunCopy {
+  archived: string;
+  bytes: number;
+  destination: string;
+  files: number;
+}
+
 export interface RunDetail {
+  copies: RunCopy[];
   ended: string | null;
   external_id: string | null;
   id: string;
@@ -299,7 +335,11 @@ export interface RunDetail {
   specimens: string[];
   started: string;
   wells: WellCounts;
-  copies: RunCopy[];
+}
+
+export interface RunEvents {
+  events: Event[];
+  next: number | null;
 }
 
 export type RunOutcome = "succeeded" | "partial" | "failed" | "aborted" | "interrupted";
@@ -311,8 +351,8 @@ export interface RunPlan {
   method_version?: string | null;
   operator: string;
   plate_barcode: string;
-  plate_map: PlannedWell[];
   plate_format?: number | null;
+  plate_map: PlannedWell[];
 }
 
 export interface RunRow {
@@ -474,44 +514,4 @@ export interface WellStatus {
   volume_sd_um3: number | null;
   volume_um3: number | null;
   well: string;
-}
-
-export interface RunCopy {
-  archived: string;
-  destination: string;
-  bytes: number;
-  files: number;
-}
-
-export interface RunEvents {
-  events: Event[];
-  next: number | null;
-}
-
-export interface GateQuantity {
-  name: string;
-  mean: number;
-  sd: number | null;
-  history_mean: number | null;
-  jumped: boolean;
-  drifted: boolean;
-  lower_limit: number | null;
-  upper_limit: number | null;
-}
-
-export interface GateRow {
-  id: string;
-  rig: string;
-  mode: string;
-  measured: string;
-  verdict: string;
-  passes: boolean;
-  beads: number;
-  nominal_um: number;
-  begins_history: boolean;
-  quantities: GateQuantity[];
-}
-
-export interface Gates {
-  gates: GateRow[];
 }

@@ -11,7 +11,7 @@ from .models import ConcentrationUnit, Control, SpecimenKind
 
 @dataclass(frozen=True)
 class PlannedWell:
-    """The plate map's entry for a well; `A01` to `P24`."""
+    """The plate map's entry for a well; `A01` to `AF48`."""
 
     well: str
     specimen: SpecimenKind = "larva"
@@ -36,6 +36,8 @@ class RunPlan:
     external_id: str | None = None
     #: The version that the method must have; any if None.
     method_version: str | None = None
+    #: Number of wells of the plate: 6, 12, 24, 48, 96, 384 or 1536. If None, the plate is one that holds the wells.
+    plate_format: int | None = None
     #: The lab's own data about the plate, in MIHCSME's form. They are stored with the run and not interpreted.
     metadata: dict[str, Any] = field(default_factory=dict)
 
@@ -56,6 +58,8 @@ class PlateMap:
     metadata: dict[str, Any] = field(default_factory=dict)
     #: Entries that were interpreted, and not taken literally.
     notes: tuple[str, ...] = ()
+    #: Number of wells of the plate, if the file names it.
+    plate_format: int | None = None
 
 
 def _known(fields: dict[str, Any]) -> dict[str, Any]:
