@@ -54,12 +54,12 @@ pub fn run(args: &Args, stopper: &Stopper) -> anyhow::Result<()> {
 /// Asks, turns and measures.
 fn check(bench: &mut dyn Bench, person: &mut dyn Person, config: &str, is_stopped: &dyn Fn() -> bool) -> anyhow::Result<Vec<Verdict>> {
     let plain = Machine::default();
-    let stated: f64 = ask(person, plain.question("bead_um"))?.parse()?;
-    let tolerance: f64 = ask(person, plain.question("tolerance_percent"))?.parse()?;
-    ask(person, plain.question("loaded"))?;
+    let stated: f64 = ask(person, &plain.question("bead_um"))?.parse()?;
+    let tolerance: f64 = ask(person, &plain.question("tolerance_percent"))?.parse()?;
+    ask(person, &plain.question("loaded"))?;
     let text = "The motors will now home, and turn the capillary forwards by two turns and then by one turn. Nothing else moves. Keep a hand on \
                 their power switch. May they move?";
-    ask(person, Question { text: text.into(), ..plain.question("motion") })?;
+    ask(person, &Question { text: text.into(), ..plain.question("motion") })?;
     let mut perform = |action: Action| {
         person.busy(action, &plain)?;
         let outcome = bench.perform(&Request { action, draft: config, controller: "", replaces: false });
@@ -83,11 +83,11 @@ fn check(bench: &mut dyn Bench, person: &mut dyn Person, config: &str, is_stoppe
 }
 
 /// Asks until the answer has the right form.
-fn ask(person: &mut dyn Person, question: Question) -> anyhow::Result<String> {
+fn ask(person: &mut dyn Person, question: &Question) -> anyhow::Result<String> {
     loop {
-        let typed = person.ask(&question, &Machine::default())?;
+        let typed = person.ask(question, &Machine::default())?;
         let read = question.kind.read(&typed).map_err(super::machine::Refused::Wrong);
-        person.answered(&question, read.as_ref().err())?;
+        person.answered(question, read.as_ref().err())?;
         if let Ok(value) = read {
             return Ok(value);
         }

@@ -66,6 +66,7 @@ pub struct State {
     written: Option<Written>,
 }
 
+#[cfg(feature = "simulate")]
 impl State {
     /// Whether the person said that the bead is in the picture.
     pub fn is_loaded(&self) -> bool {

@@ -287,7 +287,10 @@ pub fn run(args: &Args, listen: SocketAddr, stopper: &Stopper) -> anyhow::Result
             let (view, stopper) = site;
             http::guarded(routes(Site { view, messages: send, stopper, closing }), guard)
         };
-        http::serve_routes(listener, &settings, routes, async { drop(shutting.await) }).await
+        let shutdown = async {
+            let _closed = shutting.await;
+        };
+        http::serve_routes(listener, &settings, routes, shutdown).await
     });
     say!("carved setup: open http://{address} in a browser. Ctrl-C ends the set-up and stops the motors.");
     let mut page = Page { view: view.clone(), messages, pending: None, asked: 0, exists: false };

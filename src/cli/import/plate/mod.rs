@@ -168,7 +168,7 @@ fn one_run(args: &super::Args, barcode: &str, id: &str, fish: Option<u32>) -> an
                             of_well.push(doubt.clone());
                             warn(doubt);
                         })?;
-                        part.keep(&planned.well, DoneWell { key, status: status.clone(), warnings: of_well })?;
+                        part.keep(&planned.well, &DoneWell { key, status: status.clone(), warnings: of_well })?;
                         status
                     }
                 }

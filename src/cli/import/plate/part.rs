@@ -76,8 +76,8 @@ impl Part {
     ///
     /// # Errors
     /// A disk that does not take the note.
-    pub fn keep(&self, well: &str, done: DoneWell) -> anyhow::Result<()> {
-        Ok(durable::write_json(&self.note(well), &done)?)
+    pub fn keep(&self, well: &str, done: &DoneWell) -> anyhow::Result<()> {
+        Ok(durable::write_json(&self.note(well), done)?)
     }
 
     /// Puts the run in its place, without the notes.
