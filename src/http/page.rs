@@ -70,8 +70,8 @@ const ENCODINGS: [(&str, &str); 2] = [("br", ".br"), ("gzip", ".gz")];
 /// A file of the page in the best encoding that the client reads.
 fn file(asked: &HeaderMap, path: &str) -> Option<Response> {
     let plain = Dist::get(path)?;
-    let encoded = ENCODINGS.iter().filter(|(encoding, _)| accepts(asked, encoding));
-    let encoded = encoded.filter_map(|(encoding, ending)| Some((*encoding, Dist::get(&format!("{path}{ending}"))?))).next();
+    let mut encoded = ENCODINGS.iter().filter(|(encoding, _)| accepts(asked, encoding));
+    let encoded = encoded.find_map(|(encoding, ending)| Some((*encoding, Dist::get(&format!("{path}{ending}"))?)));
     let mime = plain.metadata.mimetype().to_owned();
     let mut answer = match encoded {
         None => serve(asked, plain, &mime),

@@ -16,7 +16,7 @@ pub struct Args {
     /// The configuration of the rig. Stop its daemon first: a port and a camera have one owner
     #[arg(long, value_name = "FILE")]
     config: PathBuf,
-    /// Answers for a check without a person, as for `carved setup`: bead_um, tolerance_percent, loaded, motion
+    /// Answers for a check without a person, as for `carved setup`: `bead_um`, `tolerance_percent`, `loaded`, `motion`
     #[arg(long, value_name = "FILE")]
     answers: Option<PathBuf>,
 }

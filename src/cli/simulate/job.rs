@@ -14,7 +14,7 @@ pub enum Job {
     Demo,
     /// The replayed recording's plan and numbers, and their origin.
     Replay {
-        plan: RunPlan,
+        plan: Box<RunPlan>,
         recorded: Box<SpecimenRecord>,
         name: String,
     },
@@ -32,7 +32,7 @@ impl Job {
         let (prefix, plan) = match &self {
             Self::Serve => return Ok(()),
             Self::Demo => ("demo", demo_plan()),
-            Self::Replay { plan, .. } => ("replay", plan.clone()),
+            Self::Replay { plan, .. } => ("replay", RunPlan::clone(plan)),
         };
         let id = format!("{prefix}-{}", jiff::Timestamp::now().strftime("%Y%m%dT%H%M%S"));
         let well = plan.plate_map[0].well.clone();

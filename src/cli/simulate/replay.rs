@@ -62,7 +62,7 @@ pub fn of_recording(path: &Path, config: &mut Config) -> anyhow::Result<Before> 
         .collect::<Result<Vec<_>, _>>()?;
     let plate = format!("REPLAY-{}", recording.specimen.well);
     let plan = RunPlan::new(&plate, &recording.method_name, "replay", vec![recording.specimen.clone()]);
-    let job = Job::Replay { plan, recorded: Box::new(recorded), name };
+    let job = Job::Replay { plan: Box::new(plan), recorded: Box::new(recorded), name };
     let [num, den] = config.steps_per_revolution.into();
     let sight = Replay::new(frames, (num, den)).with_context(|| reader.folder().display().to_string())?;
     Ok(Before { sight: Arc::new(sight), content: Content::Recording, job })

@@ -46,7 +46,7 @@ impl Write for Parts {
 }
 
 /// Writes the archive. An error breaks the answer off, so that the client does not take half an archive for a whole one.
-fn send(files: &RunFiles, to: mpsc::Sender<io::Result<Bytes>>) {
+fn send(files: &RunFiles, to: &mpsc::Sender<io::Result<Bytes>>) {
     let mut out = BufWriter::with_capacity(PART_BYTES, Parts(to.clone()));
     let sent = files.write_tar(&mut out).map_err(io::Error::other).and_then(|()| out.flush());
     if let Err(error) = sent {
@@ -82,7 +82,7 @@ pub(in crate::http) async fn run_files(
     let (parts, received) = mpsc::channel(PARTS);
     tokio::task::spawn_blocking(move || {
         let _slot = slot;
-        send(&files, parts);
+        send(&files, &parts);
     });
     let body = stream::unfold(received, |mut received| async move { received.recv().await.map(|part| (part, received)) });
     let headers = [

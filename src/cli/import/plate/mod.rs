@@ -155,22 +155,19 @@ fn one_run(args: &super::Args, barcode: &str, id: &str, fish: Option<u32>) -> an
         let status = match plate.wells.get(&planned.well) {
             Some(pictures) => {
                 let key = well.key(pictures)?;
-                match part.done(&well.folder, &key)? {
-                    Some(done) => {
-                        note!("carved: {}: was imported before the interruption", planned.well);
-                        done.warnings.into_iter().for_each(&mut warn);
-                        well.take_empty(&mut empty)?;
-                        done.status
-                    }
-                    None => {
-                        let mut of_well = Vec::new();
-                        let status = well.import(pictures, &mut empty, &mut |doubt| {
-                            of_well.push(doubt.clone());
-                            warn(doubt);
-                        })?;
-                        part.keep(&planned.well, &DoneWell { key, status: status.clone(), warnings: of_well })?;
-                        status
-                    }
+                if let Some(done) = part.done(&well.folder, &key)? {
+                    note!("carved: {}: was imported before the interruption", planned.well);
+                    done.warnings.into_iter().for_each(&mut warn);
+                    well.take_empty(&mut empty)?;
+                    done.status
+                } else {
+                    let mut of_well = Vec::new();
+                    let status = well.import(pictures, &mut empty, &mut |doubt| {
+                        of_well.push(doubt.clone());
+                        warn(doubt);
+                    })?;
+                    part.keep(&planned.well, &DoneWell { key, status: status.clone(), warnings: of_well })?;
+                    status
                 }
             }
             None => well.without_pictures(),
