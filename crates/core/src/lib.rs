@@ -13,6 +13,7 @@
 
 #![warn(missing_docs)]
 
+pub mod assay;
 pub mod calibration;
 pub mod carver;
 pub mod fins;
