@@ -21,8 +21,21 @@ pub fn is_one(document: &Map<String, Value>) -> bool {
     LISTS.iter().any(|name| document.contains_key(*name))
 }
 
+/// The conditions of a document that are of this plate, each with its well; all of them where the document has one plate.
+pub fn conditions_of<'d>(document: &'d Metadata, plate: &str) -> Vec<&'d Map<String, Value>> {
+    let lists = LISTS.iter().filter_map(|name| document.get(*name)?.as_array());
+    let entries: Vec<_> = lists.flatten().filter_map(Value::as_object).collect();
+    let plates: BTreeSet<&str> = entries.iter().filter_map(|entry| plate_of(entry)).collect();
+    let several = plates.len() > 1;
+    entries.into_iter().filter(|entry| !several || plate_of(entry) == Some(plate)).collect()
+}
+
+fn plate_of(entry: &Map<String, Value>) -> Option<&str> {
+    entry.get("Plate").or_else(|| entry.get("plate")).and_then(Value::as_str).map(str::trim)
+}
+
 /// The column of a condition. MIHCSME does not define the names. Known are those of its template and of carved.
-fn column_of(condition: &str) -> Option<Column> {
+pub fn column_of(condition: &str) -> Option<Column> {
     let plain: String = condition.chars().filter(char::is_ascii_alphanumeric).collect::<String>().to_ascii_lowercase();
     Some(match plain.as_str() {
         "well" => Column::Well,

@@ -10,12 +10,14 @@
 
 mod cell;
 mod json;
+mod kept;
 mod mihcsme;
 mod number;
 mod table;
 mod text;
 
 pub use cell::well_of;
+pub use kept::{KeptColumns, kept_columns};
 pub use table::{UNCLOSED_QUOTE, unclosed_quote};
 
 use super::plan::off_plate;
