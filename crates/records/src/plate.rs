@@ -58,7 +58,7 @@ impl PlateFormat {
 }
 
 /// Row and column of a well from 0. `None` for a name that no plate has.
-fn place(well: &str) -> Option<(u32, u32)> {
+pub fn place(well: &str) -> Option<(u32, u32)> {
     let letters = well.bytes().take_while(u8::is_ascii_uppercase).count();
     let (row, column) = well.split_at(letters);
     let row = match row.as_bytes() {
@@ -75,7 +75,7 @@ fn place(well: &str) -> Option<(u32, u32)> {
 }
 
 /// The name of the well in a row and a column, both from 0.
-fn name(row: u32, column: u32) -> String {
+pub fn name(row: u32, column: u32) -> String {
     let letter = char::from(b'A' + (row % 26) as u8);
     let before = if row < 26 { "" } else { "A" };
     format!("{before}{letter}{:02}", column + 1)

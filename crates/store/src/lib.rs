@@ -30,6 +30,8 @@ mod replay;
 mod run;
 mod run_files;
 mod schema;
+mod software;
+mod stored_run;
 mod sums;
 #[cfg(any(test, feature = "testing"))]
 pub mod testing;
@@ -42,12 +44,12 @@ pub use index::{Cursor, EventsAfter, Found, RunRow, RunsQuery, Unreadable, follo
 use journal::Repaired;
 pub use journal::{Journal, now};
 pub use reader::{SpecimenFile, StoreReader, StoredFile, StoredSpecimen};
-pub use recording::{
-    MEASUREMENT, MeasurementFile, Recording, RecordingReader, RecordingWriter, RigRecord, SecondRecord, Software, fluorescence,
-};
+pub use recording::{MEASUREMENT, MeasurementFile, Recording, RecordingReader, RecordingWriter, RigRecord, SecondRecord, fluorescence};
 pub use replay::ReplayWriter;
 pub use run::RunRecord;
 pub use run_files::RunFiles;
+pub use software::Software;
+pub use stored_run::{StoredRun, StoredWell, place_among_references};
 pub use sums::{seal, seal_run};
 
 use carved_records::{Event, EventData, JournalRepaired, Mode, RunUnreadable, kind};

@@ -146,12 +146,13 @@ impl StoreReader {
         index::used_bytes(&self.root)
     }
 
-    fn folder(&self, run: &str) -> Option<PathBuf> {
+    /// The folder of a run. `None` of a name that is none of a run.
+    pub(super) fn run_folder(&self, run: &str) -> Option<PathBuf> {
         is_plain_name(run).then(|| self.root.join("runs").join(run))
     }
 
     fn specimen_folder(&self, run: &str, well: &str, attempt: u32) -> Option<PathBuf> {
-        let folder = self.folder(run).filter(|_| is_well(well))?.join(attempts::folder_name(well, attempt));
+        let folder = self.run_folder(run).filter(|_| is_well(well))?.join(attempts::folder_name(well, attempt));
         folder.is_dir().then_some(folder)
     }
 
@@ -160,7 +161,7 @@ impl StoreReader {
     /// # Errors
     /// The run cannot be read.
     pub fn run(&self, id: &str) -> Result<Option<RunRecord>, StoreError> {
-        let Some(file) = self.folder(id).map(|f| f.join(run::FILE)).filter(|f| f.is_file()) else { return Ok(None) };
+        let Some(file) = self.run_folder(id).map(|f| f.join(run::FILE)).filter(|f| f.is_file()) else { return Ok(None) };
         RunRecord::read(&file).map(Some)
     }
 
@@ -174,7 +175,7 @@ impl StoreReader {
 
     /// The copies of a run that `carved archive` made, newest first. Receipts that cannot be read are logged and count as none.
     pub fn copies(&self, run: &str) -> Vec<Receipt> {
-        let Some(folder) = self.folder(run) else { return Vec::new() };
+        let Some(folder) = self.run_folder(run) else { return Vec::new() };
         archive::receipts(&folder).unwrap_or_else(|error| {
             tracing::warn!(%error, "the receipts of a run's copies are not read");
             Vec::new()
@@ -186,7 +187,7 @@ impl StoreReader {
     /// # Errors
     /// A run under way, and a folder that cannot be read.
     pub fn run_files(&self, id: &str) -> Result<Option<RunFiles>, StoreError> {
-        let Some(folder) = self.folder(id).filter(|f| f.join(run::FILE).is_file()) else { return Ok(None) };
+        let Some(folder) = self.run_folder(id).filter(|f| f.join(run::FILE).is_file()) else { return Ok(None) };
         RunFiles::of(&folder).map(Some)
     }
 

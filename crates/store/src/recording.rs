@@ -16,7 +16,7 @@
 //!              SHA256SUMS              checksums of all of the above, once the recording is closed
 //! ```
 
-use super::{StoreError, archive, durable, frames, schema, sums};
+use super::{Software, StoreError, archive, durable, frames, schema, sums};
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::geometry::{Camera, SecondOptics};
 use carved_core::measure::Measurement;
@@ -31,7 +31,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-const SCHEMA: &str = "carved.recording/1";
+pub(super) const SCHEMA: &str = "carved.recording/1";
 pub(super) const RECORDING: &str = "recording.json";
 /// The detection frame, on which the well was judged.
 pub(super) const DETECTION: &str = "frames/detect.png";
@@ -108,19 +108,6 @@ pub fn fluorescence<'a>(
         })
         .collect();
     Fluorescence::measure(mesh, &views, measurement.volume_um3, measurement.volume_sd_um3)
-}
-
-/// The program that wrote a file.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Software {
-    pub name: String,
-    pub version: String,
-}
-
-impl Software {
-    pub fn this() -> Self {
-        Self { name: "carved".into(), version: env!("CARGO_PKG_VERSION").into() }
-    }
 }
 
 /// The rig at the time of the recording.

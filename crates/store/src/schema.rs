@@ -35,6 +35,11 @@ pub(super) fn read<T: DeserializeOwned>(path: &Path, known: &'static str) -> Res
     serde_json::from_slice(&text).map_err(|e| format(e.to_string()))
 }
 
+/// Checks that a file is of the format `known`.
+pub(super) fn known(path: &Path, known: &'static str) -> Result<(), StoreError> {
+    read::<serde::de::IgnoredAny>(path, known).map(|_| ())
+}
+
 /// Kind and version.
 fn split(schema: &str) -> Option<(&str, u32)> {
     let (kind, version) = schema.split_once('/')?;

@@ -1,6 +1,6 @@
 //! The rows of a run, a specimen and an event. The daemon and a rebuild both write them here.
 
-use crate::{MEASUREMENT, RECORDING, RunRecord, attempts, run};
+use crate::{MEASUREMENT, RECORDING, RunRecord, attempts, place_among_references, run};
 use carved_records::{Event, EventData, WellStatus, sha256_hex};
 use rusqlite::{Connection, OptionalExtension, params};
 use serde_json::Value;
@@ -26,7 +26,7 @@ pub(super) fn put_run(c: &Connection, root: &Path, record: &RunRecord, anew: boo
     let (ns, bytes) = stamp(&folder.join(run::FILE));
     let plan = &record.plan;
     let started_us = record.started.parse::<jiff::Timestamp>().map_or(0, jiff::Timestamp::as_microsecond);
-    c.prepare_cached("INSERT OR REPLACE INTO runs VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")?.execute(params![
+    c.prepare_cached("INSERT OR REPLACE INTO runs VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")?.execute(params![
         record.id,
         record.schema,
         record.software.version,
@@ -42,14 +42,22 @@ pub(super) fn put_run(c: &Connection, root: &Path, record: &RunRecord, anew: boo
         record.wells.len(),
         ns,
         bytes,
+        record.method.version,
     ])?;
     for (place, planned) in plan.plate_map.iter().enumerate() {
-        c.prepare_cached("INSERT OR REPLACE INTO wells VALUES (?, ?, ?, ?, ?)")?.execute(params![
+        c.prepare_cached("INSERT OR REPLACE INTO wells VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")?.execute(params![
             record.id,
             place,
             planned.well,
             word(&planned.specimen),
-            planned.dpf
+            planned.dpf,
+            planned.strain,
+            planned.treatment,
+            planned.compound,
+            planned.concentration,
+            planned.concentration_unit.map(carved_records::ConcentrationUnit::symbol),
+            word(&planned.control),
+            planned.replicate,
         ])?;
     }
     for status in &record.wells {
@@ -87,7 +95,7 @@ fn put_specimen(
 ) -> rusqlite::Result<()> {
     let folder = of_run.join(attempts::folder_name(well, attempt));
     let recording = json(&folder.join(RECORDING)).unwrap_or_default().1;
-    c.prepare_cached("INSERT OR REPLACE INTO specimens VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")?.execute(params![
+    c.prepare_cached("INSERT OR REPLACE INTO specimens VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")?.execute(params![
         run,
         well,
         attempt,
@@ -98,13 +106,17 @@ fn put_specimen(
         recording["ledger"].as_array().map_or(0, |l| l.iter().filter(|e| e["closure"] != true && e["retake"].is_null()).count()),
         bytes_of(&folder),
         status.map(|(_, text)| text),
+        recording["software"]["version"].as_str(),
+        recording["software"]["commit"].as_str(),
+        recording["software"]["dirty"].as_bool(),
     ])?;
     for table in ["measurements", "beads"] {
         c.execute(&format!("DELETE FROM {table} WHERE run = ? AND well = ? AND attempt = ?"), params![run, well, attempt])?;
     }
     let Some((sha256, file)) = json(&folder.join(MEASUREMENT)) else { return Ok(()) };
     let m = &file["measurement"];
-    c.prepare_cached("INSERT INTO measurements VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")?.execute(params![
+    let z = |quantity| place_among_references(&file, quantity).and_then(|(_, place)| place["z"].as_f64());
+    c.prepare_cached("INSERT INTO measurements VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")?.execute(params![
         run,
         well,
         attempt,
@@ -119,6 +131,12 @@ fn put_specimen(
         m["field_volume_um3"].as_f64(),
         m["field_area_um2"].as_f64(),
         m["length_um"].as_f64(),
+        file["shape"]["body"]["length_um"].as_f64(),
+        file["shape"]["solid"]["sphericity"].as_f64(),
+        file["fluorescence"]["signal_per_nl"].as_f64(),
+        z("volume"),
+        z("area"),
+        file["quality"]["passed"].as_bool(),
     ])?;
     if let Some(diameter_um) = m["diameter_um"].as_f64() {
         c.prepare_cached("INSERT INTO beads VALUES (?, ?, ?, ?, ?, ?)")?.execute(params![

@@ -68,6 +68,42 @@ pub(super) const STEPS: &[&str] = &[
     DROP TABLE beads;
     ALTER TABLE beads_2 RENAME TO beads;
 ",
+    "
+    ALTER TABLE runs ADD COLUMN method_version TEXT;
+    -- Of the program that recorded: a run may go on with another one.
+    ALTER TABLE specimens ADD COLUMN software_version TEXT;
+    ALTER TABLE specimens ADD COLUMN software_commit TEXT;
+    ALTER TABLE specimens ADD COLUMN software_dirty INTEGER;
+    ALTER TABLE wells ADD COLUMN strain TEXT;
+    ALTER TABLE wells ADD COLUMN treatment TEXT;
+    ALTER TABLE wells ADD COLUMN compound TEXT;
+    ALTER TABLE wells ADD COLUMN concentration REAL;
+    ALTER TABLE wells ADD COLUMN concentration_unit TEXT;
+    ALTER TABLE wells ADD COLUMN control TEXT;
+    ALTER TABLE wells ADD COLUMN replicate INTEGER;
+    ALTER TABLE measurements ADD COLUMN body_length_um REAL;
+    ALTER TABLE measurements ADD COLUMN sphericity REAL;
+    ALTER TABLE measurements ADD COLUMN signal_grey_px_per_nl REAL;
+    ALTER TABLE measurements ADD COLUMN reference_volume_z REAL;
+    ALTER TABLE measurements ADD COLUMN reference_area_z REAL;
+    ALTER TABLE measurements ADD COLUMN qc_passed INTEGER;
+    -- A row per planned well, with the column names of `carved export table`.
+    CREATE VIEW specimen_table AS SELECT
+        w.run, r.external_id, r.plate_barcode, r.operator, r.mode, w.well, w.place + 1 AS place, w.specimen, w.dpf, w.strain, w.treatment,
+        w.compound, w.concentration, w.concentration_unit, w.control, w.replicate, s.outcome, s.reason,
+        (SELECT group_concat(value, ';') FROM json_each(s.flags)) AS flags, m.estimator, m.volume_um3, m.volume_sd_um3, m.area_um2,
+        m.area_sd_um2, m.body_length_um, m.length_um AS extent_along_um, b.diameter_um, b.sphere_rms_um, b.aspect_ratio, m.sphericity,
+        m.field_volume_um3, m.field_area_um2, m.signal_grey_px_per_nl, m.reference_volume_z, m.reference_area_z, m.qc_passed, m.views,
+        s.started, r.started AS run_started, r.ended AS run_ended, r.outcome AS run_outcome, r.method,
+        CASE WHEN s.software_version IS NOT NULL THEN r.method_version END AS method_version,
+        s.software_version, s.software_commit, s.software_dirty, m.sha256 AS measurement_sha256
+    FROM wells w JOIN runs r ON r.id = w.run
+        LEFT JOIN specimens s ON s.run = w.run AND s.well = w.well AND s.attempt = 0
+        LEFT JOIN measurements m ON m.run = w.run AND m.well = w.well AND m.attempt = 0
+        LEFT JOIN beads b ON b.run = w.run AND b.well = w.well AND b.attempt = 0;
+    -- The new columns are filled from the folders by the refresh that follows.
+    UPDATE runs SET run_json_ns = 0, run_json_bytes = 0;
+",
 ];
 
 /// Migrates an index to the newest version. Each step is one transaction.

@@ -214,6 +214,13 @@ fn store_open(store: &Store) -> Vec<&str> {
     store.open.iter().map(String::as_str).collect()
 }
 
+/// The columns of a table of version 1.
+fn columns(old: &Connection, table: &str) -> String {
+    let mut select = old.prepare(&format!("SELECT name FROM pragma_table_info('{table}', 'main')")).unwrap();
+    let names: Vec<String> = select.query_map([], |row| row.get(0)).unwrap().map(Result::unwrap).collect();
+    names.join(", ")
+}
+
 #[test]
 fn an_index_of_version_1_is_brought_up_with_all_its_rows() {
     let dir = tempfile::tempdir().unwrap();
@@ -225,7 +232,8 @@ fn an_index_of_version_1_is_brought_up_with_all_its_rows() {
     old.execute_batch(tables::STEPS[0]).unwrap();
     old.execute("ATTACH ? AS newest", [newest.to_str().unwrap()]).unwrap();
     for table in ["runs", "wells", "events", "faults"] {
-        old.execute(&format!("INSERT INTO main.{table} SELECT * FROM newest.{table}"), []).unwrap();
+        let columns = columns(&old, table);
+        old.execute(&format!("INSERT INTO main.{table} ({columns}) SELECT {columns} FROM newest.{table}"), []).unwrap();
     }
     let specimens = "run, well, outcome, reason, flags, started, views, bytes, status";
     let measurements = "run, well, sha256, mode, estimator, views, volume_um3, volume_sd_um3, area_um2, area_sd_um2, field_volume_um3, \
