@@ -14,4 +14,6 @@ pub mod cli;
 pub mod config;
 pub mod export;
 pub mod http;
+pub mod report;
 pub mod session;
+pub mod tables;

@@ -16,7 +16,10 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("api", &[]),
     // It builds its snapshots of API types, and does not know `http`, which serves them.
     ("session", &["api", "export", "config"]),
-    ("http", &["api", "config", "session"]),
+    // Stored runs as tables, for the API and the commands.
+    ("tables", &[]),
+    ("report", &["tables"]),
+    ("http", &["api", "config", "session", "tables"]),
 ];
 
 /// Crates with the crates of this workspace that they may depend on.
@@ -169,6 +172,7 @@ fn a_strict_run_leaves_no_test_out() {
     strict::holds(&[
         (cfg!(has_shared), "no folder of shared data: name it by CARVED_SHARED"),
         (cfg!(has_python), "no Python 3 with venv: apt-get install python3-venv"),
+        (cfg!(has_rscript), "no Rscript: apt-get install r-base-core"),
         (cfg!(has_systemd_analyze), "no systemd-analyze: apt-get install systemd"),
         (cfg!(has_root), "not built as root: mounting a small file system needs it"),
         (cfg!(feature = "aravis"), "built without the feature aravis"),

@@ -13,6 +13,7 @@ mod daemon;
 mod doctor;
 #[cfg(feature = "simulate")]
 pub mod emulated;
+mod export;
 mod import;
 mod index;
 mod measure;
@@ -21,6 +22,7 @@ mod plate;
 mod reconstruct;
 mod reference;
 mod replay;
+mod report;
 mod run;
 mod schema;
 mod segment;
@@ -33,12 +35,13 @@ mod switch;
 #[cfg(feature = "simulate")]
 mod validate;
 
+use carved_store::Software;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use output::{PIPE_CLOSED, PipeClosed};
 use std::process::ExitCode;
 
 #[derive(Debug, Parser)]
-#[command(name = "carved", version, about, long_about = None, after_help = LOG)]
+#[command(name = "carved", version = BUILD, about, long_about = None, after_help = LOG)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -73,6 +76,11 @@ enum Command {
     /// Measure simulated specimens of known size, for the paper's tables and for the accuracy of carved.
     #[cfg(feature = "simulate")]
     Validate(validate::Args),
+    /// Write stored runs as tables and in the formats of other programs.
+    #[command(subcommand)]
+    Export(export::Command),
+    /// Write a report of stored runs: one HTML file with plates, groups, pictures and methods, to read and to print.
+    Report(report::Args),
     /// Copy runs elsewhere, verify every hash of the copy and write a receipt.
     Archive(archive::ArchiveArgs),
     /// Remove raw frames, or whole runs, whose archived copy is intact; without --yes only say what would be removed.
@@ -105,6 +113,9 @@ enum ConfigCommand {
     Schema(schema::Args),
 }
 
+/// The version with the commit of the sources.
+const BUILD: &str = concat!(env!("CARGO_PKG_VERSION"), " ", env!("CARVED_BUILD_COMMIT"));
+
 const LOG: &str = "Environment:
   CARVED_LOG  what the log on standard error holds: error, warn, info (the default), debug, trace or off; or by part of the program,
               as in CARVED_LOG=info,carved_devices=debug. Any other value is named in a warning, and info is used";
@@ -127,6 +138,7 @@ fn with_negative_numbers(command: clap::Command) -> clap::Command {
 
 /// Runs the named command and reports its error.
 pub fn main() -> ExitCode {
+    Software::built_from(env!("CARVED_BUILD_COMMIT"), env!("CARVED_BUILD_DIRTY").parse().ok());
     match run() {
         Ok(code) => code,
         Err(error) if error.is::<PipeClosed>() => ExitCode::from(PIPE_CLOSED),
@@ -154,6 +166,8 @@ fn run() -> anyhow::Result<ExitCode> {
         Command::Segment(args) => segment::run(&args),
         #[cfg(feature = "simulate")]
         Command::Validate(args) => validate::run(&args),
+        Command::Export(command) => export::run(&command),
+        Command::Report(args) => report::run(&args),
         Command::Archive(args) => archive::archive(&args),
         Command::Prune(args) => archive::prune(&args),
         Command::Index(command) => index::run(&command),

@@ -9,6 +9,8 @@ mod download;
 mod files;
 mod gates;
 mod picture;
+pub(super) mod statistics;
+pub(super) mod tables;
 
 pub(super) use download::{__path_events, __path_run_files, DOWNLOADS, events, run_files};
 use files::DETECTION;

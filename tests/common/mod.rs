@@ -15,6 +15,7 @@ mod shared;
 pub mod spoiled;
 pub mod stored;
 pub mod strict;
+pub mod venv;
 mod wait;
 
 pub use instrument::{Instrument, QUICK, Rate, SLOW, SLOW_REFERENCE};

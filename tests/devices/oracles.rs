@@ -7,6 +7,7 @@
 //! Without access to `PyPI` the tests report this and pass, but they fail in a strict run. Zaber offers no emulated controller in a
 //! package, and there is no package of a Grbl.
 
+use crate::common::venv;
 use crate::driver::{stand, turns};
 use crate::motion_tmcl;
 use carved_core::units::Steps;
@@ -15,31 +16,14 @@ use carved_devices::cancel::CancelToken;
 use carved_devices::rotation::{Port, Reference, Tmcl, TmclSettings};
 use hardware_sim::{Controller, tmcl, zaber};
 use std::io::{BufRead, BufReader};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::sync::OnceLock;
 
 /// A Python that has the packages, or the reason why there is none.
 fn python() -> Result<PathBuf, String> {
     static FOUND: OnceLock<Result<PathBuf, String>> = OnceLock::new();
-    FOUND.get_or_init(install).clone()
-}
-
-/// Installs the packages once per target folder.
-fn install() -> Result<PathBuf, String> {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("oracles");
-    let python = folder.join("bin/python");
-    let run = |program: &Path, args: &[&str]| {
-        let output = Command::new(program).args(args).output().map_err(|e| format!("{}: {e}", program.display()))?;
-        let said = String::from_utf8_lossy(&output.stderr);
-        if output.status.success() { Ok(()) } else { Err(said.lines().last().unwrap_or("no reason was given").to_owned()) }
-    };
-    if run(&python, &["-c", "import pytrinamic, zaber_motion"]).is_err() {
-        run(Path::new("python3"), &["-m", "venv", folder.to_str().unwrap()])?;
-        let wanted = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/oracles/requirements.txt");
-        run(&python, &["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "-r", wanted])?;
-    }
-    Ok(python)
+    FOUND.get_or_init(|| venv::python("oracles", "pytrinamic, zaber_motion", "tests/oracles/requirements.txt")).clone()
 }
 
 /// A program of tests/oracles. `None` if it cannot run here.

@@ -409,3 +409,58 @@ fn a_watcher_is_told_of_a_run_that_the_status_has_no_more() {
     assert_eq!(unknown.status.code(), Some(1));
     assert!(text(&unknown.stderr).contains("unknown_run"), "{}", text(&unknown.stderr));
 }
+
+#[test]
+fn tables_and_statistics_of_runs_are_read_as_csv_and_json() {
+    let rig = Rig::start();
+    let (store, _journal, _) = Claim::on(rig.data.path()).and_then(Store::open).unwrap();
+    for (id, barcode) in [("r1", "P-1"), ("r2", "P-2")] {
+        let mut run = record(id, "2026-01-01T00:00:00Z", barcode);
+        recorded(&store, &run, 0);
+        run.wells[0].end(SpecimenOutcome::Succeeded, None);
+        run.wells[0].flags = vec!["moved".into()];
+        run.wells[1].end(SpecimenOutcome::Skipped, Some("empty"));
+        run.end(RunOutcome::Succeeded);
+        store.save_run(&run).unwrap();
+    }
+    let rows = |path: &str| {
+        let answer = rig.get(path);
+        assert_eq!((answer.status, answer.header("content-type")), (200, Some("text/csv; charset=utf-8")), "{path}");
+        let mut reader = csv::Reader::from_reader(answer.body.as_slice());
+        let headings = reader.headers().unwrap().clone();
+        let of = |row: csv::StringRecord| headings.iter().map(str::to_owned).zip(row.iter().map(str::to_owned)).collect();
+        reader.records().map(|row| of(row.unwrap())).collect::<Vec<std::collections::BTreeMap<String, String>>>()
+    };
+    let one = rows("/v1/runs/r1/table.csv");
+    assert_eq!((one.len(), one[0]["compound"].as_str(), one[0]["volume_um3"].as_str()), (2, "DMSO", "250000000.0"));
+    assert_eq!((one[1]["outcome"].as_str(), one[1]["volume_um3"].as_str()), ("skipped", ""));
+    let both = rows("/v1/table.csv?runs=r2,r1");
+    assert_eq!(both.iter().map(|row| row["plate_barcode"].as_str()).collect::<Vec<_>>(), ["P-2", "P-2", "P-1", "P-1"]);
+    assert_eq!(rows("/v1/runs/r1/shape.csv"), [], "the larva of this test has no slices");
+    let tag = rig.get("/v1/runs/r1/table.csv").header("etag").unwrap().to_owned();
+    assert_eq!(rig.send("GET", "/v1/runs/r1/table.csv", &[("If-None-Match", &tag)], "").status, 304);
+
+    let statistics = rig.get("/v1/runs/r1/statistics").json();
+    let group = &statistics["quantities"][0]["groups"][0];
+    assert_eq!((&group["n"], &group["mean"], &group["sd"]), (&json!(1), &json!(2.5e8), &Value::Null));
+    assert_eq!((&group["condition"]["compound"], &group["values"][0]["flagged"]), (&json!("DMSO"), &json!(true)));
+    assert_eq!((&statistics["runs"], &statistics["specimens_with_flags"]), (&json!(["r1"]), &json!(1)));
+    let without = rig.get("/v1/runs/r1/statistics?flagged=excluded").json();
+    assert_eq!((&without["specimens"], &without["quantities"]), (&json!(0), &json!([])));
+
+    for (path, status, code) in [
+        ("/v1/runs/r9/table.csv", 404, "unknown_run"),
+        ("/v1/runs/r9/statistics", 404, "unknown_run"),
+        ("/v1/table.csv?runs=r1,r9", 404, "unknown_run"),
+        ("/v1/table.csv?runs=r1,r1", 400, "bad_query"),
+        ("/v1/table.csv?runs=", 400, "bad_query"),
+        ("/v1/table.csv", 400, "bad_query"),
+        ("/v1/runs/r1/statistics?flagged=perhaps", 400, "bad_query"),
+    ] {
+        let answer = rig.get(path);
+        assert_eq!((answer.status, answer.problem().as_str()), (status, code), "{path}");
+    }
+    std::fs::write(rig.data.path().join("runs/r1/A01/measurement.json"), "{}").unwrap();
+    let altered = rig.get("/v1/runs/r1/table.csv");
+    assert_eq!((altered.status, altered.problem().as_str()), (500, "altered"));
+}

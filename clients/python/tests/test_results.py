@@ -27,6 +27,13 @@ def test_numbers_tables_and_files_of_a_run(start_daemon: Callable[..., Daemon]) 
         assert table["outcome"].tolist() == ["succeeded", "skipped"]
         assert {"volume_um3", "volume_sd_um3", "area_um2"} <= set(table.columns)
 
+        whole = client.table("r1")
+        assert whole["well"].tolist() == ["A01", "A02"]
+        assert whole["plate_barcode"].tolist() == ["P-1", "P-1"]
+        assert whole.loc[0, "diameter_um"] == table.loc["A01", "diameter_um"]
+        [diameter] = [q for q in client.statistics("r1")["quantities"] if q["name"] == "diameter_um"]
+        assert [(group["n"], group["sd"]) for group in diameter["groups"]] == [(1, None)]
+
         specimen = client.specimen("r1", "A01")
         assert len(specimen["links"]["views"]) == 21
         assert client.mesh("r1", "A01").startswith(b"ply\nformat binary")

@@ -46,6 +46,19 @@ class Results:
 
         return frame_of(self.run(run_id))
 
+    def table(self, *run_ids: str) -> pd.DataFrame:
+        """One table of runs: a row per planned well with plate map, all numbers, flags, checks, versions and hashes.
+
+        `docs/tables.md` lists the columns. Needs the extra `tables` (pandas).
+        """
+        from .tables import frame_of_csv
+
+        return frame_of_csv(self._transport.request("GET", "/v1/table.csv", params={"runs": ",".join(run_ids)}).text)
+
+    def statistics(self, run_id: str, *, without_flagged: bool = False) -> dict[str, Any]:
+        """Groups, Z' and dose-response curves of a run, by quantity: `docs/statistics.md`."""
+        return self._kept(f"{_path(run_id)}/statistics", {"flagged": "excluded" if without_flagged else "included"})
+
     def mesh(self, run_id: str, well: str, kind: Literal["ply", "glb"] = "ply") -> bytes:
         """The surface of the specimen in um: complete as `ply`, or with fewer triangles for display as `glb`."""
         return self._file(f"{_path(run_id, well)}/mesh.{kind}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Mapping
 from typing import Any
 
@@ -19,3 +20,9 @@ def frame_of(run: Mapping[str, Any]) -> pd.DataFrame:
     frame.insert(0, "run", run["id"])
     indexed: pd.DataFrame = frame.set_index("well")
     return indexed
+
+
+def frame_of_csv(text: str) -> pd.DataFrame:
+    """A table of specimens. Barcodes stay text: `0017` is not 17."""
+    frame: pd.DataFrame = pd.read_csv(io.StringIO(text), dtype={"plate_barcode": str, "external_id": str})
+    return frame

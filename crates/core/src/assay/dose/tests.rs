@@ -43,7 +43,7 @@ fn a_falling_response_has_the_curve_and_the_intervals_of_scipy() {
     near(fit.ec50_interval_95[1].log10(), 0.399_374_942_801_14 + t * 0.051_888_699_832_918_515);
     assert_eq!((fit.n, fit.doses, fit.ec50_is_within_doses), (21, 7, true));
     near(fit.at(0.0), fit.at_zero.value);
-    near(fit.at(fit.ec50), (fit.at_zero.value + fit.at_infinity.value) / 2.0);
+    near(fit.at(fit.ec50), f64::midpoint(fit.at_zero.value, fit.at_infinity.value));
 }
 
 #[test]

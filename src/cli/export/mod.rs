@@ -1,0 +1,63 @@
+//! `carved export`: stored runs in the formats of other programs.
+
+mod provenance;
+mod statistics;
+mod table;
+
+use anyhow::{Context, ensure};
+use carved_store::{StoredRun, durable};
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+#[derive(Debug, clap::Subcommand)]
+pub enum Command {
+    /// Write one row per specimen of any number of runs, as CSV or Parquet.
+    Table(table::Args),
+    /// Print the columns of that table and what each holds.
+    Columns,
+    /// Write statistics of any number of runs: groups and compounds, controls, dose-response curves.
+    Statistics(statistics::Args),
+    /// Write how runs were measured, as a paragraph for a paper and with every parameter.
+    Methods(provenance::MethodsArgs),
+    /// Make a run's folder an RO-Crate: files with their hashes, and what made them.
+    Rocrate(provenance::CrateArgs),
+}
+
+/// Runs the named export.
+///
+/// # Errors
+/// A run that cannot be read, or a file that cannot be written.
+pub fn run(command: &Command) -> anyhow::Result<()> {
+    match command {
+        Command::Table(args) => table::run(args),
+        Command::Statistics(args) => statistics::run(args),
+        Command::Methods(args) => provenance::methods(args),
+        Command::Rocrate(args) => provenance::rocrate(args),
+        Command::Columns => {
+            say!("{}", crate::tables::page().trim_end());
+            Ok(())
+        }
+    }
+}
+
+/// Reads the runs of folders.
+///
+/// # Errors
+/// A folder without a run, a run that cannot be read, and two runs of one name, whose rows could not be told apart.
+pub(super) fn read(folders: &[PathBuf]) -> anyhow::Result<Vec<StoredRun>> {
+    let mut names = BTreeSet::new();
+    let mut runs = Vec::new();
+    for folder in folders {
+        ensure!(folder.join("run.json").is_file(), "{}: no run: it has no run.json. Name folders such as DATA/runs/RUN", folder.display());
+        let run = StoredRun::read(folder)?;
+        let name = run.record().id.clone();
+        ensure!(names.insert(name.clone()), "{}: the run {name} is named twice; a table has each run once", folder.display());
+        runs.push(run);
+    }
+    Ok(runs)
+}
+
+/// Writes a file whole or not at all.
+pub(super) fn write(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
+    durable::write(path, bytes).with_context(|| format!("{}: cannot be written", path.display()))
+}

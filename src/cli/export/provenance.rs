@@ -1,0 +1,66 @@
+//! `carved export methods` and `carved export rocrate`.
+
+use super::{read, write};
+use crate::report::methods::Methods;
+use crate::report::rocrate::{FILE, Given, metadata};
+use anyhow::{Context, ensure};
+use std::path::PathBuf;
+
+#[derive(Debug, clap::Args)]
+pub struct MethodsArgs {
+    /// Folders of runs (`DATA/runs/RUN`).
+    #[arg(required = true)]
+    runs: Vec<PathBuf>,
+    /// File for the Markdown [default: standard output]
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct CrateArgs {
+    /// Folder of a run that has ended (`DATA/runs/RUN`). `ro-crate-metadata.json` is written into it, and makes it a crate.
+    run: PathBuf,
+    /// ORCID of the operator, as in <https://orcid.org/0000-0002-1825-0097>
+    #[arg(long, value_name = "URL")]
+    orcid: Option<String>,
+    /// Licence of the data, as in <https://creativecommons.org/licenses/by/4.0/>
+    #[arg(long, value_name = "URL")]
+    license: Option<String>,
+}
+
+/// Writes the methods of each run.
+///
+/// # Errors
+/// A run that cannot be read, or a file that cannot be written.
+pub fn methods(args: &MethodsArgs) -> anyhow::Result<()> {
+    let mut text = String::new();
+    for run in read(&args.runs)? {
+        text.push_str(&Methods::of(&run)?.markdown());
+        text.push('\n');
+    }
+    if let Some(file) = &args.out {
+        return write(file, text.as_bytes());
+    }
+    say!("{}", text.trim_end());
+    Ok(())
+}
+
+/// Makes a run's folder a crate.
+///
+/// # Errors
+/// A run that has not ended or cannot be read, and a file that cannot be written.
+pub fn rocrate(args: &CrateArgs) -> anyhow::Result<()> {
+    for (option, value) in [("--orcid", &args.orcid), ("--license", &args.license)] {
+        if let Some(value) = value {
+            ensure!(value.starts_with("https://"), "{option} is {value}; expected an address that begins with https://");
+        }
+    }
+    let runs = read(std::slice::from_ref(&args.run))?;
+    let run = runs.first().context("one run is named")?;
+    ensure!(run.record().outcome.is_some(), "{}: the run has not ended; wait for its end", args.run.display());
+    let given = Given { orcid: args.orcid.clone(), license: args.license.clone() };
+    let path = args.run.join(FILE);
+    write(&path, &serde_json::to_vec_pretty(&metadata(run, &given)?).context("the metadata cannot be written as JSON")?)?;
+    note!("carved: {}", path.display());
+    Ok(())
+}

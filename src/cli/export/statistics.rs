@@ -1,0 +1,62 @@
+//! `carved export statistics`: groups, controls and responses of runs.
+
+use super::{read, write};
+use crate::tables::csv;
+use crate::tables::statistics::{Flagged, Statistics, groups_table, responses_table, windows_table};
+use anyhow::{Context, bail};
+use std::path::{Path, PathBuf};
+
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Folders of runs (`DATA/runs/RUN`). Their wells are pooled.
+    #[arg(required = true)]
+    runs: Vec<PathBuf>,
+    /// File for one row per group and per compound (`.csv`), or for all statistics as over HTTP (`.json`) [default: CSV on standard output]
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// File for one row per dose-response curve (`.csv`).
+    #[arg(long, value_name = "FILE")]
+    responses: Option<PathBuf>,
+    /// File for Z' of every run with controls (`.csv`).
+    #[arg(long, value_name = "FILE")]
+    controls: Option<PathBuf>,
+    /// Leave out specimens with flags.
+    #[arg(long)]
+    without_flagged: bool,
+}
+
+/// Writes the statistics.
+///
+/// # Errors
+/// A run that cannot be read, a file that cannot be written, or a format that there is not.
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    let as_json = args.out.as_deref().map(is_json).transpose()?.unwrap_or(false);
+    for file in [&args.responses, &args.controls].into_iter().flatten() {
+        if is_json(file)? {
+            bail!("{}: this file is CSV; --out takes .json, which has all statistics", file.display());
+        }
+    }
+    let runs = read(&args.runs)?;
+    let flagged = if args.without_flagged { Flagged::Excluded } else { Flagged::Included };
+    let statistics = Statistics::of(&runs, flagged)?;
+    match &args.out {
+        Some(file) if as_json => write(file, &serde_json::to_vec_pretty(&statistics).context("the statistics cannot be written as JSON")?)?,
+        Some(file) => write(file, csv::text(&groups_table(&statistics)).as_bytes())?,
+        None => say!("{}", csv::text(&groups_table(&statistics)).trim_end()),
+    }
+    if let Some(file) = &args.responses {
+        write(file, csv::text(&responses_table(&statistics)).as_bytes())?;
+    }
+    if let Some(file) = &args.controls {
+        write(file, csv::text(&windows_table(&statistics)).as_bytes())?;
+    }
+    Ok(())
+}
+
+fn is_json(file: &Path) -> anyhow::Result<bool> {
+    match file.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
+        Some("csv") => Ok(false),
+        Some("json") => Ok(true),
+        _ => bail!("{}: the name of a file with statistics ends in .csv or .json", file.display()),
+    }
+}

@@ -1,0 +1,78 @@
+//! `carved export table`: one row per specimen.
+
+use super::{read, write};
+use crate::tables::{self, Table, csv};
+use anyhow::bail;
+use std::path::{Path, PathBuf};
+
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Folders of runs (`DATA/runs/RUN`).
+    #[arg(required = true)]
+    runs: Vec<PathBuf>,
+    /// File for one row per specimen. Its name says the format: `.csv`, or `.parquet` where carved was built with the feature `parquet`
+    /// [default: CSV on standard output]
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// File for one row per slice along the body of every specimen, in the same formats.
+    #[arg(long, value_name = "FILE")]
+    shape: Option<PathBuf>,
+}
+
+/// Writes the tables.
+///
+/// # Errors
+/// A run that cannot be read, a file that cannot be written, or a format that there is not.
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    // A name that cannot be written is refused before anything is read.
+    let formats = [&args.out, &args.shape].map(|file| file.as_deref().map(Format::of).transpose());
+    let [out, shape] = formats;
+    let (out, shape) = (out?, shape?);
+    let runs = read(&args.runs)?;
+    let specimens = tables::specimens(&runs)?;
+    match (&args.out, out) {
+        (Some(file), Some(format)) => {
+            write(file, &format.bytes(&specimens)?)?;
+            note!("carved: {}: {} specimen(s) of {} run(s)", file.display(), specimens.rows.len(), runs.len());
+        }
+        _ => say!("{}", csv::text(&specimens).trim_end()),
+    }
+    if let (Some(file), Some(format)) = (&args.shape, shape) {
+        let stations = tables::stations(&runs)?;
+        write(file, &format.bytes(&stations)?)?;
+        note!("carved: {}: {} slice(s)", file.display(), stations.rows.len());
+    }
+    Ok(())
+}
+
+/// The format of a table's file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Format {
+    Csv,
+    Parquet,
+}
+
+impl Format {
+    fn of(file: &Path) -> anyhow::Result<Self> {
+        match file.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
+            Some("csv") => Ok(Self::Csv),
+            Some("parquet") if cfg!(feature = "parquet") => Ok(Self::Parquet),
+            Some("parquet") => bail!(
+                "{}: this carved was built without the feature parquet. Build it with cargo install --locked --path . --features parquet; or \
+                 write a .csv, and convert it with DuckDB: COPY (FROM 'results.csv') TO 'results.parquet'",
+                file.display()
+            ),
+            _ => bail!("{}: the name of a table ends in .csv or .parquet", file.display()),
+        }
+    }
+
+    fn bytes(self, table: &Table) -> anyhow::Result<Vec<u8>> {
+        match self {
+            Self::Csv => Ok(csv::text(table).into_bytes()),
+            #[cfg(feature = "parquet")]
+            Self::Parquet => Ok(tables::parquet::bytes(table)?),
+            #[cfg(not(feature = "parquet"))]
+            Self::Parquet => bail!("this carved was built without the feature parquet"),
+        }
+    }
+}

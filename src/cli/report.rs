@@ -1,0 +1,35 @@
+//! `carved report`: one HTML file on any number of runs, to read and to print.
+
+use super::export::{read, write};
+use crate::report::html::report;
+use crate::tables::statistics::Flagged;
+use anyhow::ensure;
+use std::path::PathBuf;
+
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Folders of runs (`DATA/runs/RUN`).
+    #[arg(required = true)]
+    runs: Vec<PathBuf>,
+    /// File for the report (`.html`). It needs no other file.
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// Leave specimens with flags out of the statistics. They are still listed.
+    #[arg(long)]
+    without_flagged: bool,
+}
+
+/// Writes the report.
+///
+/// # Errors
+/// A run that cannot be read, or a file that cannot be written.
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    let is_html = args.out.extension().is_some_and(|e| e.eq_ignore_ascii_case("html") || e.eq_ignore_ascii_case("htm"));
+    ensure!(is_html, "{}: the name of a report ends in .html", args.out.display());
+    let runs = read(&args.runs)?;
+    let flagged = if args.without_flagged { Flagged::Excluded } else { Flagged::Included };
+    let text = report(&runs, flagged)?;
+    write(&args.out, text.as_bytes())?;
+    note!("carved: {}: {} run(s), {:.1} MB", args.out.display(), runs.len(), text.len() as f64 / 1e6);
+    Ok(())
+}

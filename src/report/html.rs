@@ -1,0 +1,410 @@
+//! The report of runs: one HTML file with everything inside, to read on a screen and to print.
+//!
+//! ```text
+//!  head ─ plates ─ groups ─ controls ─ dose response ─ quality ─ beads ─ specimens ─ methods ─ table
+//! ```
+
+use super::methods::Methods;
+use super::plots::{self, Column};
+use super::specimen::Specimen;
+use crate::tables::statistics::{Flagged, QuantityStatistics, Statistics, WellGroup};
+use base64::Engine;
+use carved_records::{Mode, SpecimenOutcome, WellCounts};
+use carved_store::{RunRecord, Software, StoreError, StoredRun};
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+use std::collections::BTreeMap;
+
+/// Unit of volumes and areas in the report: 10^6 um^3 and 10^6 um^2.
+pub(super) const MILLION: f64 = 1e6;
+/// Groups in one plot. More do not fit on a page.
+const COLUMNS: usize = 16;
+
+/// Why there is no report.
+#[derive(Debug, thiserror::Error)]
+pub enum ReportError {
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    #[error("a plot cannot be drawn: {0}")]
+    Plot(#[from] Box<dyn std::error::Error + Send + Sync>),
+}
+
+/// What the report is made of.
+struct Report<'r> {
+    runs: &'r [StoredRun],
+    statistics: Statistics,
+    specimens: Vec<Specimen>,
+    methods: Vec<Methods>,
+}
+
+/// The report of runs.
+///
+/// # Errors
+/// A file that is there and cannot be read, or was altered.
+pub fn report(runs: &[StoredRun], flagged: Flagged) -> Result<String, ReportError> {
+    let mut specimens = Vec::new();
+    for run in runs {
+        specimens.extend(Specimen::all(run)?);
+    }
+    let methods = runs.iter().map(Methods::of).collect::<Result<_, _>>()?;
+    let report = Report { runs, statistics: Statistics::of(runs, flagged)?, specimens, methods };
+    Ok(report.page()?.into_string())
+}
+
+fn svg(text: String) -> Markup {
+    PreEscaped(text)
+}
+
+fn number(value: Option<f64>, scale: f64) -> String {
+    value.map_or_else(String::new, |v| plots::short(v / scale))
+}
+
+fn with_sd(value: Option<f64>, sd: Option<f64>, scale: f64) -> String {
+    match (value, sd) {
+        (Some(v), Some(sd)) => format!("{} ± {}", plots::short(v / scale), plots::short(sd / scale)),
+        (value, _) => number(value, scale),
+    }
+}
+
+fn outcome(outcome: Option<SpecimenOutcome>) -> String {
+    let word = serde_json::to_value(outcome).ok();
+    word.as_ref().and_then(|w| w.as_str()).unwrap_or("not done").to_owned()
+}
+
+impl Report<'_> {
+    fn page(&self) -> Result<Markup, ReportError> {
+        let names = self.statistics.runs.join(", ");
+        Ok(html! {
+            (DOCTYPE)
+            html lang="en" {
+                head {
+                    meta charset="utf-8";
+                    meta name="viewport" content="width=device-width";
+                    meta name="generator" content={ "carved " (Software::this().words()) };
+                    title { "carved: " (names) }
+                    style { (PreEscaped(include_str!("report.css"))) }
+                }
+                body {
+                    (self.head())
+                    (self.plates()?)
+                    (self.groups()?)
+                    (self.controls())
+                    (self.responses()?)
+                    (self.quality())
+                    (self.beads())
+                    (self.pictures())
+                    (self.how())
+                    (self.table())
+                }
+            }
+        })
+    }
+
+    fn head(&self) -> Markup {
+        let line = |run: &RunRecord| {
+            let WellCounts { succeeded, flagged, failed, skipped, interrupted, pending, total } = WellCounts::of(&run.wells);
+            html! {
+                tr {
+                    td { (run.id) } td { (run.plan.plate_barcode) } td { (run.plan.method) } td { (run.plan.operator) }
+                    td { (run.started.get(..16).unwrap_or(&run.started).replace('T', " ")) }
+                    td { (total) } td { (succeeded) } td { (flagged) } td { (failed) } td { (skipped) } td { (interrupted + pending) }
+                }
+            }
+        };
+        let simulated = self.runs.iter().any(|run| run.record().mode == Mode::Simulated);
+        let imported = self.runs.iter().any(|run| run.record().mode == Mode::Imported);
+        html! {
+            h1 { "Measurements of zebrafish larvae" }
+            @if simulated { p.warning { "Simulated: the frames were rendered. No larva was measured." } }
+            @if imported { p.warning { "Imported: the frames were taken without carved." } }
+            table {
+                thead { tr {
+                    th { "run" } th { "plate" } th { "method" } th { "operator" } th { "started (UTC)" } th { "wells" } th { "measured" }
+                    th { "flagged" } th { "failed" } th { "skipped" } th { "not done" }
+                } }
+                tbody { @for run in self.runs { (line(run.record())) } }
+            }
+            p.small {
+                "Volumes are in 10⁶ µm³ (1 nl), areas in 10⁶ µm² (1 mm²). ± is one standard deviation of the measurement. "
+                @match self.statistics.flagged {
+                    Flagged::Included => { "Statistics contain the " (self.statistics.specimens_with_flags) " specimen(s) with flags; they are marked." },
+                    Flagged::Excluded => { "Statistics leave out the " (self.statistics.specimens_with_flags) " specimen(s) with flags." },
+                }
+            }
+        }
+    }
+
+    fn plates(&self) -> Result<Markup, ReportError> {
+        let mut plates = Vec::new();
+        for run in self.runs {
+            let id = &run.record().id;
+            let of_run = self.specimens.iter().filter(|s| s.run == *id && !s.is_bead);
+            let wells: BTreeMap<_, _> = of_run.map(|s| (s.well.clone(), s.on_plate())).collect();
+            if !wells.is_empty() {
+                let planned = run.record().plan.plate_map.iter().map(|planned| planned.well.as_str());
+                let format = plots::format_of(run.record().plan.plate_format, planned);
+                plates.push((format!("Plate {}, run {id}", run.record().plan.plate_barcode), plots::plate(&wells, format, "10⁶ µm³")?));
+            }
+        }
+        Ok(html! {
+            @for (name, plot) in plates {
+                section {
+                    h2 { (name) ": volume" }
+                    (svg(plot))
+                    p.small { "A crossed well has no number. An orange dot marks a flag. Beads are listed below." }
+                }
+            }
+        })
+    }
+
+    fn quantity(&self, name: &str) -> Option<&QuantityStatistics> {
+        self.statistics.quantities.iter().find(|q| q.name == name)
+    }
+
+    /// Scale and label of a quantity of larvae.
+    fn units() -> [(&'static str, (f64, &'static str), usize); 3] {
+        [
+            ("volume_um3", (MILLION, "volume, 10⁶ µm³"), 0),
+            ("area_um2", (MILLION, "area, 10⁶ µm²"), 1),
+            // Reference larvae have no length.
+            ("body_length_um", (1000.0, "length, mm"), 2),
+        ]
+    }
+
+    fn groups(&self) -> Result<Markup, ReportError> {
+        let mut figures = Vec::new();
+        for (name, unit, place) in Self::units() {
+            let Some(quantity) = self.quantity(name) else { continue };
+            let of_larvae: Vec<Column> = quantity
+                .groups
+                .iter()
+                .filter(|group| group.condition.specimen == "larva")
+                .map(|group| Column { group, reference: self.reference(group, place) })
+                .collect();
+            let span = plots::span(&of_larvae, unit.0);
+            for part in of_larvae.chunks(COLUMNS) {
+                figures.push(plots::distributions(part, span, unit)?);
+            }
+        }
+        let volume = self.quantity("volume_um3");
+        Ok(html! {
+            @if !figures.is_empty() {
+                section {
+                    h2 { "Groups" }
+                    p.small {
+                        "Dots are larvae, those with flags orange. The line is the mean with its 95 % confidence interval. The green band holds 95 % of \
+                         reference larvae of the same age, where there are any."
+                    }
+                    @for figure in figures { div.figure { (svg(figure)) } }
+                    @if let Some(volume) = volume { (Self::group_table(volume)) }
+                }
+            }
+        })
+    }
+
+    fn reference(&self, group: &WellGroup, place: usize) -> Option<[f64; 2]> {
+        let mut members = group.values.iter().filter_map(|v| self.specimens.iter().find(|s| s.run == v.run && s.well == v.well));
+        members.find_map(|s| s.reference.get(place).copied().flatten())
+    }
+
+    fn group_table(volume: &QuantityStatistics) -> Markup {
+        html! {
+            table {
+                caption { "Volume of each group, 10⁶ µm³" }
+                thead { tr { th { "group" } th { "n" } th { "mean" } th { "sd" } th { "95 % interval of the mean" } th { "median" } th { "MAD" } } }
+                tbody {
+                    @for group in volume.groups.iter().filter(|g| g.condition.specimen == "larva") {
+                        tr {
+                            td { (group.condition.words()) } td { (group.n) } td { (plots::short(group.mean / MILLION)) } td { (number(group.sd, MILLION)) }
+                            td { @if let Some(interval) = group.mean_interval_95 { (plots::short(interval.low / MILLION)) " to " (plots::short(interval.high / MILLION)) } }
+                            td { (plots::short(group.median / MILLION)) } td { (plots::short(group.mad / MILLION)) }
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    fn controls(&self) -> Markup {
+        let windows = || self.statistics.quantities.iter().flat_map(|q| q.windows.iter().map(move |w| (q, w)));
+        html! {
+            @if windows().next().is_some() {
+                section {
+                    h2 { "Controls" }
+                    table {
+                        thead { tr { th { "quantity" } th { "run" } th { "positive" } th { "negative" } th { "Z′" } } }
+                        tbody { @for (quantity, window) in windows() {
+                            tr {
+                                td { (quantity.name) } td { (window.run) } td { (window.positive) } td { (window.negative) }
+                                td { @match window.z_prime { Some(z) => { (format!("{z:.2}")) }, None => { (window.reason.as_deref().unwrap_or_default()) } } }
+                            }
+                        } }
+                    }
+                }
+            }
+        }
+    }
+
+    fn responses(&self) -> Result<Markup, ReportError> {
+        let mut figures = Vec::new();
+        for (name, unit, _) in Self::units() {
+            for response in self.quantity(name).iter().flat_map(|q| &q.responses) {
+                let words = match &response.curve {
+                    Some(curve) => format!(
+                        "EC50 {} {} (95 %: {} to {}){}, Hill slope {} ± {}, n = {}",
+                        plots::short(curve.ec50),
+                        response.concentration_unit,
+                        plots::short(curve.ec50_interval_95.low),
+                        plots::short(curve.ec50_interval_95.high),
+                        if curve.ec50_is_within_doses { "" } else { ", outside the doses" },
+                        plots::short(curve.hill.value),
+                        plots::short(curve.hill.sd),
+                        response.points.len(),
+                    ),
+                    None => format!("No curve: {}.", response.reason.as_deref().unwrap_or("it was not fitted")),
+                };
+                figures.push((plots::response(response, unit)?, words));
+            }
+        }
+        Ok(html! {
+            @if !figures.is_empty() {
+                section {
+                    h2 { "Dose response" }
+                    p.small { "Four-parameter logistic curves by least squares. The grey band is the 95 % confidence interval of the EC50. Dose 0 are negative controls." }
+                    div.pair { @for (plot, words) in figures { figure { (svg(plot)) figcaption { (words) } } } }
+                }
+            }
+        })
+    }
+
+    fn quality(&self) -> Markup {
+        // By the name of the check: how many were made, how many are over, the limit.
+        let mut checks: BTreeMap<(String, String), (usize, usize, f64, f64)> = BTreeMap::new();
+        for check in self.specimens.iter().flat_map(|s| &s.quality.checks) {
+            let Some(found) = check.found else { continue };
+            let entry = checks.entry((check.name.clone(), check.unit.clone())).or_insert((0, 0, check.limit, 0.0));
+            entry.0 += 1;
+            entry.1 += usize::from(check.over);
+            entry.3 += found.abs();
+        }
+        let mut flags: BTreeMap<&str, Vec<String>> = BTreeMap::new();
+        for specimen in &self.specimens {
+            for flag in &specimen.flags {
+                flags.entry(flag).or_default().push(format!("{} {}", specimen.run, specimen.well));
+            }
+        }
+        html! {
+            section {
+                h2 { "Quality" }
+                @if flags.is_empty() { p { "No specimen has a flag." } } @else {
+                    table {
+                        thead { tr { th { "flag" } th { "specimens" } th { "wells" } } }
+                        tbody { @for (flag, wells) in &flags { tr { td { (flag) } td { (wells.len()) } td.left { (wells.join(", ")) } } } }
+                    }
+                }
+                @if !checks.is_empty() {
+                    table {
+                        caption { "Checks of all specimens" }
+                        thead { tr { th { "check" } th { "unit" } th { "limit" } th { "mean magnitude" } th { "specimens" } th { "over the limit" } } }
+                        tbody { @for ((name, unit), (made, over, limit, sum)) in &checks {
+                            tr { td { (name) } td { (unit) } td { (plots::short(*limit)) } td { (plots::short(sum / *made as f64)) } td { (made) } td { (over) } }
+                        } }
+                    }
+                }
+            }
+        }
+    }
+
+    fn beads(&self) -> Markup {
+        let beads: Vec<&Specimen> = self.specimens.iter().filter(|s| s.is_bead).collect();
+        html! {
+            @if !beads.is_empty() {
+                section {
+                    h2 { "Beads" }
+                    table {
+                        thead { tr { th { "run" } th { "well" } th { "outcome" } th { "diameter, µm" } th { "roundness (rms), µm" } th { "aspect ratio" } th { "flags" } } }
+                        tbody { @for bead in beads {
+                            tr {
+                                td { (bead.run) } td { (bead.well) } td { (outcome(bead.outcome)) } td { (bead.diameter_um.map_or_else(String::new, |d| format!("{d:.2}"))) }
+                                td { (bead.sphere_rms_um.map_or_else(String::new, |d| format!("{d:.2}"))) }
+                                td { (bead.aspect_ratio.map_or_else(String::new, |a| format!("{a:.4}"))) } td { (bead.flags.join(", ")) }
+                            }
+                        } }
+                    }
+                }
+            }
+        }
+    }
+
+    fn pictures(&self) -> Markup {
+        let card = |s: &Specimen| {
+            html! {
+                div.card {
+                    p.name { b { (s.well) } " " (s.condition.words()) }
+                    @for picture in &s.pictures {
+                        @let data = base64::engine::general_purpose::STANDARD.encode(&picture.jpeg);
+                        img src={ "data:image/jpeg;base64," (data) } alt={ (s.well) ", " (picture.words) } title=(picture.words);
+                    }
+                    @if let Some(volume) = s.volume_um3 { p { (with_sd(Some(volume), s.volume_sd_um3, MILLION)) " · 10⁶ µm³" } }
+                    @else { p { (outcome(s.outcome)) @if let Some(reason) = &s.reason { ": " (reason) } } }
+                    @if !s.flags.is_empty() { p.flags { (s.flags.join(", ")) } }
+                }
+            }
+        };
+        html! {
+            section {
+                h2 { "Specimens" }
+                p.small { "Frames as they were taken, cut to the specimen: a larva from its side and from above. The outline is the one that was measured." }
+                @for run in self.runs {
+                    @if self.runs.len() > 1 { h3 { (run.record().id) } }
+                    div.cards { @for s in self.specimens.iter().filter(|s| s.run == run.record().id) { (card(s)) } }
+                }
+            }
+        }
+    }
+
+    fn how(&self) -> Markup {
+        html! {
+            section {
+                h2 { "Methods" }
+                @for methods in &self.methods {
+                    @if self.methods.len() > 1 { h3 { (methods.run) } }
+                    p { (methods.paragraph) }
+                    dl.parameters { @for (path, value) in &methods.parameters { div { dt { (path) } dd { (value) } } } }
+                }
+                p.small { "Report made by carved " (Software::this().words()) "." }
+            }
+        }
+    }
+
+    fn table(&self) -> Markup {
+        let several = self.runs.len() > 1;
+        let row = |s: &Specimen| {
+            html! {
+                tr {
+                    @if several { td { (s.run) } }
+                    td { (s.well) } td.left { (s.condition.words()) } td { (outcome(s.outcome)) }
+                    td { (with_sd(s.volume_um3, s.volume_sd_um3, MILLION)) } td { (with_sd(s.area_um2, s.area_sd_um2, MILLION)) }
+                    td { (number(s.length_um, 1000.0)) } td { (s.z[0].map_or_else(String::new, |z| format!("{z:+.1}"))) }
+                    td { (s.z[1].map_or_else(String::new, |z| format!("{z:+.1}"))) } td { (s.estimator.as_deref().unwrap_or_default()) }
+                    td.left { (s.flags.join(", ")) (s.reason.as_deref().unwrap_or_default()) }
+                    td.hash { (s.measurement_sha256.as_deref().and_then(|hash| hash.get(..12)).unwrap_or_default()) }
+                }
+            }
+        };
+        html! {
+            section.table {
+                h2 { "Table" }
+                p.small { "z: standard deviations from the mean of reference larvae of the same age. The last column begins the SHA-256 of measurement.json. \
+                    carved export table writes all columns." }
+                table {
+                    thead { tr {
+                        @if several { th { "run" } }
+                        th { "well" } th.left { "condition" } th { "outcome" } th { "volume, 10⁶ µm³" } th { "area, 10⁶ µm²" } th { "length, mm" }
+                        th { "z volume" } th { "z area" } th { "estimator" } th { "flags, reason" } th { "numbers" }
+                    } }
+                    tbody { @for s in &self.specimens { (row(s)) } }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,184 @@
+//! The methods paragraph of runs: what was done, by which version, with every parameter.
+
+use crate::tables::method_hash;
+use carved_records::{Mode, SpecimenKind};
+use carved_store::{Software, StoreError, StoredRun};
+use serde_json::Value;
+use std::collections::BTreeSet;
+use std::fmt::Write as _;
+
+/// How a run was measured.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Methods {
+    pub run: String,
+    /// Sentences for a paper.
+    pub paragraph: String,
+    /// Every setting of the method and of the rig: its path, and its value as JSON.
+    pub parameters: Vec<(String, String)>,
+}
+
+/// What the recordings of a run have in common, each value once.
+#[derive(Default)]
+struct Recorded {
+    software: BTreeSet<String>,
+    rigs: BTreeSet<String>,
+    /// The method as the recordings have it.
+    method: Option<Value>,
+    rig: Option<Value>,
+    larvae: usize,
+    beads: usize,
+    fallback: usize,
+}
+
+impl Methods {
+    /// The methods of a run.
+    ///
+    /// # Errors
+    /// A file that is there and cannot be read, or was altered.
+    pub fn of(run: &StoredRun) -> Result<Self, StoreError> {
+        let recorded = Recorded::of(run)?;
+        let method = recorded.method.clone().unwrap_or_else(|| serde_json::to_value(&run.record().method).unwrap_or_default());
+        let mut parameters = Vec::new();
+        flatten("method", &method, &mut parameters);
+        if let Some(rig) = &recorded.rig {
+            flatten("rig", rig, &mut parameters);
+        }
+        Ok(Self { run: run.record().id.clone(), paragraph: paragraph(run, &recorded, &method_hash(&method)), parameters })
+    }
+
+    /// The paragraph and the parameters as Markdown.
+    pub fn markdown(&self) -> String {
+        let rows: String = self.parameters.iter().map(|(path, value)| format!("| `{path}` | `{value}` |\n")).collect();
+        format!("## {}\n\n{}\n\n| parameter | value |\n|---|---|\n{rows}", self.run, self.paragraph)
+    }
+}
+
+impl Recorded {
+    fn of(run: &StoredRun) -> Result<Self, StoreError> {
+        let mut found = Self::default();
+        for planned in &run.record().plan.plate_map {
+            let well = run.well(planned)?;
+            let Some(recording) = well.recording else { continue };
+            if let Ok(software) = serde_json::from_value::<Software>(recording["software"].clone()) {
+                found.software.insert(software.words());
+            }
+            let text = |key: &str| recording["rig"][key].as_str().unwrap_or("not known").to_owned();
+            found.rigs.insert(format!("{} (camera {}; axis {})", text("name"), text("camera_identity"), text("rotation_identity")));
+            if let Some(measurement) = &well.measurement {
+                *if planned.specimen == SpecimenKind::Bead { &mut found.beads } else { &mut found.larvae } += 1;
+                found.fallback += usize::from(measurement["measurement"]["estimator"] == "voxel");
+            }
+            found.method.get_or_insert_with(|| recording["method"].clone());
+            found.rig.get_or_insert_with(|| recording["rig"].clone());
+        }
+        Ok(found)
+    }
+}
+
+fn joined(values: &BTreeSet<String>) -> String {
+    values.iter().map(String::as_str).collect::<Vec<_>>().join("; ")
+}
+
+fn paragraph(run: &StoredRun, recorded: &Recorded, hash: &str) -> String {
+    let record = run.record();
+    let method = &record.method;
+    let mut text = match record.mode {
+        Mode::Hardware => String::new(),
+        Mode::Simulated => "These are simulated data: the frames were rendered, and no larva was measured. ".to_owned(),
+        Mode::Imported => "The frames were imported: they were taken without carved. ".to_owned(),
+    };
+    let mut add = |sentence: std::fmt::Arguments| {
+        let _writing_to_a_string_cannot_fail = write!(text, "{sentence} ");
+    };
+    let version = method.version.as_ref().map_or(String::new(), |version| format!(", version {version}"));
+    let count = |n: usize, one: &str, many: &str| format!("{n} {}", if n == 1 { one } else { many });
+    let specimens =
+        format!("{} and {}", count(recorded.larvae, "zebrafish larva", "zebrafish larvae"), count(recorded.beads, "bead", "beads"));
+    add(format_args!(
+        "Of plate {} (run {}, started {}), {specimens} were measured with carved {}.",
+        record.plan.plate_barcode,
+        record.id,
+        record.started,
+        if recorded.software.is_empty() { record.software.words() } else { joined(&recorded.software) },
+    ));
+    if !recorded.rigs.is_empty() {
+        add(format_args!("The rig was {}.", joined(&recorded.rigs)));
+    }
+    add(format_args!(
+        "By the method {}{version} (SHA-256 of its settings {hash}), each specimen was turned about the axis of the capillary, and a frame was \
+         taken at each of {} evenly spaced angles.",
+        record.plan.method, method.asd,
+    ));
+    let segmentation = serde_json::to_value(method.segment.method).ok().and_then(|m| m.as_str().map(str::to_owned)).unwrap_or_default();
+    add(format_args!(
+        "The outline of the specimen was found in every frame by the {segmentation} segmentation, at sub-pixel positions; edges were taken to \
+         have a common error of {} px.",
+        method.calibration.edge_sd_px,
+    ));
+    if method.calibration.enabled {
+        add(format_args!(
+            "Axis, roll and tilt of the capillary and the shift of each view were calibrated from the outlines of the turn itself."
+        ));
+    } else {
+        add(format_args!("The views were combined with the camera of the rig as it was configured, without calibration of the turn."));
+    }
+    add(format_args!(
+        "Volume and surface area are those of the ideal visual hull by support functions of its slices{}.",
+        match recorded.fallback {
+            0 => String::new(),
+            n => format!("; those of {} are by voxels, because the slices did not allow it", count(n, "specimen", "specimens")),
+        }
+    ));
+    add(format_args!(
+        "A hull was also carved from the outlines with voxels of {} um, of which {} % of the views may miss a voxel (Guo et al., Biomed. Opt. Express \
+         8, 2611, 2017).",
+        method.voxel_um,
+        100.0 * method.epsilon,
+    ));
+    if method.early_stop.enabled {
+        add(format_args!("A turn ended early where the volume had settled (rule early_stop)."));
+    }
+    add(format_args!(
+        "Standard deviations cover the views, the calibration, fins, the common error of the edges and the scale of the rig ({} %).",
+        method.calibration.scale_sd_percent,
+    ));
+    let q = &method.quality;
+    add(format_args!(
+        "Specimens were flagged, not dropped, beyond limits on the closure of the turn (overlap {}, shift {} px along and {} px across), the \
+         residual of the views ({} px median, {} px worst), usable views ({} %) and the standard deviation of the volume ({} %).",
+        q.closure_overlap,
+        q.closure_along_px,
+        q.closure_across_px,
+        q.residual_px,
+        q.residual_view_px,
+        q.usable_percent,
+        q.volume_sd_percent,
+    ));
+    text.trim_end().to_owned()
+}
+
+/// Every value of a JSON document with its path.
+fn flatten(path: &str, value: &Value, found: &mut Vec<(String, String)>) {
+    match value {
+        Value::Object(fields) => fields.iter().for_each(|(key, value)| flatten(&format!("{path}.{key}"), value, found)),
+        // A list of numbers is one value.
+        other => found.push((path.to_owned(), other.to_string())),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_value_of_a_document_has_its_path() {
+        let mut found = Vec::new();
+        flatten(
+            "method",
+            &serde_json::json!({"asd": 21, "segment": {"walls": {"depth": 8.0}}, "box": [1, 2], "version": null}),
+            &mut found,
+        );
+        let found: Vec<String> = found.iter().map(|(path, value)| format!("{path}={value}")).collect();
+        assert_eq!(found, ["method.asd=21", "method.box=[1,2]", "method.segment.walls.depth=8.0", "method.version=null"]);
+    }
+}

@@ -1,0 +1,329 @@
+//! The plots of a report, as SVG.
+//!
+//! ```text
+//!  plate ────────── a square per well, coloured by a number; wells without one are empty; a dot is a flag
+//!  distributions ── a column per group: its wells, mean and 95 % interval; behind them the interval of 95 % of reference larvae
+//!  response ─────── wells over the logarithm of the dose, dose 0 at the left, the fitted curve, the EC50 with its interval
+//! ```
+
+use crate::tables::statistics::{DoseSeries, WellGroup};
+use carved_records::{PlateFormat, well_name};
+use plotters::coord::ranged1d::{KeyPointHint, Ranged};
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+use std::collections::BTreeMap;
+use std::error::Error;
+
+type Drawn = Result<String, Box<dyn Error + Send + Sync>>;
+
+const FONT: &str = "sans-serif";
+/// Colours that people with red-green blindness can distinguish (Okabe and Ito).
+const WELL: RGBColor = RGBColor(0, 114, 178);
+const FLAGGED: RGBColor = RGBColor(213, 94, 0);
+const REFERENCE: RGBColor = RGBColor(0, 158, 115);
+const GREY: RGBColor = RGBColor(110, 110, 110);
+
+/// A number of a well on a plate.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WellNumber {
+    pub value: Option<f64>,
+    pub flagged: bool,
+}
+
+/// The plate with this number of wells, or else the smallest one that holds all these wells.
+pub fn format_of<'w>(stated: Option<u32>, wells: impl Iterator<Item = &'w str> + Clone) -> PlateFormat {
+    let holds_all = |format: &PlateFormat| wells.clone().all(|well| format.holds(well));
+    let [.., largest] = PlateFormat::ALL;
+    stated.and_then(PlateFormat::of_wells).or_else(|| PlateFormat::ALL.into_iter().find(holds_all)).unwrap_or(largest)
+}
+
+/// The text of a number with three digits.
+pub fn short(value: f64) -> String {
+    let digits = if value == 0.0 { 0 } else { (2 - value.abs().log10().floor() as i32).clamp(0, 6) };
+    format!("{value:.*}", digits as usize)
+}
+
+fn anchored(size: u32, colour: RGBColor, h: HPos, v: VPos) -> TextStyle<'static> {
+    (FONT, size).into_font().color(&colour).pos(Pos::new(h, v))
+}
+
+/// A plate by a number of its wells.
+///
+/// # Errors
+/// The plot library's.
+pub fn plate(wells: &BTreeMap<String, WellNumber>, format: PlateFormat, unit: &str) -> Drawn {
+    let PlateFormat { rows, columns } = format;
+    let (cell, left, top) = (if columns > 12 { 34 } else { 56 }, 26, 22);
+    let size = (left + cell * columns as i32 + 110, top + cell * rows as i32 + 8);
+    let numbers: Vec<f64> = wells.values().filter_map(|w| w.value).collect();
+    let [low, high] = numbers.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], &v| [l.min(v), h.max(v)]);
+    let share = |value: f64| if high > low { (value - low) / (high - low) } else { 0.5 };
+    let colour = |value: f64| ViridisRGB.get_color(share(value));
+    let mut svg = String::new();
+    {
+        let root = SVGBackend::with_string(&mut svg, (size.0 as u32, size.1 as u32)).into_drawing_area();
+        let middle = |size, colour| anchored(size, colour, HPos::Center, VPos::Center);
+        for column in 0..columns as i32 {
+            root.draw(&Text::new((column + 1).to_string(), (left + cell * column + cell / 2, top / 2), middle(13, GREY)))?;
+        }
+        for row in 0..rows as i32 {
+            let name = well_name(row as u32, 0);
+            let letters = name.trim_end_matches(|c: char| c.is_ascii_digit()).to_owned();
+            root.draw(&Text::new(letters, (left / 2, top + cell * row + cell / 2), middle(13, GREY)))?;
+        }
+        for row in 0..rows {
+            for column in 0..columns {
+                let corner = (left + cell * column as i32 + 1, top + cell * row as i32 + 1);
+                let other = (corner.0 + cell - 2, corner.1 + cell - 2);
+                let well = wells.get(&well_name(row, column));
+                root.draw(&Rectangle::new([corner, other], RGBColor(205, 205, 205).stroke_width(1)))?;
+                match well.map(|well| well.value) {
+                    // Not in the plan.
+                    None => {}
+                    Some(None) => {
+                        root.draw(&PathElement::new([corner, other], RGBColor(205, 205, 205)))?;
+                    }
+                    Some(Some(value)) => {
+                        root.draw(&Rectangle::new([corner, other], colour(value).filled()))?;
+                        let text = if share(value) > 0.6 { BLACK } else { WHITE };
+                        let size = if cell > 40 { 14 } else { 10 };
+                        root.draw(&Text::new(short(value), (corner.0 + cell / 2, corner.1 + cell / 2), middle(size, text)))?;
+                    }
+                }
+                if well.is_some_and(|well| well.flagged) {
+                    root.draw(&Circle::new((other.0 - 7, corner.1 + 7), 4, FLAGGED.filled()))?;
+                    root.draw(&Circle::new((other.0 - 7, corner.1 + 7), 4, WHITE.stroke_width(1)))?;
+                }
+            }
+        }
+        scale(&root, left + cell * columns as i32 + 18, top, cell * rows as i32, [low, high], unit)?;
+        root.present()?;
+    }
+    Ok(svg)
+}
+
+/// The scale of the colours.
+fn scale<B: DrawingBackend>(
+    root: &DrawingArea<B, plotters::coord::Shift>,
+    x: i32,
+    top: i32,
+    height: i32,
+    [low, high]: [f64; 2],
+    unit: &str,
+) -> Result<(), Box<dyn Error + Send + Sync>>
+where
+    B::ErrorType: 'static,
+{
+    if low > high {
+        return Ok(());
+    }
+    let (from, to) = (top + 22, top + height - 4);
+    for y in from..to {
+        let share = 1.0 - f64::from(y - from) / f64::from((to - from).max(1));
+        root.draw(&Rectangle::new([(x, y), (x + 14, y + 1)], ViridisRGB.get_color(share).filled()))?;
+    }
+    let left = |v| anchored(12, BLACK, HPos::Left, v);
+    root.draw(&Text::new(unit.to_owned(), (x, top), left(VPos::Top)))?;
+    for (value, y) in [(high, from), (f64::midpoint(low, high), i32::midpoint(from, to)), (low, to)] {
+        root.draw(&Text::new(short(value), (x + 20, y), left(VPos::Center)))?;
+    }
+    Ok(())
+}
+
+/// A group with what reference larvae of its age have.
+pub struct Column<'g> {
+    pub group: &'g WellGroup,
+    /// Interval of 95 % of further reference larvae, in the unit of the values.
+    pub reference: Option<[f64; 2]>,
+}
+
+/// The interval of the values of groups with room around it, divided by `scale`: the same for all plots of one quantity.
+pub fn span(columns: &[Column], scale: f64) -> [f64; 2] {
+    let values = columns.iter().flat_map(|c| {
+        let group = c.group.values.iter().map(|v| v.value).chain(c.group.mean_interval_95.into_iter().flat_map(|i| [i.low, i.high]));
+        group.chain(c.reference.into_iter().flatten()).map(|v| v / scale)
+    });
+    room(values)
+}
+
+/// The wells of groups, all values divided by `unit.0`.
+///
+/// # Errors
+/// The plot library's.
+pub fn distributions(columns: &[Column], [low, high]: [f64; 2], unit: (f64, &str)) -> Drawn {
+    let (scale, label) = unit;
+    let width = (90 + 62 * columns.len()).clamp(360, 1120) as u32;
+    let mut svg = String::new();
+    {
+        let root = SVGBackend::with_string(&mut svg, (width, 400)).into_drawing_area();
+        let ends = -0.5..columns.len() as f64 - 0.5;
+        let mut chart =
+            ChartBuilder::on(&root).margin(8).x_label_area_size(150).y_label_area_size(64).build_cartesian_2d(ends, low..high)?;
+        chart
+            .configure_mesh()
+            .disable_x_mesh()
+            .disable_x_axis()
+            .light_line_style(TRANSPARENT)
+            .y_desc(label)
+            .label_style((FONT, 13))
+            .draw()?;
+        for (i, column) in columns.iter().enumerate() {
+            let x = i as f64;
+            if let Some([from, to]) = column.reference {
+                chart.draw_series([Rectangle::new([(x - 0.42, from / scale), (x + 0.42, to / scale)], REFERENCE.mix(0.16).filled())])?;
+            }
+            let n = column.group.values.len();
+            for (k, well) in column.group.values.iter().enumerate() {
+                // Side by side in the order of the plate, so that wells do not hide each other.
+                let at = x + if n > 1 { 0.5 * (k as f64 / (n - 1) as f64 - 0.5) } else { 0.0 };
+                let colour = if well.flagged { FLAGGED } else { WELL };
+                chart.draw_series([Circle::new((at, well.value / scale), 3, colour.mix(0.75).filled())])?;
+            }
+            let mean = column.group.mean / scale;
+            chart.draw_series([PathElement::new([(x - 0.34, mean), (x + 0.34, mean)], BLACK.stroke_width(2))])?;
+            if let Some([from, to]) = column.group.mean_interval_95.map(|i| i.map(|v| v / scale)) {
+                chart.draw_series([PathElement::new([(x, from), (x, to)], BLACK.stroke_width(2))])?;
+            }
+        }
+        names(&root, &chart, columns, low)?;
+        root.present()?;
+    }
+    Ok(svg)
+}
+
+/// Names of the groups under their columns, slanted by turning: groups have long names.
+fn names<X: Ranged<ValueType = f64>, Y: Ranged<ValueType = f64>>(
+    root: &DrawingArea<SVGBackend, plotters::coord::Shift>,
+    chart: &ChartContext<SVGBackend, Cartesian2d<X, Y>>,
+    columns: &[Column],
+    low: f64,
+) -> Result<(), Box<dyn Error + Send + Sync>> {
+    for (i, column) in columns.iter().enumerate() {
+        let (x, y) = chart.backend_coord(&(i as f64, low));
+        let style = (FONT, 11).into_font().transform(FontTransform::Rotate90).color(&BLACK).pos(Pos::new(HPos::Left, VPos::Center));
+        let name = column.group.condition.words();
+        let short: String = if name.chars().count() > 28 { name.chars().take(27).chain(['…']).collect() } else { name };
+        root.draw(&Text::new(short, (x, y + 6), style))?;
+    }
+    Ok(())
+}
+
+/// An interval with room around the values.
+fn room(values: impl Iterator<Item = f64>) -> [f64; 2] {
+    let [low, high] = values.filter(|v| v.is_finite()).fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], v| [l.min(v), h.max(v)]);
+    if low > high {
+        return [0.0, 1.0];
+    }
+    let room = (0.08 * (high - low)).max(1e-3 * high.abs()).max(1e-12);
+    [low - room, high + room]
+}
+
+/// The wells of a compound over its doses, and its curve, all values divided by `unit.0`.
+///
+/// # Errors
+/// The plot library's.
+pub fn response(response: &DoseSeries, unit: (f64, &str)) -> Drawn {
+    let (scale, label) = unit;
+    let above: Vec<f64> = response.points.iter().map(|p| p.dose).filter(|&d| d > 0.0).collect();
+    let [least, most] = above.iter().fold([f64::INFINITY, 0.0], |[l, h]: [f64; 2], &d| [l.min(d), h.max(d)]);
+    // Dose 0 has no logarithm: it stands a decade to the left of the others.
+    let zero = least.log10() - 1.0;
+    let ends = if response.points.iter().any(|p| p.dose <= 0.0) { zero - 0.2 } else { least.log10() - 0.2 }..most.log10() + 0.2;
+    let [low, high] = room(response.points.iter().map(|p| p.value / scale));
+    let mut svg = String::new();
+    {
+        let root = SVGBackend::with_string(&mut svg, (460, 320)).into_drawing_area();
+        let mut chart =
+            ChartBuilder::on(&root).margin(8).x_label_area_size(44).y_label_area_size(64).build_cartesian_2d(Decades(ends), low..high)?;
+        let dose = |log: &f64| if *log <= zero + 0.5 { "0".to_owned() } else { short_dose(10f64.powf(*log)) };
+        let compound = response.condition.compound.clone().unwrap_or_default();
+        let mut mesh = chart.configure_mesh();
+        mesh.light_line_style(TRANSPARENT)
+            .x_label_formatter(&dose)
+            .x_desc(format!("{compound}, {}", response.concentration_unit))
+            .y_desc(label);
+        mesh.label_style((FONT, 13)).draw()?;
+        if let Some(curve) = &response.curve {
+            let [from, to] = curve.ec50_interval_95.map(|d| d.log10().clamp(least.log10() - 0.2, most.log10() + 0.2));
+            chart.draw_series([Rectangle::new([(from, low), (to, high)], GREY.mix(0.15).filled())])?;
+            let begin = least.log10() - 0.2;
+            let line = (0..=120).map(|i| begin + (most.log10() + 0.2 - begin) * f64::from(i) / 120.0);
+            chart.draw_series(LineSeries::new(line.map(|log| (log, curve.at(10f64.powf(log)) / scale)), BLACK.stroke_width(2)))?;
+            let ec50 = curve.ec50.log10();
+            if (begin..=most.log10() + 0.2).contains(&ec50) {
+                chart.draw_series([PathElement::new([(ec50, low), (ec50, high)], GREY.stroke_width(1))])?;
+            }
+        }
+        let at = |dose: f64| if dose > 0.0 { dose.log10() } else { zero };
+        chart.draw_series(response.points.iter().map(|p| Circle::new((at(p.dose), p.value / scale), 3, WELL.mix(0.75).filled())))?;
+        root.present()?;
+    }
+    Ok(svg)
+}
+
+fn short_dose(dose: f64) -> String {
+    if (1e-3..1e4).contains(&dose) { format!("{}", (dose * 1e6).round() / 1e6) } else { format!("{dose:.0e}") }
+}
+
+/// An axis of logarithms with a label at each decade.
+#[derive(Clone)]
+struct Decades(std::ops::Range<f64>);
+
+impl Ranged for Decades {
+    type FormatOption = plotters::coord::ranged1d::NoDefaultFormatting;
+    type ValueType = f64;
+
+    fn map(&self, value: &f64, limit: (i32, i32)) -> i32 {
+        let share = (value - self.0.start) / (self.0.end - self.0.start);
+        limit.0 + (share * f64::from(limit.1 - limit.0)).round() as i32
+    }
+
+    fn key_points<Hint: KeyPointHint>(&self, _hint: Hint) -> Vec<f64> {
+        (self.0.start.ceil() as i32..=self.0.end.floor() as i32).map(f64::from).collect()
+    }
+
+    fn range(&self) -> std::ops::Range<f64> {
+        self.0.clone()
+    }
+}
+
+impl plotters::coord::ranged1d::ValueFormatter<f64> for Decades {
+    fn format(value: &f64) -> String {
+        short_dose(10f64.powf(*value))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_plate_is_as_small_as_its_wells_allow_unless_the_plan_states_it() {
+        let of = |stated, wells: &[&str]| format_of(stated, wells.iter().copied()).wells();
+        for (wells, expected) in
+            [(vec!["A01"], 6), (vec!["A01", "B05"], 24), (vec!["H12"], 96), (vec!["P24", "A01"], 384), (vec!["AF48"], 1536)]
+        {
+            assert_eq!(of(None, &wells), expected, "{wells:?}");
+        }
+        assert_eq!(of(Some(384), &["A01"]), 384);
+    }
+
+    #[test]
+    fn numbers_are_written_with_three_digits() {
+        let found = [307.46, 3.914, 0.5671, 0.0, 1234.5, 0.000_123].map(short);
+        assert_eq!(found, ["307", "3.91", "0.567", "0", "1234", "0.000123"]);
+    }
+
+    #[test]
+    fn a_plot_of_a_plate_has_each_number_and_a_mark_per_flag() {
+        let number = |value, flagged| WellNumber { value, flagged };
+        let wells = BTreeMap::from([
+            ("A01".to_owned(), number(Some(307.0), false)),
+            ("A02".to_owned(), number(Some(258.0), true)),
+            ("B01".to_owned(), number(None, false)),
+        ]);
+        let svg = plate(&wells, format_of(None, wells.keys().map(String::as_str)), "nl").unwrap();
+        assert!(svg.starts_with("<svg") && svg.contains("307") && svg.contains("258"), "{svg}");
+        assert_eq!(svg.matches("<circle").count(), 2, "one mark, with a border");
+    }
+}

@@ -1,0 +1,86 @@
+//! What a report shows of one well.
+
+use super::pictures::{self, Shown};
+use super::plots::WellNumber;
+use crate::tables::statistics::WellCondition;
+use carved_core::quality::Quality;
+use carved_records::{SpecimenKind, SpecimenOutcome};
+use carved_store::{StoreError, StoredRun, place_among_references};
+use serde_json::Value;
+
+/// One planned well.
+#[derive(Debug, Clone)]
+pub struct Specimen {
+    pub run: String,
+    pub well: String,
+    pub is_bead: bool,
+    pub condition: WellCondition,
+    pub outcome: Option<SpecimenOutcome>,
+    pub reason: Option<String>,
+    pub flags: Vec<String>,
+    pub estimator: Option<String>,
+    pub volume_um3: Option<f64>,
+    pub volume_sd_um3: Option<f64>,
+    pub area_um2: Option<f64>,
+    pub area_sd_um2: Option<f64>,
+    pub length_um: Option<f64>,
+    pub diameter_um: Option<f64>,
+    pub sphere_rms_um: Option<f64>,
+    pub aspect_ratio: Option<f64>,
+    /// Standard deviations of volume and area above the mean of reference larvae.
+    pub z: [Option<f64>; 2],
+    /// Intervals of 95 % of further reference larvae, of volume and area.
+    pub reference: [Option<[f64; 2]>; 2],
+    pub quality: Quality,
+    pub measurement_sha256: Option<String>,
+    pub pictures: Vec<Shown>,
+}
+
+impl Specimen {
+    /// Every planned well of a run.
+    ///
+    /// # Errors
+    /// A file that is there and cannot be read, or was altered.
+    pub fn all(run: &StoredRun) -> Result<Vec<Self>, StoreError> {
+        let mut all = Vec::new();
+        for planned in &run.record().plan.plate_map {
+            let well = run.well(planned)?;
+            let number = |pointer: &str| well.measurement.as_ref()?.pointer(pointer)?.as_f64();
+            let place =
+                |quantity: &str| well.measurement.as_ref().and_then(|m| place_among_references(m, quantity)).map(|(_, place)| place);
+            let quantities = ["volume", "area"].map(place);
+            let interval = |place: &Value| Some([place["interval_95"][0].as_f64()?, place["interval_95"][1].as_f64()?]);
+            let status = well.status.as_ref();
+            let quality = well.measurement.as_ref().and_then(|m| serde_json::from_value(m["quality"].clone()).ok());
+            all.push(Self {
+                run: run.record().id.clone(),
+                well: planned.well.clone(),
+                is_bead: planned.specimen == SpecimenKind::Bead,
+                condition: WellCondition::of(planned),
+                outcome: status.and_then(|s| s.outcome),
+                reason: status.and_then(|s| s.reason.clone()),
+                flags: status.map(|s| s.flags.clone()).unwrap_or_default(),
+                estimator: well.measurement.as_ref().and_then(|m| m["measurement"]["estimator"].as_str().map(str::to_owned)),
+                volume_um3: number("/measurement/volume_um3"),
+                volume_sd_um3: number("/measurement/volume_sd_um3"),
+                area_um2: number("/measurement/area_um2"),
+                area_sd_um2: number("/measurement/area_sd_um2"),
+                length_um: number("/shape/body/length_um"),
+                diameter_um: number("/measurement/diameter_um"),
+                sphere_rms_um: number("/measurement/sphere_rms_um"),
+                aspect_ratio: number("/measurement/aspect_ratio"),
+                z: quantities.map(|place| place.and_then(|p| p["z"].as_f64())),
+                reference: quantities.map(|place| place.and_then(interval)),
+                quality: quality.unwrap_or_default(),
+                pictures: pictures::of(&well),
+                measurement_sha256: well.measurement_sha256,
+            });
+        }
+        Ok(all)
+    }
+
+    /// The volume for the plot of the plate, in 10^6 um^3.
+    pub fn on_plate(&self) -> WellNumber {
+        WellNumber { value: self.volume_um3.map(|v| v / super::html::MILLION), flagged: !self.flags.is_empty() }
+    }
+}

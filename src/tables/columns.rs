@@ -1,0 +1,293 @@
+//! The columns of the table of specimens: name, kind, meaning, and where the value comes from.
+
+use super::row::{Row, hash_of};
+use super::{Cell, Kind};
+use carved_records::{Mode, SpecimenKind};
+
+/// Where a value is.
+#[derive(Clone, Copy)]
+pub enum Source {
+    /// `measurement.json`, by JSON pointer.
+    Measured(&'static str),
+    /// `recording.json`, by JSON pointer.
+    Recorded(&'static str),
+    /// `timings.json`, by JSON pointer.
+    Timed(&'static str),
+    /// A key of a check, by the name of the check.
+    Check(&'static str, &'static str),
+    /// A key of the place among reference larvae, by the quantity.
+    Reference(&'static str, &'static str),
+    /// Anything else.
+    Made(fn(&Row) -> Cell),
+}
+
+/// One column.
+pub struct Column {
+    pub name: &'static str,
+    pub kind: Kind,
+    pub source: Source,
+    pub meaning: &'static str,
+}
+
+use Kind::{Integer, Number, Text, Truth};
+use Source::{Check, Made, Measured, Recorded, Reference, Timed};
+
+const fn col(name: &'static str, kind: Kind, source: Source, meaning: &'static str) -> Column {
+    Column { name, kind, source, meaning }
+}
+
+impl Column {
+    /// The value in a row.
+    pub fn cell(&self, row: &Row) -> Cell {
+        let value = match self.source {
+            Measured(pointer) => row.measured(pointer),
+            Recorded(pointer) => row.recorded(pointer),
+            Timed(pointer) => row.well.timings.as_ref().and_then(|timings| timings.pointer(pointer)),
+            Check(name, key) => row.check(name).and_then(|check| check.get(key)),
+            Reference(quantity, key) => row.reference(quantity, key),
+            Made(make) => return make(row),
+        };
+        Cell::of_json(self.kind, value)
+    }
+}
+
+/// Columns before those of the lab's own metadata: what and where the specimen is.
+pub const BEFORE: &[Column] = &[
+    col("run", Text, Made(|r| r.run.record.id.as_str().into()), "name of the run"),
+    col("external_id", Text, Made(|r| r.run.record.plan.external_id.clone().into()), "the run's name in another system"),
+    col("plate_barcode", Text, Made(|r| r.run.record.plan.plate_barcode.as_str().into()), "barcode of the plate"),
+    col("operator", Text, Made(|r| r.run.record.plan.operator.as_str().into()), "who started the run"),
+    col("mode", Text, Made(|r| mode(r.run.record.mode).into()), "`hardware`, `simulated` or `imported`: where the frames come from"),
+    col("well", Text, Made(|r| r.well.planned.well.as_str().into()), "`A01` to `AF48`"),
+    col("plate_row", Text, Made(|r| parted(r).map(|(row, _)| row).into()), "letters of the well"),
+    col("plate_column", Integer, Made(|r| parted(r).and_then(|(_, column)| column.parse::<u32>().ok()).into()), "number of the well"),
+    col("place", Integer, Made(|r| r.place.into()), "place in the order of the plan, from 1"),
+    col("specimen", Text, Made(|r| specimen(r.well.planned.specimen).into()), "`larva` or `bead`"),
+    col("dpf", Number, Made(|r| r.well.planned.dpf.into()), "days post fertilisation"),
+    col("strain", Text, Made(|r| r.well.planned.strain.clone().into()), "strain"),
+    col("treatment", Text, Made(|r| r.well.planned.treatment.clone().into()), "treatment"),
+    col("compound", Text, Made(|r| r.well.planned.compound.clone().into()), "compound"),
+    col("concentration", Number, Made(|r| r.well.planned.concentration.into()), "concentration, in the unit of the next column"),
+    col(
+        "concentration_unit",
+        Text,
+        Made(|r| r.well.planned.concentration_unit.map(carved_records::ConcentrationUnit::symbol).into()),
+        "unit as the plate map has it",
+    ),
+    col("control", Text, Made(control), "`positive`, `negative`, or empty for no control"),
+    col("replicate", Integer, Made(|r| r.well.planned.replicate.into()), "number of the repetition, from 1"),
+];
+
+/// Row and column of the well: a name ends in two digits.
+fn parted<'r>(row: &Row<'r>) -> Option<(&'r str, &'r str)> {
+    let well = row.well.planned.well.as_str();
+    well.split_at_checked(well.len().checked_sub(2)?)
+}
+
+pub fn mode(mode: Mode) -> &'static str {
+    match mode {
+        Mode::Hardware => "hardware",
+        Mode::Simulated => "simulated",
+        Mode::Imported => "imported",
+    }
+}
+
+fn specimen(kind: SpecimenKind) -> &'static str {
+    match kind {
+        SpecimenKind::Larva => "larva",
+        SpecimenKind::Bead => "bead",
+    }
+}
+
+fn control(row: &Row) -> Cell {
+    use carved_records::Control::{Negative, Positive};
+    Cell::from(row.well.planned.control.map(|control| match control {
+        Positive => "positive",
+        Negative => "negative",
+    }))
+}
+
+fn word<T: serde::Serialize>(value: &T) -> Cell {
+    let word = serde_json::to_value(value).ok();
+    Cell::from(word.as_ref().and_then(serde_json::Value::as_str))
+}
+
+fn outcome(row: &Row) -> Cell {
+    row.well.status.as_ref().map_or(Cell::Empty, |status| word(&status.outcome))
+}
+
+/// The flags of the record, which also has those of the bead check; of a well without an entry those of the numbers.
+fn flags(row: &Row) -> Vec<String> {
+    row.well.status.as_ref().map(|status| status.flags.clone()).unwrap_or_default()
+}
+
+/// Columns behind those of the lab's own metadata: what was found, how, and by what.
+pub const AFTER: &[Column] = &[
+    col("outcome", Text, Made(outcome), "`succeeded`, `failed`, `skipped`, `aborted`, `interrupted`; empty while the well is not done"),
+    col("reason", Text, Made(|r| r.well.status.as_ref().and_then(|s| s.reason.clone()).into()), "why there are no numbers"),
+    col("flags", Text, Made(|r| flags(r).join(";").into()), "flags, joined by `;`: [quality.md](quality.md)"),
+    col("flag_count", Integer, Made(|r| flags(r).len().into()), "number of flags; 0 for a specimen without a doubt"),
+    col("earlier_attempts", Integer, Made(|r| r.well.earlier_attempts.into()), "attempts at this well before the one of this row"),
+    // Numbers of the trusted estimator.
+    col("estimator", Text, Measured("/measurement/estimator"), "`support` or `voxel`: what `volume_um3` and `area_um2` come from"),
+    col("estimator_fallback", Text, Measured("/measurement/fallback"), "why the estimator is not `support`"),
+    col("volume_um3", Number, Measured("/measurement/volume_um3"), "volume"),
+    col("volume_sd_um3", Number, Measured("/measurement/volume_sd_um3"), "standard deviation of `volume_um3`"),
+    col("area_um2", Number, Measured("/measurement/area_um2"), "surface area"),
+    col("area_sd_um2", Number, Measured("/measurement/area_sd_um2"), "standard deviation of `area_um2`"),
+    col("body_length_um", Number, Measured("/shape/body/length_um"), "length along the bent body axis"),
+    col(
+        "body_axis_rms_um",
+        Number,
+        Measured("/shape/body/axis_rms_um"),
+        "distance of the slices' centres from this axis (root mean square)",
+    ),
+    col("extent_along_um", Number, Measured("/measurement/length_um"), "extent along the capillary"),
+    col("diameter_um", Number, Measured("/measurement/diameter_um"), "of a bead: diameter of the fitted sphere"),
+    col(
+        "sphere_rms_um",
+        Number,
+        Measured("/measurement/sphere_rms_um"),
+        "of a bead: distance of the surface from the sphere (root mean square)",
+    ),
+    col("aspect_ratio", Number, Measured("/measurement/aspect_ratio"), "of a bead: extent along the capillary over the extent across"),
+    // Shape.
+    col("sphericity", Number, Measured("/shape/solid/sphericity"), "area of the ball of the same volume over the area; 1 for a ball"),
+    col("surface_per_volume_per_um", Number, Measured("/shape/solid/surface_per_volume_per_um"), "area over volume of the mesh"),
+    col(
+        "bending_total_deg",
+        Number,
+        Measured("/shape/body/bending/total_deg"),
+        "sum of the bends along the body axis; 0 for a straight body",
+    ),
+    col("max_curvature_per_mm", Number, Measured("/shape/body/bending/max_curvature_per_mm"), "largest curvature of the body axis"),
+    col("end_to_end_share", Number, Measured("/shape/body/bending/end_to_end_share"), "straight distance of the ends over the length"),
+    col("head_end", Text, Measured("/shape/body/head/end"), "`left` or `right`: the end of the picture where the head is"),
+    col("head_confidence", Number, Measured("/shape/body/head/confidence"), "0 to 1"),
+    col("dorsal_confidence", Number, Measured("/shape/body/dorsal/confidence"), "0 to 1: how well the back is known"),
+    // Every estimator, and the parts of the standard deviations.
+    col("support_volume_um3", Number, Measured("/measurement/estimators/support/volume_um3"), "volume by support functions"),
+    col(
+        "support_volume_sd_um3",
+        Number,
+        Measured("/measurement/estimators/support/volume_sd_um3"),
+        "its standard deviation on another turn",
+    ),
+    col("support_area_um2", Number, Measured("/measurement/estimators/support/area_um2"), "area by support functions"),
+    col("support_area_sd_um2", Number, Measured("/measurement/estimators/support/area_sd_um2"), "its standard deviation on another turn"),
+    col("voxel_volume_um3", Number, Measured("/measurement/estimators/voxel/volume_um3"), "volume by the paper's method"),
+    col("voxel_area_um2", Number, Measured("/measurement/estimators/voxel/area_um2"), "area by the paper's method"),
+    col("field_volume_um3", Number, Measured("/measurement/field_volume_um3"), "volume inside the surface that is shown"),
+    col("field_area_um2", Number, Measured("/measurement/field_area_um2"), "area of the surface that is shown"),
+    col("volume_sd_views_um3", Number, Measured("/measurement/spread/volume_views_um3"), "part of `volume_sd_um3`: another turn"),
+    col(
+        "volume_sd_calibration_um3",
+        Number,
+        Measured("/measurement/spread/volume_calibration_um3"),
+        "part of `volume_sd_um3`: calibration",
+    ),
+    col("volume_sd_corners_um3", Number, Measured("/measurement/spread/volume_corners_um3"), "part of `volume_sd_um3`: corners of fins"),
+    col("volume_sd_fins_um3", Number, Measured("/measurement/spread/volume_fins_um3"), "part of `volume_sd_um3`: fins"),
+    col("volume_sd_scale_um3", Number, Measured("/measurement/spread/volume_scale_um3"), "part of `volume_sd_um3`: scale of the rig"),
+    col(
+        "volume_sd_edge_um3",
+        Number,
+        Measured("/measurement/spread/volume_edge_um3"),
+        "part of `volume_sd_um3`: all edges too far out or in",
+    ),
+    col("volume_fins_unseen_um3", Number, Measured("/measurement/spread/volume_fins_unseen_um3"), "what fins that no view shows may add"),
+    col("area_sd_views_um2", Number, Measured("/measurement/spread/area_views_um2"), "part of `area_sd_um2`: another turn"),
+    col("area_sd_calibration_um2", Number, Measured("/measurement/spread/area_calibration_um2"), "part of `area_sd_um2`: calibration"),
+    col("area_sd_fins_um2", Number, Measured("/measurement/spread/area_fins_um2"), "part of `area_sd_um2`: fins"),
+    col("area_sd_scale_um2", Number, Measured("/measurement/spread/area_scale_um2"), "part of `area_sd_um2`: scale of the rig"),
+    col("area_sd_edge_um2", Number, Measured("/measurement/spread/area_edge_um2"), "part of `area_sd_um2`: all edges too far out or in"),
+    // Second camera.
+    col("signal_grey_px", Number, Measured("/fluorescence/signal"), "light inside the model in the second camera, grey levels times px"),
+    col("signal_sd_grey_px", Number, Measured("/fluorescence/signal_sd"), "standard deviation of `signal_grey_px` between the views"),
+    col("signal_grey_px_per_nl", Number, Measured("/fluorescence/signal_per_nl"), "that light over the volume"),
+    col("signal_sd_grey_px_per_nl", Number, Measured("/fluorescence/signal_per_nl_sd"), "standard deviation of `signal_grey_px_per_nl`"),
+    // Reference larvae.
+    col("reference_volume_z", Number, Reference("volume", "z"), "standard deviations above the mean of the reference larvae"),
+    col("reference_volume_percentile", Number, Reference("volume", "percentile"), "share of the reference larvae that are smaller, %"),
+    col("reference_volume_n", Integer, Reference("volume", "n"), "reference larvae"),
+    col("reference_volume_group", Text, Reference("volume", "group"), "group of reference larvae: [references.md](references.md)"),
+    col("reference_volume_estimator", Text, Made(|r| r.reference_estimator("volume")), "estimator that is compared"),
+    col("reference_volume_mismatches", Text, Made(|r| r.reference_mismatches("volume")), "what does not match, joined by `;`"),
+    col("reference_area_z", Number, Reference("area", "z"), "the same of the area"),
+    col("reference_area_percentile", Number, Reference("area", "percentile"), "%"),
+    col("reference_area_n", Integer, Reference("area", "n"), "reference larvae"),
+    col("reference_area_group", Text, Reference("area", "group"), "group of reference larvae"),
+    col("reference_area_estimator", Text, Made(|r| r.reference_estimator("area")), "estimator that is compared"),
+    col("reference_area_mismatches", Text, Made(|r| r.reference_mismatches("area")), "what does not match, joined by `;`"),
+    // Quality.
+    col("qc_passed", Truth, Measured("/quality/passed"), "whether no check is over its limit: [quality.md](quality.md)"),
+    col("qc_closure_overlap_share", Number, Check("closure_overlap", "found"), "overlap of the profiles at 0 and 360 deg"),
+    col("qc_closure_along_px", Number, Check("closure_along_px", "found"), "shift along the capillary at 360 deg"),
+    col("qc_closure_along_sd_px", Number, Check("closure_along_px", "sd"), "standard deviation of it"),
+    col("qc_closure_across_px", Number, Check("closure_across_px", "found"), "shift across the capillary at 360 deg"),
+    col("qc_closure_across_sd_px", Number, Check("closure_across_px", "sd"), "standard deviation of it"),
+    col("qc_closure_turn_deg", Number, Check("closure_turn_deg", "found"), "turn about the capillary at 360 deg"),
+    col("qc_closure_turn_sd_deg", Number, Check("closure_turn_deg", "sd"), "standard deviation of it"),
+    col("qc_views", Number, Check("views_least", "found"), "views that count"),
+    col("qc_usable_percent", Number, Check("usable_percent", "found"), "views that count, of those planned"),
+    col("qc_gap_deg", Number, Check("gap_deg", "found"), "widest gap between views that count"),
+    col("qc_residual_px", Number, Check("residual_px", "found"), "residual of the median view"),
+    col("qc_residual_view_px", Number, Check("residual_view_px", "found"), "residual of the worst view"),
+    col("qc_scatter_px", Number, Check("scatter_px", "found"), "distance of the edges from the outlines of the slices"),
+    col("qc_overlap_percent", Number, Check("overlap_percent", "found"), "least overlap of a view with the hull that no view misses"),
+    col("qc_volume_sd_percent", Number, Check("volume_sd_percent", "found"), "standard deviation of the volume from views and calibration"),
+    col("qc_uy_px", Number, Check("uy_px", "found"), "axis of the turn less that of the rig"),
+    col("qc_gamma_deg", Number, Check("gamma_deg", "found"), "tilt of the axis in the picture less that of the rig"),
+    col("qc_alpha_deg", Number, Check("alpha_deg", "found"), "tilt of the axis in depth less that of the rig"),
+    col("qc_rho_percent", Number, Check("rho_percent", "found"), "turned angle off the ledger's"),
+    // How and when.
+    col("views", Integer, Measured("/measurement/views"), "views that carved"),
+    col("views_planned", Integer, Recorded("/method/asd"), "views per turn by the method (ASD)"),
+    col("views_retaken", Integer, Made(|r| r.retaken().into()), "views that were taken again"),
+    col("views_of_early_end", Integer, Recorded("/ended_after_views"), "views after which the method ended the turn early"),
+    col("voxel_um", Number, Measured("/measurement/voxel_size_um"), "edge of a voxel (SD)"),
+    col("epsilon", Number, Measured("/measurement/epsilon"), "share of views that may miss a voxel"),
+    col("started", Text, Recorded("/started"), "when the recording began, RFC 3339, UTC"),
+    col("run_started", Text, Made(|r| r.run.record.started.as_str().into()), "when the run began"),
+    col("run_ended", Text, Made(|r| r.run.record.ended.clone().into()), "when the run ended; empty while it is going on"),
+    col("run_outcome", Text, Made(|r| word(&r.run.record.outcome)), "outcome of the run"),
+    col("turn_s", Number, Timed("/phases_s/revolve"), "time of the turn"),
+    col("devices_s", Number, Timed("/devices_s"), "time of motors, exposures and of loading and unloading"),
+    col("own_s", Number, Timed("/own_s"), "time of carved itself"),
+    // By what.
+    col("rig", Text, Recorded("/rig/name"), "name of the rig in its configuration"),
+    col("rotation_identity", Text, Recorded("/rig/rotation_identity"), "what the rotation axis reports"),
+    col("camera_identity", Text, Recorded("/rig/camera_identity"), "what the camera reports"),
+    col("software_version", Text, Recorded("/software/version"), "version of carved that recorded"),
+    col("software_commit", Text, Recorded("/software/commit"), "commit of its sources; `unknown` where it was not known"),
+    col("software_dirty", Truth, Recorded("/software/dirty"), "whether its sources had changes that were not committed"),
+    col("method", Text, Made(|r| r.run.record.plan.method.as_str().into()), "name of the method"),
+    col("method_version", Text, Recorded("/method/version"), "version of the method, if the lab gave one"),
+    col("method_sha256", Text, Made(method_sha256), "SHA-256 of the method's settings: compact JSON with sorted keys"),
+    col(
+        "measurement_sha256",
+        Text,
+        Made(|r| r.well.measurement_sha256.clone().into()),
+        "SHA-256 of `measurement.json`, as in `SHA256SUMS`",
+    ),
+    // What is known of a simulated specimen.
+    col("truth_volume_um3", Number, Recorded("/truth/volume_um3"), "of a simulated specimen: its true volume"),
+    col("truth_area_um2", Number, Recorded("/truth/area_um2"), "of a simulated specimen: its true area"),
+    col("truth_hull_volume_um3", Number, Recorded("/truth/hull_volume_um3"), "of a simulated specimen: volume of its ideal visual hull"),
+    col("truth_hull_area_um2", Number, Recorded("/truth/hull_area_um2"), "of a simulated specimen: area of its ideal visual hull"),
+    col("truth_length_um", Number, Recorded("/truth/length_um"), "of a simulated specimen: its true extent along the capillary"),
+    col("truth_diameter_um", Number, Recorded("/truth/diameter_um"), "of a simulated bead: its true diameter"),
+];
+
+/// The hash of the method as the recording has it: a run read by a newer carved has further settings in its method.
+fn method_sha256(row: &Row) -> Cell {
+    row.recorded("/method").map_or_else(|| row.run.method_sha256.clone(), hash_of).into()
+}
+
+/// The columns as a table of Markdown, for the reference page.
+pub fn page() -> String {
+    let line = |c: &Column| format!("| `{}` | {} | {} |\n", c.name, c.kind.name(), c.meaning);
+    let own = "| `meta_...` | text | one column for each column of the plate map that carved does not read |\n".to_owned();
+    let lines: String = BEFORE.iter().map(line).chain([own]).chain(AFTER.iter().map(line)).collect();
+    format!("| column | holds | meaning |\n|---|---|---|\n{lines}")
+}

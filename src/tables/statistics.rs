@@ -1,0 +1,406 @@
+//! Statistics of one or several runs: groups of wells that were treated alike, compounds, the window between controls, and responses to a
+//! dose.
+//!
+//! ```text
+//!  StoredRun ── samples ── numbers of each measured well ──┬─ same condition ─────────── groups       n, mean, sd, interval, median, MAD
+//!                                                          ├─ same compound ──────────── compounds    the same, over all concentrations
+//!                                                          ├─ controls of one run ────── windows      Z'
+//!                                                          └─ one compound, all doses ── responses    four-parameter logistic curve
+//! ```
+//! Each quantity has statistics of its own. Wells of several runs are pooled, except for Z', which belongs to a plate.
+
+mod flat;
+mod samples;
+
+pub use flat::{groups as groups_table, responses as responses_table, windows as windows_table};
+
+use carved_core::assay::{DoseResponse, Parameter, Summary, Window};
+use carved_records::{Control, PlannedWell, SpecimenKind};
+use carved_store::{StoreError, StoredRun};
+use samples::Sample;
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+/// A number that has statistics: the name of its column in the table of specimens, its unit, and where it is in `measurement.json`.
+pub const QUANTITIES: [(&str, &str, &str); 8] = [
+    ("volume_um3", "um^3", "/measurement/volume_um3"),
+    ("area_um2", "um^2", "/measurement/area_um2"),
+    ("body_length_um", "um", "/shape/body/length_um"),
+    ("sphericity", "1", "/shape/solid/sphericity"),
+    ("bending_total_deg", "deg", "/shape/body/bending/total_deg"),
+    ("max_curvature_per_mm", "1/mm", "/shape/body/bending/max_curvature_per_mm"),
+    ("signal_grey_px_per_nl", "grey px/nl", "/fluorescence/signal_per_nl"),
+    ("diameter_um", "um", "/measurement/diameter_um"),
+];
+
+/// What becomes of specimens with flags.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Flagged {
+    /// They count like the others.
+    #[default]
+    Included,
+    /// They are left out.
+    Excluded,
+}
+
+/// Statistics of runs.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+pub struct Statistics {
+    pub runs: Vec<String>,
+    /// `hardware`, `simulated` or `imported`, each once. Statistics of a simulation say nothing of larvae.
+    pub modes: Vec<String>,
+    /// Whether specimens with flags count.
+    pub flagged: Flagged,
+    /// Measured specimens that count.
+    pub specimens: usize,
+    /// Measured specimens with flags, whether they count or not.
+    pub specimens_with_flags: usize,
+    /// One entry per quantity that some specimen has.
+    pub quantities: Vec<QuantityStatistics>,
+}
+
+/// Statistics of one quantity.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+pub struct QuantityStatistics {
+    /// The column of the table of specimens.
+    pub name: String,
+    pub unit: String,
+    /// Wells that were treated alike.
+    pub groups: Vec<WellGroup>,
+    /// Wells of one compound at any concentration.
+    pub compounds: Vec<WellGroup>,
+    /// One entry per run that has controls.
+    pub windows: Vec<ControlWindow>,
+    /// One entry per compound at several concentrations.
+    pub responses: Vec<DoseSeries>,
+}
+
+/// What was done to a well. `null` where the plate map does not say it, or where wells of any value are pooled.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+pub struct WellCondition {
+    /// `larva` or `bead`.
+    pub specimen: String,
+    pub dpf: Option<f64>,
+    pub strain: Option<String>,
+    pub treatment: Option<String>,
+    pub compound: Option<String>,
+    pub concentration: Option<f64>,
+    pub concentration_unit: Option<String>,
+    /// `positive` or `negative`.
+    pub control: Option<String>,
+}
+
+/// An interval.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, ToSchema)]
+pub struct Interval {
+    pub low: f64,
+    pub high: f64,
+}
+
+impl From<[f64; 2]> for Interval {
+    fn from([low, high]: [f64; 2]) -> Self {
+        Self { low, high }
+    }
+}
+
+impl Interval {
+    /// Both ends, changed in the same way.
+    pub fn map(self, change: impl Fn(f64) -> f64) -> [f64; 2] {
+        [change(self.low), change(self.high)]
+    }
+
+    /// Whether a number lies in it.
+    pub fn contains(self, value: f64) -> bool {
+        (self.low..=self.high).contains(&value)
+    }
+}
+
+/// The number of one well.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+pub struct WellValue {
+    pub run: String,
+    pub well: String,
+    pub value: f64,
+    pub flagged: bool,
+}
+
+/// A sample of wells.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+pub struct WellGroup {
+    pub condition: WellCondition,
+    pub n: usize,
+    pub mean: f64,
+    /// Divisor n - 1; `null` of a single well.
+    pub sd: Option<f64>,
+    /// 95 % confidence interval of the mean by Student's t; `null` of a single well.
+    pub mean_interval_95: Option<Interval>,
+    pub median: f64,
+    /// Median distance from the median, not scaled.
+    pub mad: f64,
+    pub values: Vec<WellValue>,
+}
+
+/// The window between the controls of a run.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+pub struct ControlWindow {
+    pub run: String,
+    pub positive: usize,
+    pub negative: usize,
+    /// 1 - 3 (sd + sd) / |difference of the means|; `null` with a reason.
+    pub z_prime: Option<f64>,
+    /// Why there is no Z'.
+    pub reason: Option<String>,
+}
+
+/// The wells of one compound at several concentrations.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+pub struct DoseSeries {
+    /// Without concentration.
+    pub condition: WellCondition,
+    /// Unit of the doses.
+    pub concentration_unit: String,
+    pub points: Vec<DosePoint>,
+    /// `null` with a reason.
+    pub curve: Option<DoseCurve>,
+    /// Why there is no curve.
+    pub reason: Option<String>,
+}
+
+/// One well of a response.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+pub struct DosePoint {
+    pub run: String,
+    pub well: String,
+    /// 0 for a negative control.
+    pub dose: f64,
+    pub value: f64,
+}
+
+/// A fitted number.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, ToSchema)]
+pub struct FittedParameter {
+    pub value: f64,
+    pub sd: f64,
+    pub interval_95: Interval,
+}
+
+/// `y = at_zero + (at_infinity - at_zero) / (1 + (ec50 / dose)^hill)`.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+pub struct DoseCurve {
+    pub at_zero: FittedParameter,
+    pub at_infinity: FittedParameter,
+    /// In the unit of the doses.
+    pub ec50: f64,
+    pub ec50_interval_95: Interval,
+    pub log10_ec50: FittedParameter,
+    pub hill: FittedParameter,
+    /// Outside the doses it is an extrapolation.
+    pub ec50_is_within_doses: bool,
+    pub residual_sd: f64,
+    /// F test of the curve against the mean.
+    pub p_no_effect: f64,
+}
+
+impl From<Parameter> for FittedParameter {
+    fn from(Parameter { value, sd, interval_95 }: Parameter) -> Self {
+        Self { value, sd, interval_95: interval_95.into() }
+    }
+}
+
+impl From<DoseResponse> for DoseCurve {
+    fn from(fit: DoseResponse) -> Self {
+        Self {
+            at_zero: fit.at_zero.into(),
+            at_infinity: fit.at_infinity.into(),
+            ec50: fit.ec50,
+            ec50_interval_95: fit.ec50_interval_95.into(),
+            log10_ec50: fit.log10_ec50.into(),
+            hill: fit.hill.into(),
+            ec50_is_within_doses: fit.ec50_is_within_doses,
+            residual_sd: fit.residual_sd,
+            p_no_effect: fit.p_no_effect,
+        }
+    }
+}
+
+impl DoseCurve {
+    /// The response at a dose.
+    pub fn at(&self, dose: f64) -> f64 {
+        let share = if dose > 0.0 { 1.0 / (1.0 + (self.ec50 / dose).powf(self.hill.value)) } else { 0.0 };
+        self.at_zero.value + (self.at_infinity.value - self.at_zero.value) * share
+    }
+}
+
+impl WellCondition {
+    pub(crate) fn of(planned: &PlannedWell) -> Self {
+        let control = planned.control.map(|control| match control {
+            Control::Positive => "positive".to_owned(),
+            Control::Negative => "negative".to_owned(),
+        });
+        let specimen = match planned.specimen {
+            SpecimenKind::Larva => "larva",
+            SpecimenKind::Bead => "bead",
+        };
+        Self {
+            specimen: specimen.to_owned(),
+            dpf: planned.dpf,
+            strain: planned.strain.clone(),
+            treatment: planned.treatment.clone(),
+            compound: planned.compound.clone(),
+            concentration: planned.concentration,
+            concentration_unit: planned.concentration_unit.map(|unit| unit.symbol().to_owned()),
+            control,
+        }
+    }
+
+    fn without_concentration(self) -> Self {
+        Self { concentration: None, concentration_unit: None, ..self }
+    }
+
+    /// A few words for a person: `rapamycin 10 uM`, `negative control: DMSO 0.1 %`, `larva 4 dpf`.
+    pub fn words(&self) -> String {
+        let control = self.control.as_ref().map(|control| format!("{control} control"));
+        let dose = self.concentration.map(|c| format!(" {c} {}", self.concentration_unit.as_deref().unwrap_or_default()));
+        let compound = self.compound.as_ref().map(|compound| format!("{compound}{}", dose.unwrap_or_default().trim_end()));
+        match (control, compound) {
+            (Some(control), Some(compound)) => format!("{control}: {compound}"),
+            (Some(only), None) | (None, Some(only)) => only,
+            (None, None) => {
+                [Some(self.specimen.clone()), self.dpf.map(|dpf| format!("{dpf} dpf")), self.strain.clone(), self.treatment.clone()]
+                    .into_iter()
+                    .flatten()
+                    .collect::<Vec<_>>()
+                    .join(", ")
+            }
+        }
+    }
+}
+
+impl Statistics {
+    /// The statistics of runs.
+    ///
+    /// # Errors
+    /// A file that is there and cannot be read, or was altered.
+    pub fn of(runs: &[StoredRun], flagged: Flagged) -> Result<Self, StoreError> {
+        let names: Vec<String> = runs.iter().map(|run| run.record().id.clone()).collect();
+        let mut modes: Vec<String> = Vec::new();
+        for run in runs {
+            let mode = super::columns::mode(run.record().mode).to_owned();
+            if !modes.contains(&mode) {
+                modes.push(mode);
+            }
+        }
+        Ok(Self::of_samples(samples::of(runs)?, names, modes, flagged))
+    }
+
+    fn of_samples(all: Vec<Sample>, runs: Vec<String>, modes: Vec<String>, flagged: Flagged) -> Self {
+        let specimens_with_flags = all.iter().filter(|s| s.flagged).count();
+        let counted: Vec<Sample> = all.into_iter().filter(|s| flagged == Flagged::Included || !s.flagged).collect();
+        let quantities = (0..QUANTITIES.len()).filter_map(|q| quantity(q, &counted, &runs)).collect();
+        Self { runs, modes, flagged, specimens: counted.len(), specimens_with_flags, quantities }
+    }
+}
+
+/// A sample and its number.
+type Valued<'s> = (&'s Sample, f64);
+
+/// The statistics of one quantity. `None` where no specimen has it.
+fn quantity(q: usize, samples: &[Sample], runs: &[String]) -> Option<QuantityStatistics> {
+    let (name, unit, _) = QUANTITIES[q];
+    let valued: Vec<Valued> = samples.iter().filter_map(|s| Some((s, s.numbers[q]?))).collect();
+    if valued.is_empty() {
+        return None;
+    }
+    let of_compound = |s: &Sample| s.condition.compound.is_some().then(|| s.condition.clone().without_concentration());
+    Some(QuantityStatistics {
+        name: name.to_owned(),
+        unit: unit.to_owned(),
+        groups: groups(&valued, |s| Some(s.condition.clone())),
+        compounds: groups(&valued, of_compound),
+        windows: runs.iter().filter_map(|run| window(run, &valued)).collect(),
+        responses: responses(&valued),
+    })
+}
+
+/// Samples of one condition each: negative controls, then by compound and concentration, then positive controls. Equal ones are in the order
+/// of the plates.
+fn groups(valued: &[Valued], condition: impl Fn(&Sample) -> Option<WellCondition>) -> Vec<WellGroup> {
+    let mut parts: Vec<(WellCondition, Vec<Valued>)> = Vec::new();
+    for &(sample, value) in valued {
+        let Some(condition) = condition(sample) else { continue };
+        match parts.iter_mut().find(|(known, _)| *known == condition) {
+            Some((_, members)) => members.push((sample, value)),
+            None => parts.push((condition, vec![(sample, value)])),
+        }
+    }
+    let dose = |c: &WellCondition| c.concentration.unwrap_or(-1.0);
+    let control = |c: &WellCondition| c.control.as_ref().map_or(1, |control| if control == "negative" { 0 } else { 2 });
+    parts.sort_by(|(a, _), (b, _)| (control(a), &a.compound).cmp(&(control(b), &b.compound)).then(dose(a).total_cmp(&dose(b))));
+    parts.into_iter().filter_map(|(condition, members)| group(condition, &members)).collect()
+}
+
+fn group(condition: WellCondition, members: &[Valued]) -> Option<WellGroup> {
+    let Summary { n, mean, sd, mean_interval_95, median, mad } = Summary::of(&members.iter().map(|m| m.1).collect::<Vec<_>>())?;
+    let well = |&(sample, value): &Valued| WellValue { run: sample.run.clone(), well: sample.well.clone(), value, flagged: sample.flagged };
+    Some(WellGroup {
+        condition,
+        n,
+        mean,
+        sd,
+        mean_interval_95: mean_interval_95.map(Into::into),
+        median,
+        mad,
+        values: members.iter().map(well).collect(),
+    })
+}
+
+/// The window of a run. `None` where its plate map marks no control.
+fn window(run: &str, valued: &[Valued]) -> Option<ControlWindow> {
+    let of = |control: &str| -> Vec<f64> {
+        valued.iter().filter(|(s, _)| s.run == run && s.condition.control.as_deref() == Some(control)).map(|v| v.1).collect()
+    };
+    let (positive, negative) = (of("positive"), of("negative"));
+    if positive.is_empty() && negative.is_empty() {
+        return None;
+    }
+    let found = Window::of(&positive, &negative);
+    Some(ControlWindow {
+        run: run.to_owned(),
+        positive: positive.len(),
+        negative: negative.len(),
+        z_prime: found.as_ref().ok().map(|window| window.z_prime),
+        reason: found.err().map(|why| why.to_string()),
+    })
+}
+
+/// Compounds at two or more concentrations, controls left out, each with the negative controls of its specimen, age and strain at dose 0.
+fn responses(valued: &[Valued]) -> Vec<DoseSeries> {
+    let mut found: Vec<(WellCondition, String, Vec<DosePoint>)> = Vec::new();
+    let point = |sample: &Sample, dose, value| DosePoint { run: sample.run.clone(), well: sample.well.clone(), dose, value };
+    for &(sample, value) in valued.iter().filter(|(s, _)| s.condition.control.is_none() && s.condition.compound.is_some()) {
+        let Some((dose, unit)) = sample.condition.concentration.zip(sample.condition.concentration_unit.clone()) else { continue };
+        let condition = sample.condition.clone().without_concentration();
+        match found.iter_mut().find(|(known, of, _)| *known == condition && *of == unit) {
+            Some((.., points)) => points.push(point(sample, dose, value)),
+            None => found.push((condition, unit, vec![point(sample, dose, value)])),
+        }
+    }
+    found.retain(|(.., points)| points.iter().any(|p| p.dose.total_cmp(&points[0].dose).is_ne()));
+    found.sort_by(|a, b| a.0.compound.cmp(&b.0.compound));
+    let untreated = |condition: &WellCondition, s: &Sample| {
+        s.condition.control.as_deref() == Some("negative")
+            && (&s.condition.specimen, s.condition.dpf, &s.condition.strain) == (&condition.specimen, condition.dpf, &condition.strain)
+    };
+    let response = |(condition, concentration_unit, mut points): (WellCondition, String, Vec<DosePoint>)| {
+        points.extend(valued.iter().filter(|(s, _)| untreated(&condition, s)).map(|&(s, value)| point(s, 0.0, value)));
+        points.sort_by(|a, b| a.dose.total_cmp(&b.dose));
+        let fit = DoseResponse::fit(&points.iter().map(|p| [p.dose, p.value]).collect::<Vec<_>>());
+        let reason = fit.as_ref().err().map(ToString::to_string);
+        DoseSeries { condition, concentration_unit, points, curve: fit.ok().map(Into::into), reason }
+    };
+    found.into_iter().map(response).collect()
+}
+
+#[cfg(test)]
+mod tests;

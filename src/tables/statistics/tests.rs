@@ -1,0 +1,108 @@
+#![allow(clippy::float_cmp, reason = "the numbers compared are exact")]
+
+use super::*;
+use crate::tables::Cell;
+
+fn sample(run: &str, well: &str, planned: &serde_json::Value, volume: f64) -> Sample {
+    let mut planned = planned.clone();
+    planned["well"] = well.into();
+    let mut numbers = [None; QUANTITIES.len()];
+    numbers[0] = Some(volume);
+    let planned: PlannedWell = serde_json::from_value(planned).unwrap();
+    Sample { run: run.into(), well: well.into(), condition: WellCondition::of(&planned), flagged: false, numbers }
+}
+
+fn of(samples: Vec<Sample>, flagged: Flagged) -> Statistics {
+    Statistics::of_samples(samples, vec!["r1".into(), "r2".into()], vec!["simulated".into()], flagged)
+}
+
+fn dmso() -> serde_json::Value {
+    serde_json::json!({"compound": "DMSO", "control": "negative", "concentration": 0.1, "concentration_unit": "%"})
+}
+
+fn dose(concentration: f64) -> serde_json::Value {
+    serde_json::json!({"compound": "x", "concentration": concentration, "concentration_unit": "uM"})
+}
+
+fn plate() -> Vec<Sample> {
+    let kill = serde_json::json!({"compound": "y", "control": "positive"});
+    let mut samples = vec![
+        sample("r1", "A01", &dmso(), 100.0),
+        sample("r1", "A02", &dmso(), 102.0),
+        sample("r1", "A03", &kill, 10.0),
+        sample("r1", "A04", &kill, 12.0),
+        sample("r2", "A01", &dmso(), 104.0),
+    ];
+    let truth = |c: f64| 100.0 - 60.0 / (1.0 + 3.0 / c);
+    for (i, c) in [0.3, 1.0, 3.0, 10.0, 30.0].into_iter().enumerate() {
+        samples.push(sample("r1", &format!("B{:02}", 2 * i + 1), &dose(c), truth(c) + 0.5));
+        samples.push(sample("r2", &format!("B{:02}", 2 * i + 2), &dose(c), truth(c) - 0.5));
+    }
+    samples
+}
+
+#[test]
+fn wells_that_were_treated_alike_are_one_group_and_a_compound_is_one_over_its_doses() {
+    let found = of(plate(), Flagged::Included);
+    let volume = &found.quantities[0];
+    assert_eq!((volume.name.as_str(), volume.unit.as_str(), found.quantities.len()), ("volume_um3", "um^3", 1));
+    let words: Vec<(String, usize)> = volume.groups.iter().map(|g| (g.condition.words(), g.n)).collect();
+    let doses = ["0.3", "1", "3", "10", "30"].map(|c| (format!("x {c} uM"), 2));
+    assert_eq!(words[1..6], doses);
+    assert_eq!([&words[0], &words[6]], [&("negative control: DMSO 0.1 %".to_owned(), 3), &("positive control: y".to_owned(), 2)]);
+    let negative = &volume.groups[0];
+    assert_eq!((negative.mean, negative.median, negative.mad), (102.0, 102.0, 2.0));
+    assert!((negative.sd.unwrap() - 2.0).abs() < 1e-12);
+    assert_eq!((volume.compounds[1].condition.words().as_str(), volume.compounds[1].n), ("x", 10));
+}
+
+#[test]
+fn z_prime_belongs_to_a_plate_and_a_plate_without_enough_controls_has_a_reason() {
+    let found = of(plate(), Flagged::Included);
+    let [first, second] = &found.quantities[0].windows[..] else { panic!("{:?}", found.quantities[0].windows) };
+    // Means 101 and 11, both with a standard deviation of the root of 2.
+    let expected = 1.0 - 6.0 * 2f64.sqrt() / 90.0;
+    assert!((first.z_prime.unwrap() - expected).abs() < 1e-12, "{first:?}");
+    assert_eq!((second.z_prime, second.positive, second.negative), (None, 0, 1));
+    assert!(second.reason.as_ref().unwrap().contains("0 positive and 1 negative"), "{second:?}");
+}
+
+#[test]
+fn a_response_starts_from_the_negative_controls_and_finds_the_ec50_of_its_wells() {
+    let found = of(plate(), Flagged::Included);
+    let [response] = &found.quantities[0].responses[..] else { panic!("one compound has several doses") };
+    assert_eq!((response.points.len(), response.points[0].dose, response.points[2].value), (13, 0.0, 104.0));
+    let curve = response.curve.as_ref().unwrap_or_else(|| panic!("{response:?}"));
+    assert!(curve.ec50_interval_95.contains(3.0), "{curve:?}");
+    assert!((curve.at(3.0) - 70.0).abs() < 2.0 && curve.ec50_is_within_doses, "{curve:?}");
+    // Larvae of another age are no zero dose of these.
+    let mut samples = plate();
+    for s in samples.iter_mut().filter(|s| s.condition.control.is_some()) {
+        s.condition.dpf = Some(5.0);
+    }
+    assert_eq!(of(samples, Flagged::Included).quantities[0].responses[0].points.len(), 10);
+}
+
+#[test]
+fn specimens_with_flags_are_counted_and_can_be_left_out() {
+    let mut samples = plate();
+    samples[0].flagged = true;
+    let (with, without) = (of(samples.clone(), Flagged::Included), of(samples, Flagged::Excluded));
+    assert_eq!((with.specimens, with.specimens_with_flags), (15, 1));
+    assert_eq!((without.specimens, without.specimens_with_flags), (14, 1));
+    let negative = |s: &Statistics| s.quantities[0].groups[0].n;
+    assert_eq!((negative(&with), negative(&without)), (3, 2));
+}
+
+#[test]
+fn every_statistic_has_a_row_of_its_own() {
+    let found = of(plate(), Flagged::Included);
+    let tables = [groups_table(&found), windows_table(&found), responses_table(&found)];
+    // 7 groups and 3 compounds; two runs with controls; one response.
+    assert_eq!(tables.each_ref().map(|t| t.rows.len()), [10, 2, 1]);
+    for table in &tables {
+        assert!(table.rows.iter().all(|row| row.len() == table.headings.len()));
+    }
+    let ec50 = tables[2].headings.iter().position(|h| h.name == "ec50").unwrap();
+    assert_eq!(tables[2].rows[0][ec50], Cell::Number(found.quantities[0].responses[0].curve.as_ref().unwrap().ec50));
+}

@@ -1,0 +1,335 @@
+//! `carved export table` and `statistics`, on runs with the numbers of a larva and of a bead.
+//!
+//! The numbers in `data/` are those of specimens that were simulated once. A test compares them with the types of today, so that a key that is
+//! renamed cannot leave a column empty.
+
+use crate::common::{carved, json, stderr, strict, venv};
+use carved_core::frame::{PixelFormat, RawFrame};
+use carved_core::profile::Mask;
+use carved_records::{Mode, RunOutcome, SpecimenOutcome, sha256_hex};
+use carved_store::{Claim, MEASUREMENT, MeasurementFile, Recording, RecordingWriter, RunRecord, Store, frames};
+use rusqlite::types::ValueRef::{Blob, Integer, Null, Real, Text};
+use serde_json::{Value, json};
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+pub fn example(name: &str) -> Value {
+    json(&Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/commands/data").join(name))
+}
+
+/// Wells of a plate of 384 in their order.
+fn wells() -> impl Iterator<Item = String> {
+    ('A'..='P').flat_map(|row| (1..=24).map(move |column| format!("{row}{column:02}")))
+}
+
+/// A run: A01 a larva and A02 a bead with numbers, A03 and the further wells skipped.
+pub fn plate(data: &Path, id: &str, barcode: &str, size: usize) -> PathBuf {
+    let mut map: Vec<Value> = wells().take(size).map(|well| json!({"well": well, "dpf": 4})).collect();
+    map[0] = json!({"well": "A01", "dpf": 4, "compound": "DMSO, \"<dry>\"", "concentration": 0.1, "concentration_unit": "% v/v",
+        "strain": "ABxTL", "treatment": "none", "control": "negative", "replicate": 2});
+    map[1] = json!({"well": "A02", "specimen": "bead"});
+    let plan = json!({"plate_barcode": barcode, "method": "standard", "operator": "kim", "external_id": "lims-7", "plate_map": map,
+        "metadata": {"columns": {"Clutch, ID": {"A01": "c \"1\"", "A03": "7"}}}});
+    let method = json!({"asd": 21, "order": "sequential", "epsilon": 0.05, "voxel_um": 6.93, "version": "2"});
+    let (plan, method) = (serde_json::from_value(plan).unwrap(), serde_json::from_value(method).unwrap());
+    let (store, _journal, _) = Claim::on(data).and_then(Store::open).unwrap();
+    let mut record = RunRecord::new(id, plan, method, Mode::Simulated, None);
+    for (well, file) in [(0, "larva.json"), (1, "bead.json")] {
+        measured(&store, &record, well, &example(file));
+        record.wells[well].end(SpecimenOutcome::Succeeded, None);
+    }
+    record.wells[1].flags = vec!["moved".into(), "residual".into()];
+    for well in &mut record.wells[2..] {
+        well.end(SpecimenOutcome::Skipped, Some("empty"));
+    }
+    record.end(RunOutcome::Succeeded);
+    store.save_run(&record).unwrap();
+    store.run_folder(id)
+}
+
+fn measured(store: &Store, run: &RunRecord, well: usize, numbers: &Value) {
+    let rig = json!({
+        "name": "rig", "pixel_format": "Mono8", "steps_per_revolution": [500, 1], "sense": 1,
+        "camera": {"f": 60000.0, "kx": 0.18, "ky": 0.18, "ux": 8.0, "uy": 8.0, "width": 16, "height": 16},
+        "rotation_identity": "axis", "camera_identity": "camera"
+    });
+    let planned = run.plan.plate_map[well].clone();
+    let folder = store.run_folder(&run.id).join(&planned.well);
+    let mut recording =
+        Recording::new(&run.id, planned, Mode::Simulated, serde_json::from_value(rig).unwrap(), "standard", run.method.clone());
+    recording.software.commit = "0123456789abcdef".into();
+    recording.software.dirty = Some(false);
+    recording.ended_after_views = Some(21);
+    let mut writer = RecordingWriter::create(&folder, recording, None).unwrap();
+    let truth = json!({"volume_um3": 3e8, "area_um2": 3.6e6, "hull_volume_um3": 3.1e8, "hull_area_um2": 3.9e6, "length_um": 4e3, "diameter_um": 500.0});
+    writer.add_detection(&RawFrame::new(16, 16, PixelFormat::Mono8, vec![3; 256]).unwrap(), Some(truth)).unwrap();
+    for view in pictured(numbers) {
+        let frame = RawFrame::new(16, 16, PixelFormat::Mono8, vec![180; 256]).unwrap();
+        writer.add_file(&format!("frames/view_{view:03}.png"), &frames::encode(&frame).unwrap()).unwrap();
+        let inside = (0..256).map(|i| if (4..12).contains(&(i / 16)) { 255 } else { 0 }).collect();
+        writer
+            .add_file(&format!("profiles/view_{view:03}.png"), &frames::encode_mask(&Mask::from_coverage(16, 16, inside).unwrap()).unwrap())
+            .unwrap();
+    }
+    writer.add_json(MEASUREMENT, numbers).unwrap();
+    writer.add_json("timings.json", &json!({"phases_s": {"revolve": 26.5}, "devices_s": 30.25, "own_s": 4.5, "attempts": 1})).unwrap();
+    writer.close().unwrap();
+}
+
+/// The views that a report shows of a larva.
+fn pictured(numbers: &Value) -> Vec<u64> {
+    let facing = &numbers["facing"];
+    [&facing["lateral_views"][0], &facing["dorsal_view"]].into_iter().filter_map(Value::as_u64).collect()
+}
+
+fn export(args: &[&str], paths: &[&Path]) -> Output {
+    carved().arg("export").args(args).args(paths).output().unwrap()
+}
+
+pub fn done(output: &Output) {
+    assert!(output.status.success(), "{}", stderr(output));
+}
+
+/// The rows of a CSV by column.
+fn rows(file: &Path) -> Vec<BTreeMap<String, String>> {
+    let mut reader = csv::Reader::from_path(file).unwrap();
+    let headings = reader.headers().unwrap().clone();
+    let row = |row: csv::StringRecord| headings.iter().map(str::to_owned).zip(row.iter().map(str::to_owned)).collect();
+    reader.records().map(|record| row(record.unwrap())).collect()
+}
+
+#[test]
+fn the_examples_are_numbers_of_today() {
+    for name in ["larva.json", "bead.json"] {
+        let example = example(name);
+        let typed: MeasurementFile = serde_json::from_value(example.clone()).unwrap();
+        assert_eq!(serde_json::to_value(typed).unwrap(), example, "{name} has another key than the type");
+    }
+}
+
+#[test]
+fn a_row_has_the_plate_map_the_numbers_and_where_they_come_from() {
+    let dir = tempfile::tempdir().unwrap();
+    let run = plate(&dir.path().join("data"), "r1", "0017", 4);
+    let (out, shape) = (dir.path().join("table.csv"), dir.path().join("shape.csv"));
+    done(&carved().args(["export", "table"]).arg(&run).arg("--out").arg(&out).arg("--shape").arg(&shape).output().unwrap());
+    let rows = rows(&out);
+    let (larva, bead, empty) = (&rows[0], &rows[1], &rows[2]);
+    let numbers = example("larva.json");
+    let number = |pointer: &str| numbers.pointer(pointer).unwrap().as_f64().unwrap();
+    for (column, expected) in [
+        ("run", "r1"),
+        ("external_id", "lims-7"),
+        ("plate_barcode", "0017"),
+        ("mode", "simulated"),
+        ("well", "A01"),
+        ("compound", "DMSO, \"<dry>\""),
+        ("concentration", "0.1"),
+        ("concentration_unit", "% v/v"),
+        ("control", "negative"),
+        ("replicate", "2"),
+        ("meta_clutch__id", "c \"1\""),
+        ("outcome", "succeeded"),
+        ("flag_count", "0"),
+        ("estimator", "support"),
+        ("qc_passed", "TRUE"),
+        ("views", "21"),
+        ("software_commit", "0123456789abcdef"),
+        ("software_dirty", "FALSE"),
+        ("method", "standard"),
+        ("method_version", "2"),
+        ("turn_s", "26.5"),
+    ] {
+        assert_eq!(larva[column], expected, "{column}");
+    }
+    for (column, pointer) in [
+        ("volume_um3", "/measurement/volume_um3"),
+        ("volume_sd_um3", "/measurement/volume_sd_um3"),
+        ("area_um2", "/measurement/area_um2"),
+        ("body_length_um", "/shape/body/length_um"),
+        ("signal_grey_px_per_nl", "/fluorescence/signal_per_nl"),
+    ] {
+        assert_eq!(larva[column].parse::<f64>().unwrap().to_bits(), number(pointer).to_bits(), "{column}");
+    }
+    assert_eq!((bead["flags"].as_str(), bead["flag_count"].as_str(), bead["specimen"].as_str()), ("moved;residual", "2", "bead"));
+    assert!((bead["diameter_um"].parse::<f64>().unwrap() - 500.0).abs() < 5.0, "{}", bead["diameter_um"]);
+    assert_eq!((empty["outcome"].as_str(), empty["reason"].as_str(), empty["volume_um3"].as_str()), ("skipped", "empty", ""));
+    assert_eq!(empty["meta_clutch__id"], "7");
+    // The hashes, computed here in another way: the method from the file, the numbers from SHA256SUMS.
+    let method = json(&run.join("A01/recording.json"))["method"].to_string();
+    assert_eq!(larva["method_sha256"], sha256_hex(method.as_bytes()));
+    let sums = std::fs::read_to_string(run.join("A01/SHA256SUMS")).unwrap();
+    assert!(sums.contains(&format!("{}  measurement.json", larva["measurement_sha256"])), "{sums}");
+    // The slices of the larva and of the bead.
+    let stations = self::rows(&shape);
+    let expected = ["larva.json", "bead.json"].map(|name| example(name).pointer("/shape/body/stations").unwrap().as_array().unwrap().len());
+    assert_eq!(stations.len(), expected.iter().sum::<usize>());
+    assert_eq!((stations[0]["well"].as_str(), stations[0]["station"].as_str()), ("A01", "1"));
+    assert_eq!(stations[0]["width_um"].parse::<f64>().unwrap().to_bits(), number("/shape/body/stations/0/width_um").to_bits());
+}
+
+/// A pointer into a file that has no such key gives an empty column. These have a reason.
+#[test]
+fn every_column_has_a_value_somewhere() {
+    const NEVER_HERE: [&str; 1] = ["estimator_fallback"];
+    let dir = tempfile::tempdir().unwrap();
+    let run = plate(&dir.path().join("data"), "r1", "P-1", 4);
+    let out = dir.path().join("table.csv");
+    done(&export(&["table", "--out", out.to_str().unwrap()], &[&run]));
+    let rows = rows(&out);
+    let empty: BTreeSet<&str> =
+        rows[0].keys().filter(|column| rows.iter().all(|row| row[*column].is_empty())).map(String::as_str).collect();
+    assert_eq!(empty, BTreeSet::from(NEVER_HERE));
+}
+
+#[test]
+fn the_index_has_the_values_of_the_table() {
+    let dir = tempfile::tempdir().unwrap();
+    let data = dir.path().join("data");
+    let run = plate(&data, "r1", "P-1", 4);
+    let out = dir.path().join("table.csv");
+    done(&export(&["table", "--out", out.to_str().unwrap()], &[&run]));
+    let index = rusqlite::Connection::open(data.join("index.sqlite")).unwrap();
+    let mut select = index.prepare("SELECT * FROM specimen_table WHERE run = 'r1' ORDER BY place").unwrap();
+    let names: Vec<String> = select.column_names().map(str::to_owned).collect();
+    let mut found = select.query([]).unwrap();
+    let mut compared = 0;
+    for row in rows(&out) {
+        let indexed = found.next().unwrap().unwrap();
+        for (i, name) in names.iter().enumerate() {
+            let cell = &row[name];
+            let same = match indexed.get_ref(i).unwrap() {
+                Null => cell.is_empty(),
+                Integer(truth) if cell == "TRUE" || cell == "FALSE" => (cell == "TRUE") == (truth == 1),
+                Integer(number) => *cell == number.to_string(),
+                Real(number) => cell.parse::<f64>().unwrap().to_bits() == number.to_bits(),
+                Text(text) => cell.as_bytes() == text,
+                Blob(_) => false,
+            };
+            assert!(same, "{}, {name}: the table has {cell:?}, the index {:?}", row["well"], indexed.get_ref(i).unwrap());
+            compared += usize::from(!cell.is_empty());
+        }
+    }
+    assert!(compared > 80, "only {compared} cells hold anything");
+}
+
+#[test]
+fn what_cannot_be_a_table_is_refused_before_anything_is_written() {
+    let dir = tempfile::tempdir().unwrap();
+    let data = dir.path().join("data");
+    let run = plate(&data, "r1", "P-1", 4);
+    let out = dir.path().join("t.csv");
+    let refused = |args: &[&str], paths: &[&Path], words: &str| {
+        let output = export(args, paths);
+        assert!(!output.status.success() && stderr(&output).contains(words), "{words}: {}", stderr(&output));
+    };
+    let to = ["table", "--out", out.to_str().unwrap()];
+    refused(&to, &[&data], "no run: it has no run.json");
+    refused(&to, &[&run, &run], "the run r1 is named twice");
+    refused(&["table", "--out", "t.xlsx"], &[&run], "ends in .csv or .parquet");
+    if cfg!(not(feature = "parquet")) {
+        refused(&["table", "--out", "t.parquet"], &[&run], "without the feature parquet");
+    }
+    let numbers = run.join("A01/measurement.json");
+    let text = std::fs::read_to_string(&numbers).unwrap();
+    std::fs::write(&numbers, text.replacen("volume_um3", "volume_um4", 1)).unwrap();
+    refused(&to, &[&run], "the file was altered after it was recorded");
+    assert!(!out.exists());
+}
+
+#[test]
+fn statistics_are_written_as_tables_and_as_json() {
+    let dir = tempfile::tempdir().unwrap();
+    let data = dir.path().join("data");
+    let runs = [plate(&data, "r1", "P-1", 4), plate(&data, "r2", "P-2", 4)];
+    let file = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    let (out, controls, all) = (file("s.csv"), file("c.csv"), file("s.json"));
+    let paths = [runs[0].as_path(), runs[1].as_path()];
+    done(&export(&["statistics", "--out", &out, "--controls", &controls], &paths));
+    let rows = rows(Path::new(&out));
+    let larvae = rows.iter().find(|r| r["quantity"] == "volume_um3" && r["grouping"] == "group" && r["specimen"] == "larva").unwrap();
+    let volume = example("larva.json")["measurement"]["volume_um3"].as_f64().unwrap();
+    assert_eq!((larvae["n"].as_str(), larvae["wells"].as_str(), larvae["sd"].as_str()), ("2", "r1/A01;r2/A01", "0.0"));
+    assert_eq!(larvae["mean"].parse::<f64>().unwrap().to_bits(), volume.to_bits());
+    assert!(self::rows(Path::new(&controls))[0]["reason"].contains("0 positive and 1 negative"));
+    // The beads have flags.
+    done(&export(&["statistics", "--out", &all, "--without-flagged"], &paths));
+    let all = json(Path::new(&all));
+    assert_eq!((&all["specimens"], &all["specimens_with_flags"], &all["modes"]), (&json!(2), &json!(2), &json!(["simulated"])));
+    assert!(all["quantities"].as_array().unwrap().iter().all(|q| q["name"] != "diameter_um"), "only the beads have one");
+}
+
+#[test]
+fn the_reference_page_lists_the_columns() {
+    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/tables.md");
+    let output = export(&["columns"], &[]);
+    done(&output);
+    let made = String::from_utf8(output.stdout).unwrap();
+    let text = std::fs::read_to_string(&page).unwrap();
+    let (begin, end) = ("<!-- columns -->\n", "<!-- end of columns -->\n");
+    let (before, rest) = text.split_once(begin).unwrap();
+    let (listed, after) = rest.split_once(end).unwrap();
+    if std::env::var_os("CARVED_UPDATE_TABLES").is_some_and(|value| value == "1") {
+        std::fs::write(&page, format!("{before}{begin}{made}{end}{after}")).unwrap();
+        return;
+    }
+    assert!(listed == made, "docs/tables.md is out of date: CARVED_UPDATE_TABLES=1 cargo test --test commands reference_page_lists");
+}
+
+/// Tables for the readers: more rows than polars looks at before it decides on types, and columns with gaps.
+fn for_readers(folder: &Path) -> Value {
+    let data = folder.join("data");
+    let runs = [plate(&data, "r1", "P-17", 120), plate(&data, "r2", "P-2", 4)];
+    let (out, shape) = (folder.join("table.csv"), folder.join("shape.csv"));
+    done(&carved().args(["export", "table"]).args(&runs).arg("--out").arg(&out).arg("--shape").arg(&shape).output().unwrap());
+    if cfg!(feature = "parquet") {
+        done(&carved().args(["export", "table"]).args(&runs).arg("--out").arg(folder.join("table.parquet")).output().unwrap());
+    }
+    let numbers = example("larva.json");
+    json!({
+        "rows": 124, "columns": rows(&out)[0].len(), "stations": rows(&shape).len(),
+        "first": {
+            "run": "r1", "plate_barcode": "P-17", "well": "A01", "compound": "DMSO, \"<dry>\"", "meta_clutch__id": "c \"1\"", "place": 1,
+            "concentration": 0.1, "volume_um3": numbers["measurement"]["volume_um3"], "volume_sd_um3": numbers["measurement"]["volume_sd_um3"],
+            "qc_passed": true, "software_dirty": false, "views": 21,
+        },
+        "kinds": {
+            "run": "text", "plate_barcode": "text", "well": "text", "compound": "text", "meta_clutch__id": "text", "place": "number",
+            "concentration": "number", "volume_um3": "number", "volume_sd_um3": "number", "qc_passed": "truth", "software_dirty": "truth",
+            "views": "number", "flag_count": "number", "diameter_um": "number", "method_sha256": "text",
+        },
+    })
+}
+
+#[test]
+#[cfg_attr(not(has_python), ignore = "no Python 3 with venv: apt-get install python3-venv")]
+fn pandas_polars_and_duckdb_open_the_tables_without_options() {
+    let python = match venv::python("readers", "duckdb, pandas, polars, pyarrow", "tests/readers/requirements.txt") {
+        Ok(python) => python,
+        Err(why) => return strict::cannot_run(&format!("pandas, polars and DuckDB cannot be installed: {why}")),
+    };
+    let dir = tempfile::tempdir().unwrap();
+    let expected = for_readers(dir.path());
+    std::fs::write(dir.path().join("expected.json"), expected.to_string()).unwrap();
+    let program = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/readers/read_tables.py");
+    let output = Command::new(python).arg(program).arg(dir.path()).output().unwrap();
+    assert!(output.status.success() && output.stdout.ends_with(b"read\n"), "{}", stderr(&output));
+}
+
+#[test]
+#[cfg_attr(not(has_rscript), ignore = "no Rscript: apt-get install r-base-core")]
+fn r_opens_the_tables_without_options() {
+    let dir = tempfile::tempdir().unwrap();
+    let expected = for_readers(dir.path());
+    let mut text = "column,kind,value\n".to_owned();
+    for (column, value) in expected["first"].as_object().unwrap() {
+        let kind = expected["kinds"][column].as_str().unwrap();
+        let value = value.as_str().map_or_else(|| value.to_string(), |text| format!("\"{}\"", text.replace('"', "\"\"")));
+        text.push_str(&format!("{column},{kind},{value}\n"));
+    }
+    std::fs::write(dir.path().join("expected.csv"), text).unwrap();
+    let program = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/readers/read_tables.R");
+    let output = Command::new("Rscript").arg(program).arg(dir.path()).output().unwrap();
+    assert!(output.status.success() && output.stdout.ends_with(b"read\n"), "{}", stderr(&output));
+}
