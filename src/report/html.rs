@@ -141,7 +141,7 @@ impl Report<'_> {
             let wells: BTreeMap<_, _> = of_run.map(|s| (s.well.clone(), s.on_plate())).collect();
             if !wells.is_empty() {
                 let planned = run.record().plan.plate_map.iter().map(|planned| planned.well.as_str());
-                let format = plots::format_of(run.record().plan.plate_format, planned);
+                let format = plots::format_of(run.record().plan.plate_format, &planned);
                 plates.push((format!("Plate {}, run {id}", run.record().plan.plate_barcode), plots::plate(&wells, format, "10⁶ µm³")?));
             }
         }

@@ -31,7 +31,7 @@ pub struct WellNumber {
 }
 
 /// The plate with this number of wells, or else the smallest one that holds all these wells.
-pub fn format_of<'w>(stated: Option<u32>, wells: impl Iterator<Item = &'w str> + Clone) -> PlateFormat {
+pub fn format_of<'w>(stated: Option<u32>, wells: &(impl Iterator<Item = &'w str> + Clone)) -> PlateFormat {
     let holds_all = |format: &PlateFormat| wells.clone().all(|well| format.holds(well));
     let [.., largest] = PlateFormat::ALL;
     stated.and_then(PlateFormat::of_wells).or_else(|| PlateFormat::ALL.into_iter().find(holds_all)).unwrap_or(largest)
@@ -299,7 +299,7 @@ mod tests {
 
     #[test]
     fn a_plate_is_as_small_as_its_wells_allow_unless_the_plan_states_it() {
-        let of = |stated, wells: &[&str]| format_of(stated, wells.iter().copied()).wells();
+        let of = |stated, wells: &[&str]| format_of(stated, &wells.iter().copied()).wells();
         for (wells, expected) in
             [(vec!["A01"], 6), (vec!["A01", "B05"], 24), (vec!["H12"], 96), (vec!["P24", "A01"], 384), (vec!["AF48"], 1536)]
         {
@@ -322,7 +322,7 @@ mod tests {
             ("A02".to_owned(), number(Some(258.0), true)),
             ("B01".to_owned(), number(None, false)),
         ]);
-        let svg = plate(&wells, format_of(None, wells.keys().map(String::as_str)), "nl").unwrap();
+        let svg = plate(&wells, format_of(None, &wells.keys().map(String::as_str)), "nl").unwrap();
         assert!(svg.starts_with("<svg") && svg.contains("307") && svg.contains("258"), "{svg}");
         assert_eq!(svg.matches("<circle").count(), 2, "one mark, with a border");
     }

@@ -160,8 +160,8 @@ test(
   "an axis that is lost in a turn: the specimen is measured again, and the page says so",
   { timeout: 2 * RUN_MS },
   async (t) => {
-    // At this time the first larva is in its turn, which takes some 40 s.
-    const { daemon, page, complaints } = await opened(t, 1, ["--axis-out", "18,4"]);
+    // At half speed the larva is in the capillary at this time, and not yet measured.
+    const { daemon, page, complaints } = await opened(t, 0.5, ["--axis-out", "12,4"]);
     await daemon.send("PUT", "/v1/runs/redo", {
       ...{ plate_barcode: "P-1", method: "standard", operator: "Kim" },
       plate_map: [{ well: "A01", specimen: "larva", dpf: 3 }],
@@ -188,9 +188,9 @@ test(
 );
 
 test("an axis that is lost again and again needs a person after the third time", { timeout: 3 * RUN_MS }, async (t) => {
-  // A well takes longer than the time from one loss to the next, so none is finished.
-  const losses = Array.from({ length: 12 }, (_, i) => ["--axis-out", `${12 + 25 * i},4`]).flat();
-  const { daemon, page, complaints } = await opened(t, 0.5, losses);
+  // At a fifth of the speed a well takes several times as long as the time from one loss to the next, so none is finished.
+  const losses = Array.from({ length: 12 }, (_, i) => ["--axis-out", `${12 + 15 * i},3`]).flat();
+  const { daemon, page, complaints } = await opened(t, 0.2, losses);
   await daemon.send("PUT", "/v1/runs/again", {
     ...{ plate_barcode: "P-1", method: "standard", operator: "Kim" },
     plate_map: [{ well: "A01", specimen: "larva", dpf: 3 }],
