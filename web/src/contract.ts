@@ -57,6 +57,41 @@ export type ConcentrationUnit =
 
 export type Control = "positive" | "negative";
 
+export interface ControlWindow {
+  negative: number;
+  positive: number;
+  reason: string | null;
+  run: string;
+  z_prime: number | null;
+}
+
+export interface DoseCurve {
+  at_infinity: FittedParameter;
+  at_zero: FittedParameter;
+  ec50: number;
+  ec50_interval_95: Interval;
+  ec50_is_within_doses: boolean;
+  hill: FittedParameter;
+  log10_ec50: FittedParameter;
+  p_no_effect: number;
+  residual_sd: number;
+}
+
+export interface DosePoint {
+  dose: number;
+  run: string;
+  value: number;
+  well: string;
+}
+
+export interface DoseSeries {
+  concentration_unit: string;
+  condition: WellCondition;
+  curve: DoseCurve | null;
+  points: DosePoint[];
+  reason: string | null;
+}
+
 export interface Eta {
   p50: number;
   p90: number;
@@ -94,6 +129,14 @@ export interface FaultCode {
   scheduler_action: SchedulerAction;
   what_to_do: string;
 }
+
+export interface FittedParameter {
+  interval_95: Interval;
+  sd: number;
+  value: number;
+}
+
+export type Flagged = "included" | "excluded";
 
 export interface GateQuantity {
   drifted: boolean;
@@ -163,6 +206,11 @@ export interface Hold {
   next_action: string | null;
   next_command: NextCommand | null;
   times: number;
+}
+
+export interface Interval {
+  high: number;
+  low: number;
 }
 
 export interface Lease {
@@ -294,6 +342,15 @@ export interface Problem {
   status: number;
   title: string;
   type: string;
+}
+
+export interface QuantityStatistics {
+  compounds: WellGroup[];
+  groups: WellGroup[];
+  name: string;
+  responses: DoseSeries[];
+  unit: string;
+  windows: ControlWindow[];
 }
 
 export interface ReferenceStatus {
@@ -444,6 +501,15 @@ export type State =
   | "Clearing"
   | "Resetting";
 
+export interface Statistics {
+  flagged: Flagged;
+  modes: string[];
+  quantities: QuantityStatistics[];
+  runs: string[];
+  specimens: number;
+  specimens_with_flags: number;
+}
+
 export interface Status {
   boot_id: string;
   calibration: CalibrationStatus | null;
@@ -481,6 +547,17 @@ export interface VolumeEstimate {
 
 export type VolumeWait = "views" | "computing" | "slices";
 
+export interface WellCondition {
+  compound: string | null;
+  concentration: number | null;
+  concentration_unit: string | null;
+  control: string | null;
+  dpf: number | null;
+  specimen: string;
+  strain: string | null;
+  treatment: string | null;
+}
+
 export interface WellCounts {
   failed: number;
   flagged: number;
@@ -489,6 +566,17 @@ export interface WellCounts {
   skipped: number;
   succeeded: number;
   total: number;
+}
+
+export interface WellGroup {
+  condition: WellCondition;
+  mad: number;
+  mean: number;
+  mean_interval_95: Interval | null;
+  median: number;
+  n: number;
+  sd: number | null;
+  values: WellValue[];
 }
 
 export interface WellLoaded {
@@ -513,5 +601,12 @@ export interface WellStatus {
   views_planned: number | null;
   volume_sd_um3: number | null;
   volume_um3: number | null;
+  well: string;
+}
+
+export interface WellValue {
+  flagged: boolean;
+  run: string;
+  value: number;
   well: string;
 }

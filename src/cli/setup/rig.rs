@@ -86,7 +86,6 @@ pub struct Shown {
 pub type Show = Option<Box<dyn Fn(Shown) + Send>>;
 
 /// The emulated rig that is used instead of the devices of the computer.
-#[cfg_attr(not(feature = "simulate"), expect(dead_code, reason = "only an emulated rig is one"))]
 pub struct Emulated {
     pub port: Listed,
     pub camera: Listed,
