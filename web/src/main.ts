@@ -271,7 +271,7 @@ function pictures(status: Status): void {
   const specimen = status.specimen;
   const planned = (well: string) => (specimen?.well === well ? specimen.views_planned : null);
   // First the frame in large, then the strip of all views.
-  void frame.update(subject, planned).then(() => views.update(subject));
+  void views.update(subject, frame.update(subject, planned));
   void model?.update(subject);
   void showRecord(subject);
 }

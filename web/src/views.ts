@@ -103,13 +103,17 @@ export class ViewStrip {
     this.#choose = choose;
   }
 
-  async update(subject: Subject): Promise<void> {
+  /** Shows the views of a stored well, filled once the frame in large is there. Those of another well disappear at once. */
+  async update(subject: Subject, framed: Promise<void>): Promise<void> {
     const key = subject.kind === "stored" ? wellKey(subject) : "";
     if (key === this.#of) return;
     this.#of = key;
     this.#clear();
     if (subject.kind !== "stored") return;
     try {
+      await framed;
+      // Another well was chosen meanwhile.
+      if (this.#of !== key) return;
       await this.#fill(subject, key);
     } catch (error) {
       if (!(error instanceof Refused)) throw error;

@@ -174,7 +174,7 @@ test("a run from its map to its numbers: unknown columns, barcode, hold, one rep
     .locator("#new-run-missing", { hasText: /^Still needed: a plate map, the plate's barcode, your name\.$/ })
     .waitFor();
   const map = (text: string) => ({ name: "map.csv", mimeType: "text/csv", buffer: Buffer.from(text) });
-  await page.getByLabel("Plate map").setInputFiles(map("well,dpf,colour\nZ9,3,red\nA02,old,\n"));
+  await page.getByLabel("Plate map").setInputFiles(map("well,dpf,colour\nZZ9,3,red\nA02,old,\n"));
   await page.locator("#new-run-words", { hasText: /^map\.csv cannot be used: 2 mistakes\.$/ }).waitFor();
   const strain = "well,specimen,dpf,strain,colour\nA01,larva,3,ABxTL,red\nA02,larva,3,ABxTL,\n";
   await page.getByLabel("Plate map").setInputFiles(map(strain));

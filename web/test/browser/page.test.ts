@@ -323,6 +323,40 @@ test("a chosen well shows what is stored of it, and the page says whose pictures
   await until("frame-whose", /^10 of 22 views taken$/);
 });
 
+test("the strip has the views of the chosen well, also where those of another are still being read", async () => {
+  const views: Record<string, string[]> = {};
+  for (const [name, count] of [
+    ["A01", 3],
+    ["A03", 2],
+  ] as const) {
+    const base = `/v1/runs/demo-1/specimens/${name}`;
+    views[name] = Array.from({ length: count }, (_, i) => `${base}/views/${i}.png`);
+    for (const link of views[name]) server.files[link.replace("png", "jpg")] = frame;
+    server.answers[base] = kept({ well: name, links: { ...NO_FILES, views: views[name] } });
+  }
+  let release = () => {};
+  const first = views["A03"]![0]!.replace("png", "jpg");
+  server.slow[first] = new Promise((resolve) => (release = resolve));
+  const wells = [measured, well("A03", { specimen: "bead", dpf: null, outcome: "succeeded", volume_um3: 65e6 })];
+  server.publish(status({ state: "Complete", run: run(wells, { outcome: "succeeded" }) }));
+  await page.goto(server.url);
+  await page.waitForResponse((answer) => answer.url().endsWith("/specimens/A03"));
+  await page.locator('[data-well="A01"].well').click();
+  await until("well-heading", /^Well A01$/);
+  release();
+  await until("frame-whose", /^view 1 of 3$/);
+  await page.locator("#views").scrollIntoViewIfNeeded();
+  await page.waitForFunction(() => {
+    const pictures = [...document.querySelectorAll<HTMLImageElement>("#views-list img:first-child")];
+    return pictures.length > 0 && pictures.every((image) => image.naturalWidth > 0);
+  });
+  assert.equal(await page.locator("#views-list button").count(), 3);
+  assert.ok(
+    server.read.every((path) => !/A03.*width=/.test(path)),
+    "thumbnails of the other well were read",
+  );
+});
+
 test("pictures of another run are not shown as this one's", async () => {
   server.shown = { run: "yesterday", well: "A02", views: 21 };
   server.publish(running(0));

@@ -47,6 +47,8 @@ export class FixtureServer {
   readonly answers: Record<string, unknown> = {};
   /** What cannot be read, by path, and why: answered 500. */
   readonly broken: Record<string, string> = {};
+  /** What is answered only once its promise resolves, by path. */
+  readonly slow: Record<string, Promise<void>> = {};
   /** Files of stored specimens, by path. */
   readonly files: Record<string, Buffer> = {};
   /** Wanted of everything under /v1, where set. */
@@ -126,6 +128,7 @@ export class FixtureServer {
     } else if ((this.read.push(url.pathname + url.search), url.pathname in this.broken)) {
       this.#json(response, 500, { title: "Internal Server Error", detail: this.broken[url.pathname] });
     } else if (url.pathname in this.files) {
+      await this.slow[url.pathname];
       response.writeHead(200, { "Content-Type": "application/octet-stream" }).end(this.files[url.pathname]);
     } else if (url.pathname in this.answers) {
       this.#json(response, 200, this.answers[url.pathname]);
