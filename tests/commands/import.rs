@@ -177,7 +177,7 @@ fn what_cannot_be_imported_is_named_and_leaves_nothing() {
     };
     for (args, expected) in [
         (&[][..], "no angles"),
-        (&["--even", "--closure", "--well", "Z1"], "--well: \"Z1\" is not a well"),
+        (&["--even", "--closure", "--well", "AG1"], "--well: \"AG1\" is not a well"),
         (&["--even", "--dpf", "99"], "--dpf: 99"),
         (&["--even", "--epsilon", "0.7"], "--epsilon is 0.7"),
         (&["--even", "--voxel", "0"], "--voxel"),

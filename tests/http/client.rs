@@ -81,7 +81,7 @@ fn a_plate_map_becomes_a_run_and_the_same_again_starts_nothing() {
 #[test]
 fn mistakes_are_printed_with_their_lines_and_have_a_code_of_their_own() {
     let rig = Rig::start();
-    let broken = map_file("well,dpf\nA01,3\nZ9,99\n");
+    let broken = map_file("well,dpf\nA01,3\nAG9,99\n");
     let output = start(&url(&rig), &broken, &["--method", "standard"]);
     let said = text(&output.stderr);
     assert_eq!(output.status.code(), Some(3), "{said}");

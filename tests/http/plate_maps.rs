@@ -29,7 +29,7 @@ fn what_a_check_answers_is_taken_in_a_plan() {
 #[test]
 fn every_mistake_is_named_with_its_line() {
     let rig = Rig::start();
-    let answer = rig.send("POST", CHECK, &CSV, &MAP.replace("µM", "furlong").replace("A1", "Z1"));
+    let answer = rig.send("POST", CHECK, &CSV, &MAP.replace("µM", "furlong").replace("A1", "AG1"));
     assert_eq!((answer.status, answer.problem().as_str()), (422, "invalid_plate_map"));
     let problem = answer.json();
     let places: Vec<(&Value, &Value)> = problem["errors"].as_array().unwrap().iter().map(|e| (&e["line"], &e["column"])).collect();

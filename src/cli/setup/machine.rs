@@ -13,7 +13,7 @@ use super::bench::{Action, Bead, Bench, Controller, Empty, FoundExposure, Listed
 use super::draft::{Draft, shipped};
 use super::period::likely;
 use super::question::{Choice, Kind, Question, steps};
-use carved_core::calibration::rig::bead_extents;
+use carved_core::calibration::rig::{ASPECT_OFF_MOST, bead_extents};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
@@ -553,7 +553,7 @@ impl Machine {
 
     fn judge_bead(&mut self) {
         let Some(bead) = self.state.bead.clone() else { return };
-        if self.judge_closure(&bead) {
+        if self.judge_closure(&bead) || self.judge_roundness(&bead) {
             return;
         }
         let Some(stated) = self.answered("bead_um") else { return };
@@ -587,6 +587,21 @@ impl Machine {
         !closes
     }
 
+    /// Whether the bead is not round. Its diameter is no length then, and a second measurement would not show it.
+    fn judge_roundness(&mut self, bead: &Bead) -> bool {
+        let is_round = bead_extents(bead.diameter_um, bead.aspect).is_ok();
+        if !is_round {
+            let text = format!(
+                "The bead is {:.3} times as long as wide, {} to {} are allowed. It is no sphere, or something lies at it: flush the capillary and                  bring another bead. If the next one is the same, the scales along and across differ, as they do in air: put the capillary                  into water, or measure both scales with carved calibrate beads",
+                bead.aspect,
+                1.0 - ASPECT_OFF_MOST,
+                1.0 + ASPECT_OFF_MOST
+            );
+            self.again("loaded", text, None);
+        }
+        !is_round
+    }
+
     fn judge_ruler(&mut self) {
         let tolerance = self.number("tolerance_percent").unwrap_or(1.0);
         if let (Some("bore"), Some(off)) = (self.answered("ruler"), self.off_percent(self.state.bead.as_ref()))
@@ -602,7 +617,7 @@ impl Machine {
 
     fn judge_proof(&mut self) {
         let Some(bead) = self.state.proof.clone() else { return };
-        if self.judge_closure(&bead) {
+        if self.judge_closure(&bead) || self.judge_roundness(&bead) {
             return;
         }
         let tolerance = self.number("tolerance_percent").unwrap_or(1.0);

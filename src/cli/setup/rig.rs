@@ -305,14 +305,20 @@ impl RealBench {
         let backup = exists.then(|| PathBuf::from(format!("{}.bak", self.file.display())));
         if let Some(backup) = &backup {
             ensure!(!backup.exists(), "{} exists already, and older files are not overwritten: rename it", backup.display());
-            durable::rename(&self.file, backup)?;
         }
         let now = jiff::Timestamp::now().strftime("%Y-%m-%d");
         let head = format!(
             "# Written by carved setup on {now}. Every key, with its unit, default, range and meaning: docs/configuration.md, or\n\
              # `carved config schema`. `carved config check FILE` lists everything that is wrong with a file.\n\n"
         );
-        durable::write(&self.file, format!("{head}{}", request.draft).as_bytes())?;
+        let text = format!("{head}{}", request.draft);
+        // Nothing that the daemon would refuse replaces a file, and at every moment there is one.
+        Config::parse(&text, &self.file)?;
+        if let Some(backup) = &backup {
+            let earlier = std::fs::read(&self.file).with_context(|| self.file.display().to_string())?;
+            durable::write(backup, &earlier)?;
+        }
+        durable::write(&self.file, text.as_bytes())?;
         let doubts = Config::load(&self.file)?.doubts;
         Ok(Written { file: self.file.display().to_string(), backup: backup.map(|b| b.display().to_string()), doubts })
     }

@@ -195,6 +195,19 @@ fn moves_only_when_confirmed(log: &[Happened]) -> bool {
     })
 }
 
+/// The first measurement sets both scales, so that the second one agrees with it whatever the bead is.
+#[test]
+fn a_bead_that_is_not_round_is_no_ruler_and_no_proof() {
+    let oblong = || Ok(Outcome::Bead(Bead { aspect: 1.04, ..bead(505.0) }));
+    let round = || Ok(Outcome::Bead(bead(500.5)));
+    let (machine, person) = set_up(FakeBench::new("grbl").with(Action::Measure, [oblong(), round(), oblong(), round(), round()]), &[]);
+    assert!(person.heard("1.040 times as long as wide, 0.98 to 1.02"));
+    let measured = person.log.borrow().iter().filter(|happened| **happened == Happened::Acted(Action::Measure)).count();
+    assert_eq!(measured, 5, "again after each oblong one, then ruler and proof");
+    assert_eq!(table(&machine, &["optics", "kx_px_per_um"]), table(&machine, &["optics", "ky_px_per_um"]));
+    assert!(moves_only_when_confirmed(&person.log.borrow()));
+}
+
 #[test]
 fn the_straight_way_moves_after_the_confirmation_only() {
     let (machine, person) = set_up(FakeBench::new("grbl"), &[]);

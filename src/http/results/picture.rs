@@ -49,12 +49,12 @@ mod tests {
 
     #[test]
     fn every_format_is_shown_at_the_width_that_is_asked_for() {
-        for (format, colours) in [(PixelFormat::Mono8, 1), (PixelFormat::BayerRG8, 1), (PixelFormat::RGB8Packed, 1)] {
+        for (format, colours) in [(PixelFormat::Mono8, 1), (PixelFormat::BayerRG8, 3), (PixelFormat::RGB8Packed, 1)] {
             for (asked, expected) in [(None, [64, 48]), (Some(32), [32, 24]), (Some(64), [64, 48]), (Some(500), [64, 48])] {
                 let bytes = jpeg(&halves(format), asked).unwrap();
                 let shown = image::load_from_memory_with_format(&bytes, image::ImageFormat::Jpeg).unwrap();
                 assert_eq!([shown.width(), shown.height()], expected, "{format:?} {asked:?}");
-                assert_eq!(shown.color().channel_count(), colours, "{format:?}: grey is encoded as grey");
+                assert_eq!(shown.color().channel_count(), colours, "{format:?}: three equal planes are encoded as grey");
                 let grey = shown.to_luma8();
                 let [dark, light] = [shown.width() / 4, 3 * shown.width() / 4].map(|u| grey.get_pixel(u, shown.height() / 2).0[0]);
                 assert!(dark.abs_diff(20) < 8 && light.abs_diff(220) < 8, "{format:?} {asked:?}: {dark} {light}");
