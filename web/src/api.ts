@@ -15,6 +15,7 @@ import type {
   RunPlan,
   Runs,
   Specimen,
+  Statistics,
   Status,
   WellLoaded,
 } from "./status.ts";
@@ -150,6 +151,13 @@ export async function fetchRun(run: string): Promise<RunDetail> {
   const response = await ask(`/v1/runs/${encodeURIComponent(run)}`);
   if (!response.ok) throw await refusal(response);
   return (await response.json().catch(away)) as RunDetail;
+}
+
+/** Statistics of a run: groups, Z' of its controls, responses to doses. */
+export async function fetchStatistics(run: string): Promise<Statistics> {
+  const response = await ask(`/v1/runs/${encodeURIComponent(run)}/statistics`);
+  if (!response.ok) throw await refusal(response);
+  return (await response.json().catch(away)) as Statistics;
 }
 
 /** The bead gates of the instrument, oldest first. */

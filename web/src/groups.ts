@@ -1,22 +1,36 @@
 // The results of a run by the groups of its plate map: each well as a dot, median and quartiles, and the references of its age behind.
 
+import { fetchStatistics, Refused } from "./api.ts";
 import { element, setText, show, svg } from "./dom.ts";
+import { doseCharts, windowWords } from "./doses.ts";
 import { capitalised, grouped, significant, UM3_PER_NL } from "./format.ts";
 import { groupsOf, planWords } from "./planplate.ts";
 import { standingsOf } from "./standing.ts";
 import { runKey, type StoredSpecimens } from "./stored.ts";
 import { linearTicks } from "./ticks.ts";
-import type { PlannedWell, RunStatus, WellStatus } from "./status.ts";
+import { Latest } from "./latest.ts";
+import type { PlannedWell, RunStatus, Statistics, WellStatus } from "./status.ts";
 
 export type Quantity = "volume" | "area";
 
-const QUANTITIES: Record<Quantity, { name: string; unit: string; of: (well: WellStatus) => number | null }> = {
+interface Shown {
+  name: string;
+  unit: string;
+  /** Its name in the statistics of the daemon, and the size of the unit that is shown in theirs. */
+  column: string;
+  size: number;
+  of: (well: WellStatus) => number | null;
+}
+
+const QUANTITIES: Record<Quantity, Shown> = {
   volume: {
-    name: "Volume",
-    unit: "nL",
+    ...{ name: "Volume", unit: "nL", column: "volume_um3", size: UM3_PER_NL },
     of: (w) => (w.volume_um3 === null ? null : w.volume_um3 / UM3_PER_NL),
   },
-  area: { name: "Area", unit: "mm²", of: (w) => (w.area_um2 === null ? null : w.area_um2 / 1e6) },
+  area: {
+    ...{ name: "Area", unit: "mm²", column: "area_um2", size: 1e6 },
+    of: (w) => (w.area_um2 === null ? null : w.area_um2 / 1e6),
+  },
 };
 
 /** The measured wells of a group. */
@@ -84,6 +98,8 @@ export class GroupsView {
   readonly #chart: HTMLElement;
   readonly #table: HTMLElement;
   readonly #words: HTMLElement;
+  readonly #window: HTMLElement;
+  readonly #doses: HTMLElement;
   readonly #stored: StoredSpecimens;
   readonly #choose: (well: string) => void;
   #run: RunStatus | null = null;
@@ -91,6 +107,10 @@ export class GroupsView {
   #references = new Map<number, Reference>();
   #referencesOf = "";
   #shown = "";
+  readonly #ask = new Latest(() => this.#readStatistics());
+  #statistics: Statistics | null = null;
+  /** Run and measured wells that the statistics are of. */
+  #statisticsOf = "";
 
   constructor(
     find: <T extends Element = HTMLElement>(id: string) => T,
@@ -102,6 +122,8 @@ export class GroupsView {
     this.#chart = find("groups-chart");
     this.#table = find("groups-table");
     this.#words = find("groups-words");
+    this.#window = find("groups-window");
+    this.#doses = find("groups-doses");
     this.#stored = stored;
     this.#choose = choose;
     this.#panel.addEventListener("toggle", () => this.#draw());
@@ -123,7 +145,8 @@ export class GroupsView {
     const quantity = this.#quantity.value as Quantity;
     const groups = resultGroups(run.results, this.#plan, quantity);
     void this.#readReferences(run, groups, quantity);
-    const now = JSON.stringify([groups, [...this.#references], quantity, width]);
+    void this.#ask.ask();
+    const now = JSON.stringify([groups, [...this.#references], quantity, width, this.#statisticsOf]);
     if (now === this.#shown) return;
     this.#shown = now;
     if (groups.length === 0) {
@@ -132,6 +155,7 @@ export class GroupsView {
       setText(this.#words, "");
       return;
     }
+    this.#drawStatistics(quantity);
     this.#chart.replaceChildren(picture(groups, this.#references, quantity, width, this.#choose));
     this.#table.replaceChildren(...table(groups, quantity));
     const behind = [...this.#references].map(([dpf, { n }]) => `${n} larvae of ${dpf} dpf`).join(", ");
@@ -140,6 +164,29 @@ export class GroupsView {
       "A dot is a well; the box has the median and the quartiles." +
         (behind === "" ? "" : ` Behind: mean ± 1 SD of the references, ${behind}.`),
     );
+  }
+
+  /** Reads the statistics of the daemon when another well has a number. */
+  async #readStatistics(): Promise<void> {
+    const run = this.#run;
+    if (run === null || !this.#panel.open) return;
+    const of = `${runKey(run)} ${run.results.filter((w) => w.volume_um3 !== null).length}`;
+    if (of === this.#statisticsOf) return;
+    try {
+      this.#statistics = await fetchStatistics(run.id);
+    } catch (error) {
+      if (!(error instanceof Refused)) throw error;
+      this.#statistics = null;
+    }
+    this.#statisticsOf = of;
+    this.#draw();
+  }
+
+  #drawStatistics(quantity: Quantity): void {
+    const { unit, column, size } = QUANTITIES[quantity];
+    const found = this.#statistics?.quantities.find(({ name }) => name === column);
+    setText(this.#window, found === undefined ? "" : windowWords(found));
+    this.#doses.replaceChildren(...(found === undefined ? [] : doseCharts(found, size, unit, this.#choose)));
   }
 
   /** The references of each age, from the first measured larva of that age. */

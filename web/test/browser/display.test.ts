@@ -159,6 +159,35 @@ test("groups of the plate map: a dot per well, the numbers as a table, and a dot
   server.answers["/v1/runs/demo-1/specimens/A01"] = kept({
     measurement: { reference: { estimates: [{ estimator: "support", volume: { known }, area: {} }] } },
   });
+  const point = (name: string, dose: number, value: number) => ({
+    run: "demo-1",
+    well: name,
+    dose,
+    value: value * 1e6,
+  });
+  const number = (value: number) => ({ value, sd: 1, interval_95: { low: value - 2, high: value + 2 } });
+  const condition = { specimen: "larva", dpf: 3, compound: "BPA", concentration: null, concentration_unit: null };
+  server.answers["/v1/runs/demo-1/statistics"] = {
+    ...{ runs: ["demo-1"], modes: ["simulated"], flagged: "included", specimens: 4, specimens_with_flags: 0 },
+    quantities: [
+      {
+        ...{ name: "volume_um3", unit: "um^3", groups: [], compounds: [] },
+        windows: [{ run: "demo-1", positive: 2, negative: 3, z_prime: 0.55, reason: null }],
+        responses: [
+          {
+            ...{ condition: { ...condition, strain: null, treatment: null, control: null }, concentration_unit: "uM" },
+            points: [point("A01", 0, 240), point("A02", 1, 250), point("A03", 3, 260), point("A04", 10, 310)],
+            curve: {
+              ...{ at_zero: number(240e6), at_infinity: number(320e6), hill: number(2), log10_ec50: number(0.7) },
+              ...{ ec50: 5, ec50_interval_95: { low: 3, high: 8 }, ec50_is_within_doses: true },
+              ...{ p_no_effect: 0.01, residual_sd: 1e6 },
+            },
+            reason: null,
+          },
+        ],
+      },
+    ],
+  };
   await page.goto(server.url);
   await page.getByText("Groups of the plate map").click();
   await page.locator('#groups-chart svg[data-groups="2"]').waitFor();
@@ -172,6 +201,9 @@ test("groups of the plate map: a dot per well, the numbers as a table, and a dot
       ["b", "Larva, 3 dpf, BPA 10.0 uM", "1", "310.0", "310.0", "–", "310.0", "310.0"],
     ],
   );
+  await until("groups-window", /^Z' of the controls: 0\.55 \(2 positive, 3 negative\)\.$/);
+  assert.equal(await page.locator("#groups-doses svg .groups-dot").count(), 4);
+  await until("groups-doses", /BPA, larva, 3 dpf: EC50 5\.00 uM \(95 %: 3\.00 to 8\.00\)/);
   await shoot(page, "groups");
   await page.locator('#groups-chart [data-well="A04"]').click();
   await until("well-heading", /^Well A04$/);

@@ -148,6 +148,10 @@ export class FixtureServer {
       this.#json(response, 200, { events: [], next: null });
       return;
     }
+    if (/^\/v1\/runs\/[^/]+\/statistics$/.test(path)) {
+      this.#json(response, 200, { runs: [], modes: [], flagged: "included", specimens: 0, quantities: [] });
+      return;
+    }
     if (path === "/v1/bead-gates") {
       this.#json(response, 200, { gates: [] });
       return;

@@ -1,8 +1,9 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { pointsOf } from "../../src/beads.ts";
+import { response, responseWords, windowWords } from "../../src/doses.ts";
 import { resultGroups, summaryOf } from "../../src/groups.ts";
-import type { GateRow } from "../../src/status.ts";
+import type { DoseSeries, GateRow } from "../../src/status.ts";
 import { well } from "../support/statuses.ts";
 
 test("wells are grouped by what was planned, and those without a number are left out", () => {
@@ -72,4 +73,50 @@ test("a chart has the gates that measured its quantity, with their limits and wh
   );
   assert.match(points[1]!.words, /^2026-03-02 .*: 507\.10 of 3 beads, a jump$/);
   assert.deepEqual(pointsOf(gates, "uy_px"), []);
+});
+
+const fitted = (value: number) => ({ value, sd: 0.1, interval_95: { low: value - 0.2, high: value + 0.2 } });
+const series: DoseSeries = {
+  condition: {
+    ...{ specimen: "larva", dpf: 3, strain: null, treatment: null, compound: "BPA" },
+    ...{ concentration: null, concentration_unit: null, control: null },
+  },
+  concentration_unit: "uM",
+  points: [{ run: "r", well: "A01", dose: 0, value: 240 }],
+  curve: {
+    ...{ at_zero: fitted(240), at_infinity: fitted(180), hill: fitted(1.5), log10_ec50: fitted(0.5) },
+    ...{ ec50: 3.16, ec50_interval_95: { low: 2, high: 5 }, ec50_is_within_doses: true },
+    ...{ p_no_effect: 0.0012, residual_sd: 3 },
+  },
+  reason: null,
+};
+
+test("a curve has its ends at no dose and at a large one, and half of the effect at its EC50", () => {
+  const curve = series.curve!;
+  assert.equal(response(curve, 0), 240);
+  assert.equal(response(curve, curve.ec50), 210);
+  assert.ok(Math.abs(response(curve, 1e9) - 180) < 1e-3);
+});
+
+test("a response says its EC50 with its interval, or why there is no curve; controls say their Z'", () => {
+  assert.equal(
+    responseWords(series),
+    "BPA, larva, 3 dpf: EC50 3.16 uM (95 %: 2.00 to 5.00); Hill 1.50; p of no effect 0.0012.",
+  );
+  const beyond = { ...series, curve: { ...series.curve!, ec50_is_within_doses: false } };
+  assert.match(responseWords(beyond), /beyond the doses: an extrapolation;/);
+  assert.equal(
+    responseWords({ ...series, curve: null, reason: "two doses; four are needed" }),
+    "BPA, larva, 3 dpf: no curve, two doses; four are needed (1 well).",
+  );
+  const window = { run: "r", positive: 4, negative: 6 };
+  assert.equal(
+    windowWords({ windows: [{ ...window, z_prime: 0.618, reason: null }] }),
+    "Z' of the controls: 0.62 (4 positive, 6 negative).",
+  );
+  assert.equal(
+    windowWords({ windows: [{ ...window, positive: 0, z_prime: null, reason: "no positive control" }] }),
+    "No Z' (0 positive, 6 negative): no positive control.",
+  );
+  assert.equal(windowWords({ windows: [] }), "");
 });

@@ -1,0 +1,106 @@
+// Z' of a run's controls, and the response of each compound to its dose, as the daemon computes them.
+
+import { element, svg } from "./dom.ts";
+import { counted, grouped, significant } from "./format.ts";
+import { linearTicks } from "./ticks.ts";
+import type { DoseCurve, DoseSeries, QuantityStatistics } from "./status.ts";
+
+/** `Z' of the controls: 0.62 (4 positive, 6 negative).`, or why there is none; empty without controls. Pure. */
+export function windowWords({ windows }: Pick<QuantityStatistics, "windows">): string {
+  return windows
+    .map(({ z_prime: z, positive, negative, reason }) => {
+      const of = `${positive} positive, ${negative} negative`;
+      return z === null
+        ? `No Z' (${of}): ${reason ?? "no reason given"}.`
+        : `Z' of the controls: ${grouped(z, 2)} (${of}).`;
+    })
+    .join(" ");
+}
+
+/** What a curve says, or why there is none. Pure. */
+export function responseWords({ condition, concentration_unit: unit, points, curve, reason }: DoseSeries): string {
+  const { compound, specimen, dpf } = condition;
+  const name = [compound ?? "no compound", specimen, dpf === null ? "" : `${dpf} dpf`]
+    .filter((p) => p !== "")
+    .join(", ");
+  if (curve === null) return `${name}: no curve, ${reason ?? "no reason given"} (${counted(points.length, "well")}).`;
+  const { low, high } = curve.ec50_interval_95;
+  const beyond = curve.ec50_is_within_doses ? "" : ", beyond the doses: an extrapolation";
+  const ec50 = `EC50 ${significant(curve.ec50, 3)} ${unit} (95 %: ${significant(low, 3)} to ${significant(high, 3)})${beyond}`;
+  return `${name}: ${ec50}; Hill ${grouped(curve.hill.value, 2)}; p of no effect ${significant(curve.p_no_effect, 2)}.`;
+}
+
+/** The curve at a dose: four parameters. Pure. */
+export function response({ at_zero: zero, at_infinity: infinity, ec50, hill }: DoseCurve, dose: number): number {
+  if (dose === 0) return zero.value;
+  return zero.value + (infinity.value - zero.value) / (1 + (ec50 / dose) ** hill.value);
+}
+
+const [WIDTH, HEIGHT] = [420, 220];
+const MARGIN = { left: 60, right: 14, top: 12, bottom: 40 };
+
+/** A chart per compound. `size` is the size of the unit that is shown, in that of the statistics. */
+export function doseCharts(of: QuantityStatistics, size: number, unit: string, choose: (well: string) => void): Node[] {
+  return of.responses.map((series) =>
+    element(
+      "figure",
+      "bead-chart",
+      chart(series, size, unit, choose),
+      element("figcaption", "caption", responseWords(series)),
+    ),
+  );
+}
+
+function chart(series: DoseSeries, size: number, unit: string, choose: (well: string) => void): SVGElement {
+  const { points, curve, concentration_unit: of } = series;
+  const positive = points.map((p) => p.dose).filter((dose) => dose > 0);
+  const [least, most] = [Math.min(...positive), Math.max(...positive)];
+  const logs = [Math.log10(least), Math.log10(most)] as const;
+  const [right, bottom] = [WIDTH - MARGIN.right, HEIGHT - MARGIN.bottom];
+  // A dose of 0 has no logarithm: its wells stand apart at the left.
+  const start = MARGIN.left + 44;
+  const x = (dose: number) =>
+    dose === 0
+      ? MARGIN.left + 16
+      : start + (logs[1] > logs[0] ? (Math.log10(dose) - logs[0]) / (logs[1] - logs[0]) : 0.5) * (right - start - 8);
+  const doses = Array.from({ length: 61 }, (_, i) => 10 ** (logs[0] + ((logs[1] - logs[0]) * i) / 60));
+  const fitted = curve === null ? [] : doses.map((dose) => ({ dose, value: response(curve, dose) / size }));
+  const values = [...points.map((p) => p.value / size), ...fitted.map((f) => f.value)];
+  const levels = linearTicks(Math.min(...values), Math.max(...values));
+  const [low, high] = [levels[0]!, levels.at(-1)!];
+  const digits = Math.max(0, -Math.floor(Math.log10(levels[1]! - low) + 1e-9));
+  const y = (value: number) => bottom - ((value - low) / (high - low)) * (bottom - MARGIN.top);
+  const label = `Response to ${series.condition.compound ?? "the dose"}, ${counted(points.length, "well")}`;
+  const made = svg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img", "aria-label": label });
+  made.dataset["wells"] = String(points.length);
+  for (const level of levels) {
+    made.append(
+      svg("line", { class: "grid", x1: MARGIN.left, x2: right, y1: y(level), y2: y(level) }),
+      svg("text", { class: "tick", x: MARGIN.left - 6, y: y(level) + 4, "text-anchor": "end" }, grouped(level, digits)),
+    );
+  }
+  for (const dose of [...new Set(points.map((p) => p.dose))]) {
+    made.append(
+      svg("text", { class: "tick", x: x(dose), y: bottom + 16, "text-anchor": "middle" }, significant(dose, 1)),
+    );
+  }
+  made.append(
+    svg(
+      "text",
+      { class: "title", x: (start + right) / 2, y: HEIGHT - 6, "text-anchor": "middle" },
+      `Dose, ${of}; ${unit}`,
+    ),
+  );
+  if (fitted.length > 0) {
+    const way = fitted.map((f) => `${x(f.dose).toFixed(1)},${y(f.value).toFixed(1)}`).join(" ");
+    made.append(svg("polyline", { class: "dose-curve", points: way }));
+  }
+  for (const { well, dose, value } of points) {
+    const dot = svg("circle", { class: "groups-dot", cx: x(dose), cy: y(value / size), r: 4 });
+    dot.dataset["well"] = well;
+    dot.append(svg("title", {}, `${well}: ${significant(value / size)} ${unit} at ${significant(dose, 2)} ${of}`));
+    dot.addEventListener("click", () => choose(well));
+    made.append(dot);
+  }
+  return made;
+}
