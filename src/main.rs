@@ -48,7 +48,10 @@ fn filter(value: Result<String, VarError>) -> (Targets, Option<String>) {
 /// A word without a level names a part of the program, of which all is told. A misspelt level would be such a word.
 fn is_meant(directive: &str) -> bool {
     let word = directive.trim();
-    word.contains('=') || word.parse::<LevelFilter>().is_ok() || word.starts_with("carved") || word.starts_with("hardware_sim")
+    word.find('=').is_some_and(|at| at > 0)
+        || word.parse::<LevelFilter>().is_ok()
+        || word.starts_with("carved")
+        || word.starts_with("hardware_sim")
 }
 
 #[cfg(test)]

@@ -25,7 +25,11 @@ struct Pair {
 }
 
 impl Pair {
-    fn start(extra: &str) -> Self {
+    fn start() -> Self {
+        Self::with("", false)
+    }
+
+    fn with(extra: &str, repeats_first: bool) -> Self {
         let dir = tempfile::tempdir().unwrap();
         let pictures = dir.path().join("pictures");
         std::fs::create_dir(&pictures).unwrap();
@@ -34,6 +38,7 @@ impl Pair {
             ("127.0.0.1:8420", "127.0.0.1:0".to_owned()),
             ("/var/lib/carved", dir.path().join("data").display().to_string()),
             ("/mnt/vast", pictures.display().to_string()),
+            ("repeats_first = false", format!("repeats_first = {repeats_first}")),
             ("[methods.standard]", format!("poll_ms = 20\nquiet_ms = 100\n{extra}\n[methods.standard]")),
         ] {
             assert!(text.contains(from), "the shipped configuration has no {from:?}");
@@ -47,7 +52,7 @@ impl Pair {
         let settings = VastProgramSettings {
             folder: pictures.join("P-017"),
             views: VIEWS,
-            repeats_first: extra.contains("repeats_first = true"),
+            repeats_first,
             step: Duration::ZERO,
             // Longer than the time of quiet: size and time alone do not tell that a picture is complete.
             pause: Duration::from_millis(250),
@@ -110,7 +115,7 @@ fn error_percent(measurement: &Value) -> f64 {
 
 #[test]
 fn wells_are_measured_while_another_program_stores_them_in_its_own_order() {
-    let mut pair = Pair::start("");
+    let mut pair = Pair::start();
     let status = pair.waits(&["A01", "A02", "A03", "A04"]);
     assert_eq!(status["hardware"]["rotation"]["outside"], true, "{status}");
     assert_eq!(status["hardware"]["rotation"]["can_stop"], false, "{status}");
@@ -144,7 +149,7 @@ fn has_flag(measurement: &Value, flag: &str) -> bool {
 
 #[test]
 fn a_picture_at_360_deg_closes_the_turn() {
-    let mut pair = Pair::start("repeats_first = true");
+    let mut pair = Pair::with("", true);
     pair.waits(&["A01"]);
     pair.stores("A01", Some(bead()), None);
     pair.daemon.wait_for_outcome();
@@ -158,7 +163,7 @@ fn a_picture_at_360_deg_closes_the_turn() {
 
 #[test]
 fn pictures_from_before_the_run_are_asked_about_and_wells_without_any_are_skipped_at_the_end() {
-    let mut pair = Pair::start("end_after_s = 2");
+    let mut pair = Pair::with("end_after_s = 2", false);
     pair.stores("A02", Some(bead()), None);
     pair.plan(&["A01", "A02"]);
     let status = pair.daemon.wait("the question", |s| is_fault(s, "pictures_earlier"));
@@ -175,7 +180,7 @@ fn pictures_from_before_the_run_are_asked_about_and_wells_without_any_are_skippe
 
 #[test]
 fn a_share_that_is_lost_in_mid_turn_holds_the_run_and_the_run_catches_up() {
-    let mut pair = Pair::start("");
+    let mut pair = Pair::start();
     pair.waits(&["A01"]);
     pair.stores("A01", Some(bead()), Some(Mistake::StopsAfter(5)));
     pair.daemon.wait("five views", |s| s["specimen"]["view"] == 5);
@@ -192,7 +197,7 @@ fn a_share_that_is_lost_in_mid_turn_holds_the_run_and_the_run_catches_up() {
 
 #[test]
 fn a_killed_daemon_reads_what_was_stored_meanwhile() {
-    let mut pair = Pair::start("");
+    let mut pair = Pair::start();
     pair.waits(&["A01", "A02"]);
     pair.stores("A01", Some(bead()), Some(Mistake::StopsAfter(5)));
     pair.daemon.wait("five views", |s| s["specimen"]["view"] == 5);
@@ -209,7 +214,7 @@ fn a_killed_daemon_reads_what_was_stored_meanwhile() {
 
 #[test]
 fn pictures_of_another_size_hold_the_run_with_both_sizes() {
-    let pair = Pair::start("");
+    let pair = Pair::start();
     pair.waits(&["A01"]);
     let folder = pair.dir.path().join("pictures/P-017");
     std::fs::create_dir_all(&folder).unwrap();

@@ -267,7 +267,10 @@ fn every_larva_fits_the_bore_at_rest() {
 
 #[test]
 fn a_strict_run_skips_no_test() {
-    strict::holds(&[(cfg!(has_shared) || std::env::var_os("CARVED_SHARED").is_none(), "CARVED_SHARED does not name a folder of shared data")]);
+    strict::holds(&[(
+        cfg!(has_shared) || std::env::var_os("CARVED_SHARED").is_none(),
+        "CARVED_SHARED does not name a folder of shared data",
+    )]);
 }
 
 #[test]

@@ -592,7 +592,10 @@ impl Machine {
         let is_round = bead_extents(bead.diameter_um, bead.aspect).is_ok();
         if !is_round {
             let text = format!(
-                "The bead is {:.3} times as long as wide, {} to {} are allowed. It is no sphere, or something lies at it: flush the capillary and                  bring another bead. If the next one is the same, the scales along and across differ, as they do in air: put the capillary                  into water, or measure both scales with carved calibrate beads",
+                "The bead is {:.3} times as long as wide, {} to {} are allowed. It is no sphere, or something lies at it: \
+                 flush the capillary and bring another bead. If the next one is the same, the scales along and across \
+                 differ, as they do in air: put the capillary into water, or measure both scales with carved calibrate \
+                 beads",
                 bead.aspect,
                 1.0 - ASPECT_OFF_MOST,
                 1.0 + ASPECT_OFF_MOST
