@@ -28,6 +28,7 @@ mod schema;
 mod segment;
 mod serve;
 mod setup;
+mod signals;
 #[cfg(feature = "simulate")]
 mod simulate;
 mod stored;

@@ -154,7 +154,7 @@ impl RealBench {
 
     /// Switches the light on, on a rig with one. It is off again once the result is dropped.
     fn light(&self, config: &Config) -> anyhow::Result<Lit<'_>> {
-        let axis = camera_light(config)?;
+        let axis = camera_light(config, &self.stopper.cancel)?;
         // A signal must not end the program while the light is on.
         self.stopper.hold(axis.as_ref().map(|axis| axis.stop_handle()));
         Ok(Lit { _at_rest: AtRest(self), _axis: axis })
@@ -181,10 +181,10 @@ impl RealBench {
     fn exposure(&self, config: &Config) -> anyhow::Result<FoundExposure> {
         let settings = config.camera.aravis().context(NO_DEVICES)?;
         let _light = self.light(config)?;
-        let (_, frames) = average::take(settings, 1)?;
+        let (_, frames) = average::take(settings, 1, &self.stopper.cancel)?;
         let first = frames.first().context("the camera gave no frame")?;
         self.show(first, None);
-        match exposure::find(settings.clone(), exposure::TARGET) {
+        match exposure::find(settings.clone(), exposure::TARGET, &self.stopper.cancel) {
             Ok(found) => Ok(FoundExposure { exposure_us: found.exposure_us, top: found.top, follows: true }),
             Err(error) => {
                 let top = exposure::top(first);
@@ -197,7 +197,7 @@ impl RealBench {
     fn empty(&self, config: &Config) -> anyhow::Result<Empty> {
         let settings = config.camera.aravis().context(NO_DEVICES)?;
         let lit = self.light(config)?;
-        let (_, taken) = average::take(settings, FRAMES)?;
+        let (_, taken) = average::take(settings, FRAMES, &self.stopper.cancel)?;
         drop(lit);
         let frame = average::mean(&taken)?;
         let picture = Picture::from_frame(&frame);
