@@ -77,9 +77,12 @@ impl Devices {
         self.instrument = Some(instrument);
     }
 
-    /// Resets the sampler for a new run.
+    /// Resets axis and sampler for a new run.
     pub fn begin_run(&mut self) {
-        self.instrument.iter_mut().for_each(|instrument| instrument.sampler.begin_run());
+        if let Some(instrument) = &mut self.instrument {
+            instrument.rig.rotation.begin_run();
+            instrument.sampler.begin_run();
+        }
     }
 
     /// Whether the axis follows a position list of its own controller. Such an axis cannot take up a specimen twice.
