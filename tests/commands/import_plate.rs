@@ -12,7 +12,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// A camera of VAST's crops, 1024 x 200 px with the capillary in the middle.
-fn scene(specimen: Specimen) -> Scene {
+pub fn scene(specimen: Specimen) -> Scene {
     let camera = Camera { height: 200, uy_px: 99.5, ..Camera::default() };
     let scene = Scene::new(SceneSettings { camera, ..SceneSettings::default() });
     scene.load(Some(specimen)).unwrap();
@@ -20,7 +20,7 @@ fn scene(specimen: Specimen) -> Scene {
 }
 
 /// Writes `pictures` pictures of a turn of `views`, of which the first has the number `first`.
-fn shoot(scene: &Scene, pictures: u32, views: u32, name: impl Fn(u32) -> PathBuf) {
+pub fn shoot(scene: &Scene, pictures: u32, views: u32, name: impl Fn(u32) -> PathBuf) {
     for i in 0..pictures {
         let angle_rad = std::f64::consts::TAU * f64::from(i) / f64::from(views);
         let frame = scene.render(&Exposure { angle_rad, number: u64::from(i) });
