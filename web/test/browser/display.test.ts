@@ -143,6 +143,30 @@ test("an old run is found, opened with all that a live one shows, and closed; th
   complaints.splice(0, complaints.length, ...complaints.filter((c) => !/404/.test(c)));
 });
 
+test("a run that is opened while it is under way follows the instrument, and is read again when it has ended", async () => {
+  const own = { ...detail, id: "demo-1", started: running.run!.started, ended: null, outcome: null };
+  server.answers["/v1/runs/demo-1"] = own;
+  await page.goto(`${server.url}/?run=demo-1`);
+  await until("opened-words", /^Run under way demo-1: /);
+  // The wells are those of the status. The record has B01 only.
+  await wellButton("A05").waitFor();
+  assert.equal(await page.locator("#opened-files a").count(), 0, "its files are still written");
+  const results = running.run!.results.map((w) => (w.well === "A05" ? { ...w, outcome: "failed" as const } : w));
+  server.publish({ ...running, specimen: null, run: { ...running.run!, results } });
+  await page.locator('#plate button[data-well="A05"][data-condition="failed"]').waitFor();
+
+  const ended = { ...running.run!, results, outcome: "partial" as const };
+  server.answers["/v1/runs/demo-1"] = { ...own, outcome: "partial" };
+  server.publish({ ...running, state: "Complete", specimen: null, run: ended });
+  await until("opened-words", /^Stored run demo-1: /);
+  await wellButton("B01").waitFor();
+  assert.equal(await page.locator("#opened-files a").count(), 1);
+  // Another run of the instrument does not take its place.
+  server.publish({ ...running, run: { ...running.run!, id: "demo-2", started: "2026-04-01T00:00:00Z" } });
+  await until("state", /^Running$/i);
+  await wellButton("B01").waitFor();
+});
+
 test("groups of the plate map: a dot per well, the numbers as a table, and a dot leads to its well", async () => {
   server.answers["/v1/runs/demo-1"] = {
     ...detail,
@@ -377,7 +401,7 @@ test("the wall display shows state, count and plate, keeps the emergency stop an
   for (const id of ["count", "sentence", "plate", "frame-box", "emergency-stop"]) {
     assert.equal(await page.locator(`#${id}`).isVisible(), true, id);
   }
-  for (const id of ["abort", "acknowledge", "new-run", "runs", "rig"]) {
+  for (const id of ["abort", "acknowledge", "new-run", "runs", "rig", "groups", "beads"]) {
     assert.equal(await page.locator(`#${id}`).isVisible(), false, id);
   }
   await shoot(page, "wall");
@@ -463,7 +487,9 @@ for (const theme of ["light", "dark"] as const) {
         if (screen.name === "stored run") await until("opened-words", /^Stored run/);
         // Everything that can be unfolded is looked at, too.
         if (screen.name !== "wall") {
-          for (const fold of await page.locator("main details:visible > summary").all()) await fold.click();
+          await page.locator("main details").evaluateAll((folds) => {
+            for (const fold of folds as HTMLDetailsElement[]) fold.open = true;
+          });
           await page.locator("#display > summary").click();
         }
         const beyond = await page.evaluate(() => document.documentElement.scrollWidth - window.innerWidth);
@@ -480,3 +506,25 @@ for (const theme of ["light", "dark"] as const) {
     });
   }
 }
+test("a browser that shows no notices of a page keeps its page up to date and says so", async () => {
+  await page.addInitScript(() => {
+    // As Chrome on Android: permitted, but not from a page.
+    class Illegal {
+      static permission = "granted";
+      constructor() {
+        throw new TypeError("Failed to construct 'Notification': Illegal constructor.");
+      }
+    }
+    Object.assign(window, { Notification: Illegal });
+  });
+  await page.goto(server.url);
+  await until("state", /^Running$/i);
+  await page.getByText("Display", { exact: true }).click();
+  await page.getByLabel("Notices when somebody is needed").check();
+  server.publish(held);
+  await until("state", /^Held$/i);
+  await until("display-words", /^This browser shows no notices of a page\. Use the sound, or another browser\.$/);
+  assert.equal(await page.getByLabel("Notices when somebody is needed").isChecked(), false);
+  server.publish(running);
+  await until("state", /^Running$/i);
+});
