@@ -74,7 +74,7 @@ const histories = { live: new VolumeHistory(), opened: new VolumeHistory() };
 const stored = new StoredSpecimens();
 const models = new StoredModels(stored);
 const standing = new StandingView(byId("standing"));
-const groups = new GroupsView(byId, stored, choose);
+const groups = new GroupsView(byId, choose);
 const files = new WellFiles(byId("well-files"));
 const frameParts = {
   heading: byId("frame-heading"),
@@ -217,7 +217,7 @@ function run(status: Status, detail: RunDetail | null): void {
   results.update(wells, chosen);
   attention.update(wells);
   log.update(status.run, status.revision);
-  groups.update(status.run, planOf(status.run, detail).plate_map);
+  groups.update(status.run);
   byId("save-table").hidden = wells.every((w) => w.outcome === null);
   card.update(well, specimen, wells, well ? (history.of(well.well).hulls_um3.at(-1) ?? null) : null);
   chart.update(
