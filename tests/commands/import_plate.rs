@@ -90,9 +90,11 @@ fn a_plate_of_vast_pictures_becomes_a_run_like_any_other() {
     let before = tree(dir.path());
     let args = [
         &[plate, "--plate", "P-017", "--data", data_text, "--even", "--closure", "--voxel", "14", "--operator", "kim"][..],
-        &["--plate-map", text(&map)],
+        &["--plate-map", text(&map), "--plate-format", "384"],
     ]
     .concat();
+    let small = [&args[..args.len() - 1], &["24", "--dry-run"]].concat();
+    assert!(refused(&small).contains("H12 is not on a plate of 24 wells"), "{}", refused(&small));
 
     let output = run(&[&["import", "--dry-run"], &args[..]].concat());
     let dry = String::from_utf8(output.stdout.clone()).unwrap();
@@ -120,6 +122,7 @@ fn a_plate_of_vast_pictures_becomes_a_run_like_any_other() {
     assert_eq!((&lines[5]["outcome"], &lines[5]["succeeded"]), (&json!("partial"), &json!(2)));
     assert!(lines[3]["reason"].as_str().unwrap().contains("1 of 13 pictures cannot be used"), "{}", lines[3]);
     let folder = data.join("runs/P-017");
+    assert_eq!(json(&folder.join("run.json"))["plan"]["plate_format"], json!(384));
     assert_eq!(fs::read_dir(data.join("runs")).unwrap().count(), 1, "nothing half-written is left");
     // The bead's truth is 500 um. 12 views at 5.5 um per px.
     let measured = json(&folder.join("A02/measurement.json"));
