@@ -22,9 +22,11 @@ use carved_devices::{Rig, RotationAxis, StopHandle, camera};
 use carved_records::{LedgerEntry, Method, ViewOrder};
 use carved_store::{durable, frames};
 use rayon::prelude::*;
+use std::net::{TcpStream, ToSocketAddrs};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
 
 const BAUD: u32 = 115_200;
 /// Frames in the mean of the empty capillary.
@@ -382,15 +384,35 @@ fn cameras() -> Vec<Listed> {
     camera::discover().into_iter().filter_map(listed).collect()
 }
 
+/// Whether a connection to `HOST:PORT` can be made.
+fn answers(address: &str) -> std::io::Result<()> {
+    let mut last = std::io::Error::from(std::io::ErrorKind::AddrNotAvailable);
+    for address in address.to_socket_addrs()? {
+        match TcpStream::connect_timeout(&address, CONNECT) {
+            Ok(_) => return Ok(()),
+            Err(error) => last = error,
+        }
+    }
+    Err(last)
+}
+
+/// Time for a connection to a relay.
+const CONNECT: Duration = Duration::from_secs(3);
+
 /// Asks what answers on a port, or takes an address of a relay.
 fn controller(named: &str) -> anyhow::Result<Controller> {
     let quoted = |text: &str| toml::Value::from(text).to_string();
     let is_relay = !named.starts_with('/') && named.rsplit_once(':').is_some_and(|(_, port)| port.parse::<u16>().is_ok());
     if is_relay {
+        answers(named).with_context(|| {
+            format!(
+                "Nobody listens at {named}. Start scripts/vast_pipe_relay.py on VAST's computer, and check the address and the firewall"
+            )
+        })?;
         let keys = vec![("address".into(), quoted(named))];
         return Ok(Controller {
             driver: "relay".into(),
-            name: format!("relay at {named}, which is asked when it moves"),
+            name: format!("something listens at {named}; whether it is a relay shows when the motors move"),
             keys,
             homes: None,
             remark: None,
