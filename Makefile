@@ -26,6 +26,9 @@ build: deps-build $(PAGE) ## the daemon, release, with the operator's page insid
 run: build ## build, then the emulated rig with its demo plate (ARGS="..." goes to carved simulate)
 	$(TARGET_DIR)/release/carved simulate --frames $(FRAMES) $(ARGS)
 
+# Most integration tests wait for a daemon or for a motor that moves in real time: three at a time per core keep the cores busy.
+test: export RUST_TEST_THREADS ?= $(shell expr 3 '*' $$(nproc))
+
 # The daemon that the page and the Python client are tested against is the one that `cargo test` has built for the
 # integration tests, so that nothing is compiled twice.
 test: deps-build deps-test deps-python $(PAGE) ## unit, integration and doc tests; the page's in headless Chromium; the Python client's; the unit file

@@ -1,6 +1,7 @@
 //! The daemon of `serve` and `simulate`, from opening the store to joining all threads.
 
 use super::notify;
+use super::signals::Signals;
 use crate::api::MethodOffer;
 use crate::config::Config;
 use crate::session::{self, Driver, Heartbeat, Instrument, SessionHandle};
@@ -10,7 +11,6 @@ use carved_records::Mode;
 use carved_store::{Claim, Store};
 use std::net::TcpListener;
 use std::sync::Arc;
-use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::watch;
 
 /// A daemon before its start: it owns its data folder, its port is open and its devices answer, but no task runs yet.
@@ -108,27 +108,6 @@ async fn tell_systemd(session: SessionHandle, heartbeat: Heartbeat) {
 async fn stopped(mut stop: watch::Receiver<bool>) {
     // An error means that the sender was dropped, which is also a stop.
     let _gone = stop.wait_for(|s| *s).await;
-}
-
-/// The signals that end the daemon.
-struct Signals(Vec<(Signal, &'static str)>);
-
-impl Signals {
-    fn listen() -> anyhow::Result<Self> {
-        let kinds = [(SignalKind::terminate(), "SIGTERM"), (SignalKind::interrupt(), "SIGINT"), (SignalKind::hangup(), "SIGHUP")];
-        let listen = |(kind, name)| anyhow::Ok((signal(kind).with_context(|| format!("cannot listen to {name}"))?, name));
-        kinds.into_iter().map(listen).collect::<Result<_, _>>().map(Self)
-    }
-
-    async fn next(&mut self) -> &'static str {
-        let any = self.0.iter_mut().map(|(signal, name)| {
-            Box::pin(async move {
-                signal.recv().await;
-                *name
-            })
-        });
-        futures::future::select_all(any).await.0
-    }
 }
 
 /// Resolves once the driver has ended by itself.

@@ -3,7 +3,10 @@
 //! ```text
 //!  RECORDING ── ledger ── all views, or an even subset (--asd) ── the live run's pipeline ── one JSON line
 //! ```
-//! A recording that fails does not stop the others; its line gives the reason.
+//! A recording that fails does not stop the others; its line gives the reason. With `--out` the numbers go into a folder instead, by
+//! several jobs and perhaps on several machines: see [`bulk`].
+
+mod bulk;
 
 use super::stored::{self, Stored};
 use super::told;
@@ -17,6 +20,7 @@ use carved_store::{MEASUREMENT, MeasurementFile, RecordingFiles, RecordingReader
 use indicatif::{ProgressBar, ProgressStyle};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use std::process::ExitCode;
 
 #[derive(Debug, clap::Args)]
 pub struct Args {
@@ -25,8 +29,14 @@ pub struct Args {
     recordings: Vec<PathBuf>,
     /// Measure with this number of the captured views, evenly spread: of 84 with 4, 7, 12, 14, 21, 28, 42 or any other divisor. The
     /// tolerance is that for this number of views. The result is not compared with the stored one.
-    #[arg(long, value_name = "VIEWS")]
+    #[arg(long, value_name = "VIEWS", conflicts_with = "method")]
     asd: Option<u32>,
+    /// Write the numbers of each recording to DIR/RUN/WELL/measurement.json, and leave out what is there and intact. A second call with the
+    /// same options goes on where the first was interrupted. `carved export table --measurements DIR` makes one table of all.
+    #[arg(long, value_name = "DIR", conflicts_with = "asd")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    bulk: bulk::Options,
 }
 
 /// One line of output.
@@ -59,7 +69,14 @@ struct Failed<'a> {
 ///
 /// # Errors
 /// At the end, every recording that could not be measured or whose numbers differ from the stored ones.
-pub fn run(args: &Args) -> anyhow::Result<()> {
+pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    match &args.out {
+        Some(out) => bulk::run(&args.recordings, out, &args.bulk),
+        None => lines(args).map(|()| ExitCode::SUCCESS),
+    }
+}
+
+fn lines(args: &Args) -> anyhow::Result<()> {
     let (mut failures, mut differ) = (Vec::new(), Vec::new());
     for (path, found) in each(&args.recordings) {
         let line = match found.and_then(|()| line(&path, args.asd)) {
@@ -157,6 +174,14 @@ pub(super) fn compute(reader: &RecordingReader, method: &Method) -> anyhow::Resu
 
 /// As [`compute`], with the voxels and the cameras that the numbers come from.
 pub(super) fn compute_with_hull(reader: &RecordingReader, method: &Method) -> anyhow::Result<Computed> {
+    let bar = ProgressBar::no_length()
+        .with_style(ProgressStyle::with_template("{msg} {bar:30} {pos}/{len} views")?)
+        .with_message(reader.folder().display().to_string());
+    compute_with(reader, method, &bar)
+}
+
+/// As [`compute_with_hull`], with a bar that counts the views.
+fn compute_with(reader: &RecordingReader, method: &Method, bar: &ProgressBar) -> anyhow::Result<Computed> {
     reader.require_finished()?;
     let recording = reader.recording();
     let captured = recording.method.asd;
@@ -166,9 +191,7 @@ pub(super) fn compute_with_hull(reader: &RecordingReader, method: &Method) -> an
     } else {
         subset(&counted, captured, method.asd).with_context(|| format!("{} views (asd)", method.asd))?
     };
-    let bar = ProgressBar::new(entries.len() as u64)
-        .with_style(ProgressStyle::with_template("{msg} {bar:30} {pos}/{len} views")?)
-        .with_message(reader.folder().display().to_string());
+    bar.set_length(entries.len() as u64);
     let found = numbers::with_hull(reader, method, &entries, |_, _| bar.inc(1));
     bar.finish_and_clear();
     found.map_err(|error| match error {

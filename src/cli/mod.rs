@@ -28,6 +28,7 @@ mod schema;
 mod segment;
 mod serve;
 mod setup;
+mod signals;
 #[cfg(feature = "simulate")]
 mod simulate;
 mod stored;
@@ -155,7 +156,7 @@ fn run() -> anyhow::Result<ExitCode> {
         Command::Serve(args) => serve::run(&args),
         #[cfg(feature = "simulate")]
         Command::Simulate(args) => simulate::run(args),
-        Command::Measure(args) => measure::run(&args),
+        Command::Measure(args) => return measure::run(&args),
         Command::Replay(args) => replay::run(&args),
         Command::Import(args) => return import::run(&args),
         Command::Reference(command) => reference::run(&command),

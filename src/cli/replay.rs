@@ -75,7 +75,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 const DIFFERS: &str = "differs";
 
 /// The method, and the name for its results.
-fn method(name: &str, config: Option<&Path>) -> anyhow::Result<(String, Method)> {
+pub(super) fn method(name: &str, config: Option<&Path>) -> anyhow::Result<(String, Method)> {
     if let Some(config) = config {
         let methods = Config::load(config)?.methods;
         let known = methods.keys().cloned().collect::<Vec<_>>().join(", ");
@@ -122,7 +122,7 @@ fn by(folder: &Path, name: &str, method: &Method) -> anyhow::Result<String> {
     let found = if writer.is_there(method, &numbers)? {
         "identical, bit for bit, to what is there"
     } else {
-        writer.write(method, &[(MEASUREMENT, numbers), (MESH, ply(&mesh, file.mode)?)])?;
+        writer.write(method, None, &[(MEASUREMENT, numbers), (MESH, ply(&mesh, file.mode)?)])?;
         "written"
     };
     let m = &file.record.measurement;

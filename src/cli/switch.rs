@@ -4,11 +4,11 @@
 //! first, which switches everything off.
 
 use super::serve::open_axis;
+use super::signals::Signals;
 use crate::config::Config;
 use anyhow::Context;
 use std::path::PathBuf;
 use std::time::Duration;
-use tokio::signal::unix::{SignalKind, signal};
 
 #[derive(Debug, clap::Args)]
 pub struct Args {
@@ -54,10 +54,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     );
     // Signals are caught before anything is switched on.
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().context("cannot start the runtime")?;
-    let signals = runtime.block_on(async {
-        [SignalKind::interrupt(), SignalKind::terminate(), SignalKind::hangup()].map(signal).into_iter().collect::<Result<Vec<_>, _>>()
-    });
-    let mut signals = signals.context("cannot wait for signals")?;
+    let mut signals = runtime.block_on(async { Signals::listen() })?;
     let mut axis = open_axis(&config)?;
     let outputs = axis.outputs().context("this controller has no outputs")?;
     if args.state == Level::Off {
@@ -69,11 +66,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let until = args.lasting.map_or("until Ctrl-C".to_owned(), |lasting| format!("for {} s", lasting.as_secs_f64()));
     announce!("{} is on, {until}", args.name);
     runtime.block_on(async {
-        let any = futures::future::select_all(signals.iter_mut().map(|signal| Box::pin(signal.recv())));
         match args.lasting {
             // Whether time or a signal ended it does not matter.
-            Some(lasting) => drop(tokio::time::timeout(lasting, any).await),
-            None => drop(any.await),
+            Some(lasting) => drop(tokio::time::timeout(lasting, signals.next()).await),
+            None => drop(signals.next().await),
         }
     });
     outputs.switch(&args.name, false)?;

@@ -77,6 +77,14 @@ pub(super) fn implausible(raw: &Raw, drivers: &Drivers, in_range: impl Fn(&str) 
         RotationDriver::Zaber(s) => (Some(&s.port), Some(s.baud)),
         RotationDriver::Relay(_) | RotationDriver::Folder(_) => (None, None),
     };
+    if matches!(drivers.rotation, RotationDriver::VastBridge(_) | RotationDriver::Relay(_))
+        && <[u32; 2]>::from(raw.rig.steps_per_revolution) != [500, 1]
+    {
+        found.doubts.push(
+            "rig.steps_per_revolution is not [500, 1]: VAST's motors make 500 steps of 0.72 deg in a turn. Other values give wrong angles"
+                .into(),
+        );
+    }
     found.port(port);
     found.baud(baud.filter(|_| in_range("rotation")));
     found

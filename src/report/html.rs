@@ -5,7 +5,7 @@
 //! ```
 
 use super::methods::Methods;
-use super::plots::{self, Column};
+use super::plots;
 use super::specimen::Specimen;
 use crate::tables::statistics::{Flagged, QuantityStatistics, Statistics, WellGroup};
 use base64::Engine;
@@ -161,25 +161,15 @@ impl Report<'_> {
     }
 
     /// Scale and label of a quantity of larvae.
-    fn units() -> [(&'static str, (f64, &'static str), usize); 3] {
-        [
-            ("volume_um3", (MILLION, "volume, 10⁶ µm³"), 0),
-            ("area_um2", (MILLION, "area, 10⁶ µm²"), 1),
-            // Reference larvae have no length.
-            ("body_length_um", (1000.0, "length, mm"), 2),
-        ]
+    fn units() -> [(&'static str, (f64, &'static str)); 3] {
+        [("volume_um3", (MILLION, "volume, 10⁶ µm³")), ("area_um2", (MILLION, "area, 10⁶ µm²")), ("body_length_um", (1000.0, "length, mm"))]
     }
 
     fn groups(&self) -> Result<Markup, ReportError> {
         let mut figures = Vec::new();
-        for (name, unit, place) in Self::units() {
+        for (name, unit) in Self::units() {
             let Some(quantity) = self.quantity(name) else { continue };
-            let of_larvae: Vec<Column> = quantity
-                .groups
-                .iter()
-                .filter(|group| group.condition.specimen == "larva")
-                .map(|group| Column { group, reference: self.reference(group, place) })
-                .collect();
+            let of_larvae: Vec<&WellGroup> = quantity.groups.iter().filter(|group| group.condition.specimen == "larva").collect();
             let span = plots::span(&of_larvae, unit.0);
             for part in of_larvae.chunks(COLUMNS) {
                 figures.push(plots::distributions(part, span, unit)?);
@@ -199,11 +189,6 @@ impl Report<'_> {
                 }
             }
         })
-    }
-
-    fn reference(&self, group: &WellGroup, place: usize) -> Option<[f64; 2]> {
-        let mut members = group.values.iter().filter_map(|v| self.specimens.iter().find(|s| s.run == v.run && s.well == v.well));
-        members.find_map(|s| s.reference.get(place).copied().flatten())
     }
 
     fn group_table(volume: &QuantityStatistics) -> Markup {
@@ -246,7 +231,7 @@ impl Report<'_> {
 
     fn responses(&self) -> Result<Markup, ReportError> {
         let mut figures = Vec::new();
-        for (name, unit, _) in Self::units() {
+        for (name, unit) in Self::units() {
             for response in self.quantity(name).iter().flat_map(|q| &q.responses) {
                 let words = match &response.curve {
                     Some(curve) => format!(

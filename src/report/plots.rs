@@ -6,7 +6,7 @@
 //!  response ─────── wells over the logarithm of the dose, dose 0 at the left, the fitted curve, the EC50 with its interval
 //! ```
 
-use crate::tables::statistics::{DoseSeries, WellGroup};
+use crate::tables::statistics::{DoseSeries, Interval, WellGroup};
 use carved_records::{PlateFormat, well_name};
 use plotters::coord::ranged1d::{KeyPointHint, Ranged};
 use plotters::prelude::*;
@@ -130,18 +130,11 @@ where
     Ok(())
 }
 
-/// A group with what reference larvae of its age have.
-pub struct Column<'g> {
-    pub group: &'g WellGroup,
-    /// Interval of 95 % of further reference larvae, in the unit of the values.
-    pub reference: Option<[f64; 2]>,
-}
-
 /// The interval of the values of groups with room around it, divided by `scale`: the same for all plots of one quantity.
-pub fn span(columns: &[Column], scale: f64) -> [f64; 2] {
-    let values = columns.iter().flat_map(|c| {
-        let group = c.group.values.iter().map(|v| v.value).chain(c.group.mean_interval_95.into_iter().flat_map(|i| [i.low, i.high]));
-        group.chain(c.reference.into_iter().flatten()).map(|v| v / scale)
+pub fn span(groups: &[&WellGroup], scale: f64) -> [f64; 2] {
+    let values = groups.iter().flat_map(|group| {
+        let intervals = group.mean_interval_95.into_iter().chain(group.reference.iter().map(|r| r.interval_95));
+        group.values.iter().map(|v| v.value).chain(intervals.flat_map(|i| [i.low, i.high])).map(|v| v / scale)
     });
     room(values)
 }
@@ -150,13 +143,13 @@ pub fn span(columns: &[Column], scale: f64) -> [f64; 2] {
 ///
 /// # Errors
 /// The plot library's.
-pub fn distributions(columns: &[Column], [low, high]: [f64; 2], unit: (f64, &str)) -> Drawn {
+pub fn distributions(groups: &[&WellGroup], [low, high]: [f64; 2], unit: (f64, &str)) -> Drawn {
     let (scale, label) = unit;
-    let width = (90 + 62 * columns.len()).clamp(360, 1120) as u32;
+    let width = (90 + 62 * groups.len()).clamp(360, 1120) as u32;
     let mut svg = String::new();
     {
         let root = SVGBackend::with_string(&mut svg, (width, 450)).into_drawing_area();
-        let ends = -0.5..columns.len() as f64 - 0.5;
+        let ends = -0.5..groups.len() as f64 - 0.5;
         let mut chart =
             ChartBuilder::on(&root).margin(8).x_label_area_size(200).y_label_area_size(64).build_cartesian_2d(ends, low..high)?;
         chart
@@ -167,25 +160,25 @@ pub fn distributions(columns: &[Column], [low, high]: [f64; 2], unit: (f64, &str
             .y_desc(label)
             .label_style((FONT, 13))
             .draw()?;
-        for (i, column) in columns.iter().enumerate() {
+        for (i, group) in groups.iter().enumerate() {
             let x = i as f64;
-            if let Some([from, to]) = column.reference {
+            if let Some(Interval { low: from, high: to }) = group.reference.as_ref().map(|r| r.interval_95) {
                 chart.draw_series([Rectangle::new([(x - 0.42, from / scale), (x + 0.42, to / scale)], REFERENCE.mix(0.16).filled())])?;
             }
-            let n = column.group.values.len();
-            for (k, well) in column.group.values.iter().enumerate() {
+            let n = group.values.len();
+            for (k, well) in group.values.iter().enumerate() {
                 // Side by side in the order of the plate, so that wells do not hide each other.
                 let at = x + if n > 1 { 0.5 * (k as f64 / (n - 1) as f64 - 0.5) } else { 0.0 };
                 let colour = if well.flagged { FLAGGED } else { WELL };
                 chart.draw_series([Circle::new((at, well.value / scale), 3, colour.mix(0.75).filled())])?;
             }
-            let mean = column.group.mean / scale;
+            let mean = group.mean / scale;
             chart.draw_series([PathElement::new([(x - 0.34, mean), (x + 0.34, mean)], BLACK.stroke_width(2))])?;
-            if let Some([from, to]) = column.group.mean_interval_95.map(|i| i.map(|v| v / scale)) {
+            if let Some([from, to]) = group.mean_interval_95.map(|i| i.map(|v| v / scale)) {
                 chart.draw_series([PathElement::new([(x, from), (x, to)], BLACK.stroke_width(2))])?;
             }
         }
-        names(&root, &chart, columns, low)?;
+        names(&root, &chart, groups, low)?;
         root.present()?;
     }
     Ok(svg)
@@ -195,13 +188,13 @@ pub fn distributions(columns: &[Column], [low, high]: [f64; 2], unit: (f64, &str
 fn names<X: Ranged<ValueType = f64>, Y: Ranged<ValueType = f64>>(
     root: &DrawingArea<SVGBackend, plotters::coord::Shift>,
     chart: &ChartContext<SVGBackend, Cartesian2d<X, Y>>,
-    columns: &[Column],
+    groups: &[&WellGroup],
     low: f64,
 ) -> Result<(), Box<dyn Error + Send + Sync>> {
-    for (i, column) in columns.iter().enumerate() {
+    for (i, group) in groups.iter().enumerate() {
         let (x, y) = chart.backend_coord(&(i as f64, low));
         let style = (FONT, 11).into_font().transform(FontTransform::Rotate90).color(&BLACK).pos(Pos::new(HPos::Left, VPos::Center));
-        let name = column.group.condition.words();
+        let name = group.condition.words();
         let short: String = if name.chars().count() > 38 { name.chars().take(37).chain(['…']).collect() } else { name };
         root.draw(&Text::new(short, (x, y + 6), style))?;
     }

@@ -6,7 +6,6 @@ use crate::tables::statistics::WellCondition;
 use carved_core::quality::Quality;
 use carved_records::{SpecimenKind, SpecimenOutcome};
 use carved_store::{StoreError, StoredRun, place_among_references};
-use serde_json::Value;
 
 /// One planned well.
 #[derive(Debug, Clone)]
@@ -29,8 +28,6 @@ pub struct Specimen {
     pub aspect_ratio: Option<f64>,
     /// Standard deviations of volume and area above the mean of reference larvae.
     pub z: [Option<f64>; 2],
-    /// Intervals of 95 % of further reference larvae, of volume and area.
-    pub reference: [Option<[f64; 2]>; 2],
     pub quality: Quality,
     pub measurement_sha256: Option<String>,
     pub pictures: Vec<Shown>,
@@ -49,7 +46,6 @@ impl Specimen {
             let place =
                 |quantity: &str| well.measurement.as_ref().and_then(|m| place_among_references(m, quantity)).map(|(_, place)| place);
             let quantities = ["volume", "area"].map(place);
-            let interval = |place: &Value| Some([place["interval_95"][0].as_f64()?, place["interval_95"][1].as_f64()?]);
             let status = well.status.as_ref();
             let quality = well.measurement.as_ref().and_then(|m| serde_json::from_value(m["quality"].clone()).ok());
             all.push(Self {
@@ -70,7 +66,6 @@ impl Specimen {
                 sphere_rms_um: number("/measurement/sphere_rms_um"),
                 aspect_ratio: number("/measurement/aspect_ratio"),
                 z: quantities.map(|place| place.and_then(|p| p["z"].as_f64())),
-                reference: quantities.map(|place| place.and_then(interval)),
                 quality: quality.unwrap_or_default(),
                 pictures: pictures::of(&well),
                 measurement_sha256: well.measurement_sha256,

@@ -32,8 +32,8 @@ impl DeviceReport {
     }
 }
 
-/// Checks the axis and takes a frame. Nothing moves.
-pub fn look(mut instrument: Instrument, deadline: Duration) -> (Instrument, DeviceReport) {
+/// Checks the axis and takes a frame. Nothing moves. `cancel` ends the wait for a steady light and for the frame.
+pub fn look(mut instrument: Instrument, deadline: Duration, cancel: &CancelToken) -> (Instrument, DeviceReport) {
     let rig = &mut instrument.rig;
     let axis = rig.rotation.check();
     if rig.rotation.capabilities().outside {
@@ -41,9 +41,9 @@ pub fn look(mut instrument: Instrument, deadline: Duration) -> (Instrument, Devi
     }
     let for_views = |outputs: &mut dyn outputs::Outputs| outputs.statuses().iter().any(|output| output.on == OutputUse::Views);
     let switches = rig.rotation.outputs().is_some_and(for_views);
-    let outputs = switches.then(|| outputs::views_on(rig.rotation.as_mut(), &CancelToken::default()));
+    let outputs = switches.then(|| outputs::views_on(rig.rotation.as_mut(), cancel));
     let camera = rig.camera.as_mut();
-    let light = camera.arm().and_then(|()| grab(camera, deadline, &CancelToken::default())).map(|seen| Some(Light::of(&seen.frame)));
+    let light = camera.arm().and_then(|()| grab(camera, deadline, cancel)).map(|seen| Some(Light::of(&seen.frame)));
     if !camera.is_lost()
         && let Err(error) = camera.disarm()
     {

@@ -258,10 +258,15 @@ pub const AFTER: &[Column] = &[
     col("rig", Text, Recorded("/rig/name"), "name of the rig in its configuration"),
     col("rotation_identity", Text, Recorded("/rig/rotation_identity"), "what the rotation axis reports"),
     col("camera_identity", Text, Recorded("/rig/camera_identity"), "what the camera reports"),
-    col("software_version", Text, Recorded("/software/version"), "version of carved that recorded"),
+    col(
+        "software_version",
+        Text,
+        Recorded("/software/version"),
+        "version of carved that recorded, or that measured again (`--measurements`)",
+    ),
     col("software_commit", Text, Recorded("/software/commit"), "commit of its sources; `unknown` where it was not known"),
     col("software_dirty", Truth, Recorded("/software/dirty"), "whether its sources had changes that were not committed"),
-    col("method", Text, Made(|r| r.run.record.plan.method.as_str().into()), "name of the method"),
+    col("method", Text, Made(method_name), "name of the method"),
     col("method_version", Text, Recorded("/method/version"), "version of the method, if the lab gave one"),
     col("method_sha256", Text, Made(method_sha256), "SHA-256 of the method's settings: compact JSON with sorted keys"),
     col(
@@ -278,6 +283,10 @@ pub const AFTER: &[Column] = &[
     col("truth_length_um", Number, Recorded("/truth/length_um"), "of a simulated specimen: its true extent along the capillary"),
     col("truth_diameter_um", Number, Recorded("/truth/diameter_um"), "of a simulated bead: its true diameter"),
 ];
+
+fn method_name(row: &Row) -> Cell {
+    row.well.measured_by.as_deref().unwrap_or(&row.run.record.plan.method).into()
+}
 
 /// The hash of the method as the recording has it: a run read by a newer carved has further settings in its method.
 fn method_sha256(row: &Row) -> Cell {

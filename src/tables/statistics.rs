@@ -116,6 +116,17 @@ impl Interval {
     }
 }
 
+/// Reference larvae of the age of a group, as the first measured well of the group has them.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+pub struct GroupReference {
+    /// What the larvae have in common: `fixed, 3 dpf`.
+    pub group: String,
+    /// Number of the reference larvae.
+    pub n: u64,
+    /// Interval that holds 95 % of further larvae of this kind.
+    pub interval_95: Interval,
+}
+
 /// The number of one well.
 #[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
 pub struct WellValue {
@@ -138,6 +149,8 @@ pub struct WellGroup {
     pub median: f64,
     /// Median distance from the median, not scaled.
     pub mad: f64,
+    /// `null` of quantities and ages without reference larvae.
+    pub reference: Option<GroupReference>,
     pub values: Vec<WellValue>,
 }
 
@@ -316,8 +329,8 @@ fn quantity(q: usize, samples: &[Sample], runs: &[String]) -> Option<QuantitySta
     Some(QuantityStatistics {
         name: name.to_owned(),
         unit: unit.to_owned(),
-        groups: groups(&valued, |s| Some(s.condition.clone())),
-        compounds: groups(&valued, of_compound),
+        groups: groups(q, &valued, |s| Some(s.condition.clone())),
+        compounds: groups(q, &valued, of_compound),
         windows: runs.iter().filter_map(|run| window(run, &valued)).collect(),
         responses: responses(&valued),
     })
@@ -325,7 +338,7 @@ fn quantity(q: usize, samples: &[Sample], runs: &[String]) -> Option<QuantitySta
 
 /// Samples of one condition each: negative controls, then by compound and concentration, then positive controls. Equal ones are in the order
 /// of the plates.
-fn groups(valued: &[Valued], condition: impl Fn(&Sample) -> Option<WellCondition>) -> Vec<WellGroup> {
+fn groups(q: usize, valued: &[Valued], condition: impl Fn(&Sample) -> Option<WellCondition>) -> Vec<WellGroup> {
     let mut parts: Vec<(WellCondition, Vec<Valued>)> = Vec::new();
     for &(sample, value) in valued {
         let Some(condition) = condition(sample) else { continue };
@@ -337,10 +350,10 @@ fn groups(valued: &[Valued], condition: impl Fn(&Sample) -> Option<WellCondition
     let dose = |c: &WellCondition| c.concentration.unwrap_or(-1.0);
     let control = |c: &WellCondition| c.control.as_ref().map_or(1, |control| if control == "negative" { 0 } else { 2 });
     parts.sort_by(|(a, _), (b, _)| (control(a), &a.compound).cmp(&(control(b), &b.compound)).then(dose(a).total_cmp(&dose(b))));
-    parts.into_iter().filter_map(|(condition, members)| group(condition, &members)).collect()
+    parts.into_iter().filter_map(|(condition, members)| group(q, condition, &members)).collect()
 }
 
-fn group(condition: WellCondition, members: &[Valued]) -> Option<WellGroup> {
+fn group(q: usize, condition: WellCondition, members: &[Valued]) -> Option<WellGroup> {
     let Summary { n, mean, sd, mean_interval_95, median, mad } = Summary::of(&members.iter().map(|m| m.1).collect::<Vec<_>>())?;
     let well = |&(sample, value): &Valued| WellValue { run: sample.run.clone(), well: sample.well.clone(), value, flagged: sample.flagged };
     Some(WellGroup {
@@ -351,6 +364,7 @@ fn group(condition: WellCondition, members: &[Valued]) -> Option<WellGroup> {
         mean_interval_95: mean_interval_95.map(Into::into),
         median,
         mad,
+        reference: members.iter().find_map(|(sample, _)| sample.references[q].clone()),
         values: members.iter().map(well).collect(),
     })
 }

@@ -1,11 +1,13 @@
 //! `carved camera`: exposure set-up and reference frames on the emulated camera, whose light follows its exposure.
 #![cfg(feature = "aravis")]
 
-use crate::common::{configured, json, port, run, stderr};
+use crate::common::{configured, json, port, run, stderr, until};
 use hardware_sim::scene::{Scene, SceneSettings, Specimen};
-use hardware_sim::{OutputPin, RigSettings};
+use hardware_sim::{Controller, OutputPin, RigSettings, zaber};
 use serde_json::Value;
+use std::io::Read;
 use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
 use std::sync::Arc;
 
 /// Exposure at which the scene has its nominal brightness, us.
@@ -111,4 +113,28 @@ fn a_light_at_an_output_is_on_for_the_frames_and_off_afterwards() {
     assert!(facts["light"]["background"].as_f64().unwrap() > 100.0, "{facts}");
     let switched: Vec<bool> = rig.outputs().switched().iter().map(|(_, on)| *on).collect();
     assert_eq!(switched, [true, false]);
+}
+
+/// The output of this controller holds its level when the connection closes.
+#[test]
+fn a_signal_ends_the_command_and_switches_the_light_off() {
+    let light = OutputPin::Number(1);
+    let controller = Controller::Zaber(zaber::Settings::default());
+    let settings = RigSettings { time_scale: 10.0, controller, light: Some(light), ..RigSettings::default() };
+    let rig = hardware_sim::Rig::start(settings, Arc::new(Scene::new(SceneSettings::default()))).unwrap();
+    let dir = tempfile::tempdir().unwrap();
+    let (config, _) = configured("vast-zaber.toml", dir.path(), &rig, &[port(&rig)]);
+    let output = "\n[rotation.outputs.light]\npin = 1\non = \"views\"\n";
+    std::fs::write(&config, std::fs::read_to_string(&config).unwrap() + output).unwrap();
+    let flat = dir.path().join("flat.png");
+    let mut command = crate::common::carved();
+    command.args(["camera", "flat-field", "--frames", "1000", "--config"]).arg(&config).arg("--out").arg(&flat);
+    let mut child = command.stderr(Stdio::piped()).spawn().unwrap();
+    until("the light on", || rig.outputs().is_on(light));
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    let mut said = String::new();
+    child.stderr.take().unwrap().read_to_string(&mut said).unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(1), "{said}");
+    assert!(said.contains("stop"), "{said}");
+    assert!(!rig.outputs().is_on(light) && !flat.exists());
 }

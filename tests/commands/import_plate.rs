@@ -12,7 +12,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// A camera of VAST's crops, 1024 x 200 px with the capillary in the middle.
-fn scene(specimen: Specimen) -> Scene {
+pub fn scene(specimen: Specimen) -> Scene {
     let camera = Camera { height: 200, uy_px: 99.5, ..Camera::default() };
     let scene = Scene::new(SceneSettings { camera, ..SceneSettings::default() });
     scene.load(Some(specimen)).unwrap();
@@ -20,7 +20,7 @@ fn scene(specimen: Specimen) -> Scene {
 }
 
 /// Writes `pictures` pictures of a turn of `views`, of which the first has the number `first`.
-fn shoot(scene: &Scene, pictures: u32, views: u32, name: impl Fn(u32) -> PathBuf) {
+pub fn shoot(scene: &Scene, pictures: u32, views: u32, name: impl Fn(u32) -> PathBuf) {
     for i in 0..pictures {
         let angle_rad = std::f64::consts::TAU * f64::from(i) / f64::from(views);
         let frame = scene.render(&Exposure { angle_rad, number: u64::from(i) });
@@ -90,9 +90,11 @@ fn a_plate_of_vast_pictures_becomes_a_run_like_any_other() {
     let before = tree(dir.path());
     let args = [
         &[plate, "--plate", "P-017", "--data", data_text, "--even", "--closure", "--voxel", "14", "--operator", "kim"][..],
-        &["--plate-map", text(&map)],
+        &["--plate-map", text(&map), "--plate-format", "384"],
     ]
     .concat();
+    let small = [&args[..args.len() - 1], &["24", "--dry-run"]].concat();
+    assert!(refused(&small).contains("H12 is not on a plate of 24 wells"), "{}", refused(&small));
 
     let output = run(&[&["import", "--dry-run"], &args[..]].concat());
     let dry = String::from_utf8(output.stdout.clone()).unwrap();
@@ -120,6 +122,7 @@ fn a_plate_of_vast_pictures_becomes_a_run_like_any_other() {
     assert_eq!((&lines[5]["outcome"], &lines[5]["succeeded"]), (&json!("partial"), &json!(2)));
     assert!(lines[3]["reason"].as_str().unwrap().contains("1 of 13 pictures cannot be used"), "{}", lines[3]);
     let folder = data.join("runs/P-017");
+    assert_eq!(json(&folder.join("run.json"))["plan"]["plate_format"], json!(384));
     assert_eq!(fs::read_dir(data.join("runs")).unwrap().count(), 1, "nothing half-written is left");
     // The bead's truth is 500 um. 12 views at 5.5 um per px.
     let measured = json(&folder.join("A02/measurement.json"));

@@ -6,6 +6,7 @@
 mod common;
 
 mod bad_files;
+mod bulk;
 mod calibrate_marked;
 mod camera_command;
 mod config;

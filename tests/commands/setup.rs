@@ -355,3 +355,14 @@ fn nobody_is_asked_where_nobody_can_answer() {
     let output = carved().arg("setup").arg("--out").arg(dir.path().join("rig.toml")).stdin(std::process::Stdio::null()).output().unwrap();
     assert!(!output.status.success() && stderr(&output).contains("--answers"), "{}", stderr(&output));
 }
+
+#[test]
+fn a_file_with_an_answer_to_no_question_is_refused_with_the_questions() {
+    let dir = tempfile::tempdir().unwrap();
+    let (answers, out) = (dir.path().join("answers.toml"), dir.path().join("carved.toml"));
+    std::fs::write(&answers, "name = \"vast-1\"\nbore_mm = 0.65\n").unwrap();
+    let output = run(&["setup", "--answers", answers.to_str().unwrap(), "--out", out.to_str().unwrap()]);
+    let said = stderr(&output);
+    assert!(!output.status.success() && said.contains("\"bore_mm\"") && said.contains("bore_um"), "{said}");
+    assert!(!out.exists());
+}

@@ -1,56 +1,63 @@
-//! A light at an output of the Grbl controller that turns the capillary. The emulated camera sees nothing while it is off.
+//! A light at an output of the controller that turns the capillary. The emulated camera sees nothing while it is off.
 #![cfg(feature = "aravis")]
 
 use crate::common::bench::{bead, plan};
 use crate::common::{Daemon, configured, json, port, until};
-use hardware_sim::grbl::Settings;
 use hardware_sim::scene::{Contents, Scene, SceneSettings};
-use hardware_sim::{Controller, OutputPin, Rig, RigSettings};
+use hardware_sim::{Controller, OutputPin, Rig, RigSettings, grbl, zaber};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 use std::sync::Arc;
 
-const LIGHT: &str = "\n[rotation.outputs.light]\npin = \"flood_coolant\"\non = \"views\"\nsettle_ms = 5\n";
-
-/// A rig whose light is switched by the flood output, with a bead in its capillary. The daemon is dropped first.
+/// A rig whose light is switched by an output of its controller, with a bead in its capillary. The daemon is dropped first.
 struct Lit {
     daemon: Daemon,
     rig: Rig,
+    pin: OutputPin,
     data: PathBuf,
     _dir: tempfile::TempDir,
 }
 
 impl Lit {
-    /// `asd` views. `acceleration` of the axis in units/s^2: with 0.25 a third of a turn takes 5 s.
-    fn start(time_scale: f64, acceleration: f32, asd: u32) -> Self {
+    /// 21 quick views by a Grbl controller. The light is steady after `settle_ms`.
+    fn quick(settle_ms: u32) -> Self {
+        let settings = RigSettings { time_scale: 10.0, controller: Controller::Grbl(grbl::Settings::default()), ..RigSettings::default() };
+        Self::start(settings, OutputPin::Flood, "vast-grbl.toml", "\"flood_coolant\"", settle_ms, &[])
+    }
+
+    /// Three views by a Zaber controller, 5 s apart. Its outputs hold their level through a stop and through a lost connection, so that
+    /// nothing but carved switches the light off. (Grbl's reset does.)
+    fn slow() -> Self {
+        const MAXSPEED: u32 = 700;
+        let firmware = zaber::Settings { maxspeed: MAXSPEED, ..zaber::Settings::default() };
+        let settings = RigSettings { controller: Controller::Zaber(firmware), ..RigSettings::default() };
+        let changes = [
+            ("maxspeed = 5243", format!("maxspeed = {MAXSPEED}")),
+            ("reference = \"home\"", "reference = \"here\"".into()),
+            ("asd = 21", "asd = 3".into()),
+        ];
+        Self::start(settings, OutputPin::Number(1), "vast-zaber.toml", "1", 5, &changes)
+    }
+
+    fn start(settings: RigSettings, pin: OutputPin, shipped: &str, named: &str, settle_ms: u32, changes: &[(&str, String)]) -> Self {
         let dir = tempfile::tempdir().unwrap();
         let scene = Arc::new(Scene::new(SceneSettings::default()));
         scene.load(Contents::from(bead("A01", 400.0).2)).unwrap();
-        let mut firmware = Settings::default();
-        firmware.set(120, acceleration).unwrap();
-        let settings = RigSettings {
-            time_scale,
-            controller: Controller::Grbl(firmware),
-            serial_link: Some(dir.path().join("motor")),
-            light: Some(OutputPin::Flood),
-            ..RigSettings::default()
-        };
-        let rig = Rig::start(settings, scene).unwrap();
-        let changes = [
+        let rig = Rig::start(RigSettings { serial_link: Some(dir.path().join("motor")), light: Some(pin), ..settings }, scene).unwrap();
+        let common = [
             port(&rig),
-            ("acceleration_units_per_s2 = 20.0", format!("acceleration_units_per_s2 = {acceleration:?}")),
-            ("asd = 21", format!("asd = {asd}")),
             ("settle_ms = 50", "settle_ms = 5".into()),
             ("exposure_us = 5000.0", "exposure_us = 5000.0\nframe_timeout_ms = 20000".into()),
             ("grab_deadline_ms = 3000", "grab_deadline_ms = 60000".into()),
         ];
-        let (config, data) = configured("vast-grbl.toml", dir.path(), &rig, &changes);
-        std::fs::write(&config, std::fs::read_to_string(&config).unwrap() + LIGHT).unwrap();
-        Self { daemon: Daemon::serve(&config, &data), rig, data, _dir: dir }
+        let (config, data) = configured(shipped, dir.path(), &rig, &[&common, changes].concat());
+        let light = format!("\n[rotation.outputs.light]\npin = {named}\non = \"views\"\nsettle_ms = {settle_ms}\n");
+        std::fs::write(&config, std::fs::read_to_string(&config).unwrap() + &light).unwrap();
+        Self { daemon: Daemon::serve(&config, &data), rig, pin, data, _dir: dir }
     }
 
     fn is_on(&self) -> bool {
-        self.rig.outputs().is_on(OutputPin::Flood)
+        self.rig.outputs().is_on(self.pin)
     }
 
     fn begin(&self, run: &str) {
@@ -69,7 +76,7 @@ impl Lit {
 
 #[test]
 fn the_light_is_on_for_every_frame_and_at_no_other_time() {
-    let lit = Lit::start(10.0, 20.0, 21);
+    let lit = Lit::quick(5);
     lit.says("off");
     assert!(lit.rig.outputs().switched().is_empty());
     // The frame that checks a plan is lit too.
@@ -96,7 +103,7 @@ fn the_light_is_on_for_every_frame_and_at_no_other_time() {
 
 #[test]
 fn an_abort_in_a_move_switches_the_light_off() {
-    let lit = Lit::start(1.0, 0.25, 3);
+    let lit = Lit::slow();
     lit.begin("r1");
     lit.daemon.wait("the first view", |s| s["specimen"]["view"].as_u64() >= Some(1));
     until("the axis to turn", || lit.rig.shaft().is_turning());
@@ -109,7 +116,7 @@ fn an_abort_in_a_move_switches_the_light_off() {
 
 #[test]
 fn the_light_of_a_lost_controller_is_unknown_and_is_off_when_it_is_back() {
-    let lit = Lit::start(1.0, 0.25, 3);
+    let lit = Lit::slow();
     lit.begin("r1");
     lit.daemon.wait("the first view", |s| s["specimen"]["view"].as_u64() >= Some(1));
     lit.rig.faults().unplug_serial();
@@ -121,7 +128,7 @@ fn the_light_of_a_lost_controller_is_unknown_and_is_off_when_it_is_back() {
 
 #[test]
 fn a_light_that_is_not_switched_on_holds_the_run_with_the_specimen() {
-    let lit = Lit::start(10.0, 20.0, 21);
+    let lit = Lit::quick(5);
     lit.rig.outputs().refuse(OutputPin::Flood, true);
     lit.begin("r1");
     let status = lit.daemon.wait("the hold", |s| s["state"] == "Held");
@@ -133,4 +140,19 @@ fn a_light_that_is_not_switched_on_holds_the_run_with_the_specimen() {
     lit.daemon.go_on("r1", fault);
     let status = lit.daemon.wait_for_outcome();
     assert_eq!(status["run"]["outcome"], "succeeded", "{status}");
+}
+
+#[test]
+fn the_emergency_stop_ends_the_check_of_a_plan_that_waits_for_a_steady_light() {
+    let lit = Lit::quick(60_000);
+    let checks = std::thread::scope(|scope| {
+        let check = scope.spawn(|| lit.daemon.send("POST", "/v1/preflight", &plan("standard", &json!([bead("A01", 400.0).1]))));
+        until("the light on", || lit.is_on());
+        assert_eq!(lit.daemon.post("/v1/emergency-stop"), 200);
+        check.join().unwrap()
+    });
+    // The check would have passed after the minute that the light takes to be steady.
+    let outputs = checks.1["checks"].as_array().unwrap().iter().find(|check| check["code"] == "outputs").unwrap().clone();
+    assert_eq!((checks.0, &outputs["passed"]), (200, &json!(false)), "{outputs}");
+    assert!(!lit.is_on());
 }

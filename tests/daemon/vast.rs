@@ -130,6 +130,21 @@ fn vast_is_stepped_through_its_list_well_by_well_and_let_go_after_each() {
 }
 
 #[test]
+fn a_list_that_nobody_loaded_before_the_abort_is_asked_for_again() {
+    let (rig, vast) = Instrument::on_a_bridge();
+    rig.start_run("first", &["A01"]);
+    rig.daemon.wait("the question for the list", |s| s["state"] == "Held" && s["faults"][0]["code"] == "vast_list");
+    assert_eq!(rig.daemon.post("/v1/runs/first/abort"), 200);
+    rig.daemon.wait("the abort", |s| s["run"]["outcome"] == "aborted");
+    for fault in rig.daemon.status()["faults"].as_array().unwrap() {
+        assert_eq!(rig.daemon.post(&format!("/v1/faults/{}/acknowledge", fault["seq"])), 200);
+    }
+    rig.start_run("second", &["A01"]);
+    rig.load_list("second", &vast);
+    rig.awaits("second", "A01");
+}
+
+#[test]
 fn an_abort_ends_the_triggers_vast_ends_its_step_and_the_next_run_begins_anew() {
     let (rig, vast) = Instrument::on_a_bridge();
     rig.start_run("first", &["A01"]);

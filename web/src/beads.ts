@@ -2,7 +2,7 @@
 // of the limits; a drift is a cumulative sum over its limit. docs/quality.md explains both.
 
 import { fetchGates, Refused } from "./api.ts";
-import { element, setText, svg } from "./dom.ts";
+import { element, setText, show, svg } from "./dom.ts";
 import { counted, day, grouped } from "./format.ts";
 import { linearTicks } from "./ticks.ts";
 import type { GateRow } from "./status.ts";
@@ -44,6 +44,7 @@ export function pointsOf(gates: readonly GateRow[], quantity: string): ChartPoin
 export class BeadCharts {
   readonly #panel: HTMLDetailsElement;
   readonly #rig: HTMLSelectElement;
+  readonly #choice: HTMLElement;
   readonly #words: HTMLElement;
   readonly #charts: HTMLElement;
   #gates: GateRow[] = [];
@@ -51,6 +52,7 @@ export class BeadCharts {
   constructor(find: <T extends Element = HTMLElement>(id: string) => T) {
     this.#panel = find("beads");
     this.#rig = find("beads-rig");
+    this.#choice = find("beads-choice");
     this.#words = find("beads-words");
     this.#charts = find("beads-charts");
     this.#panel.addEventListener("toggle", () => {
@@ -64,6 +66,7 @@ export class BeadCharts {
       this.#gates = await fetchGates();
       const rigs = [...new Set(this.#gates.map((gate) => `${gate.rig} (${gate.mode})`))];
       const chosen = this.#rig.value;
+      show(this.#choice, rigs.length > 0);
       this.#rig.replaceChildren(
         ...rigs.map((name) => {
           const option = element("option", "", name);

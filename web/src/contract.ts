@@ -176,6 +176,12 @@ export interface Gates {
   gates: GateRow[];
 }
 
+export interface GroupReference {
+  group: string;
+  interval_95: Interval;
+  n: number;
+}
+
 export interface Handoff {
   barcode: string;
   intent: HandoffIntent;
@@ -575,6 +581,7 @@ export interface WellGroup {
   mean_interval_95: Interval | null;
   median: number;
   n: number;
+  reference: GroupReference | null;
   sd: number | null;
   values: WellValue[];
 }

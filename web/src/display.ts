@@ -49,8 +49,15 @@ export class Display {
     const call = callFor(this.#before, status);
     this.#before = status;
     if (call === null) return;
-    if (this.#notices.checked) notify(call);
+    if (this.#notices.checked && !notify(call)) this.#refuse();
     if (this.#sound.checked) beep();
+  }
+
+  /** Notices are offered and permitted, but this browser shows none of a page, as Chrome on Android. */
+  #refuse(): void {
+    this.#notices.checked = false;
+    localStorage.setItem(NOTICES, "off");
+    setText(this.#words, "This browser shows no notices of a page. Use the sound, or another browser.");
   }
 
   async #allow(): Promise<void> {
@@ -76,9 +83,16 @@ function mayNotify(): NotificationPermission | null {
   return "Notification" in window ? Notification.permission : null;
 }
 
-function notify({ title, words }: Call): void {
-  // One notice at a time: a newer one replaces it.
-  new Notification(title, { body: words, tag: "carved" });
+/** Shows a notice. Returns whether the browser shows notices of a page. */
+function notify({ title, words }: Call): boolean {
+  try {
+    // One notice at a time: a newer one replaces it.
+    new Notification(title, { body: words, tag: "carved" });
+    return true;
+  } catch (error) {
+    if (!(error instanceof TypeError)) throw error;
+    return false;
+  }
 }
 
 /** Two short tones. A browser that wants a click first stays silent. */

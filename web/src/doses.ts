@@ -32,7 +32,6 @@ export function responseWords({ condition, concentration_unit: unit, points, cur
 
 /** The curve at a dose: four parameters. Pure. */
 export function response({ at_zero: zero, at_infinity: infinity, ec50, hill }: DoseCurve, dose: number): number {
-  if (dose === 0) return zero.value;
   return zero.value + (infinity.value - zero.value) / (1 + (ec50 / dose) ** hill.value);
 }
 
@@ -91,7 +90,16 @@ function chart(series: DoseSeries, size: number, unit: string, choose: (well: st
       `Dose, ${of}; ${unit}`,
     ),
   );
-  if (fitted.length > 0) {
+  if (curve !== null) {
+    // As far as the axis goes: an EC50 beyond the doses is an extrapolation.
+    const within = (dose: number) => x(Math.min(Math.max(dose, least), most));
+    const [from, to] = [within(curve.ec50_interval_95.low), within(curve.ec50_interval_95.high)];
+    const high = bottom - MARGIN.top;
+    made.append(svg("rect", { class: "dose-interval", x: from, y: MARGIN.top, width: to - from, height: high }));
+    if (curve.ec50 >= least && curve.ec50 <= most) {
+      const at = x(curve.ec50);
+      made.append(svg("line", { class: "dose-ec50", x1: at, x2: at, y1: MARGIN.top, y2: bottom }));
+    }
     const way = fitted.map((f) => `${x(f.dose).toFixed(1)},${y(f.value).toFixed(1)}`).join(" ");
     made.append(svg("polyline", { class: "dose-curve", points: way }));
   }

@@ -94,8 +94,8 @@ export function words(name: string): string {
 }
 
 /** `1 view`, `2 views`. */
-export function counted(count: number, noun: string): string {
-  return `${grouped(count)} ${noun}${count === 1 ? "" : "s"}`;
+export function counted(count: number, noun: string, plural = `${noun}s`): string {
+  return `${grouped(count)} ${count === 1 ? noun : plural}`;
 }
 
 export function capitalised(text: string): string {

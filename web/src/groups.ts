@@ -1,17 +1,17 @@
-// The results of a run by the groups of its plate map: each well as a dot, median and quartiles, and the references of its age behind.
+// The results of a run by the groups of its plate map, with the numbers of the daemon's statistics: each larva as a dot, the mean with its
+// interval, and the references of its age behind. `carved report` draws the same numbers.
 
 import { fetchStatistics, Refused } from "./api.ts";
 import { element, setText, show, svg } from "./dom.ts";
 import { doseCharts, windowWords } from "./doses.ts";
-import { capitalised, grouped, significant, UM3_PER_NL } from "./format.ts";
-import { groupsOf, planWords } from "./planplate.ts";
-import { standingsOf } from "./standing.ts";
-import { runKey, type StoredSpecimens } from "./stored.ts";
-import { linearTicks } from "./ticks.ts";
+import { capitalised, counted, grouped, significant, UM3_PER_NL } from "./format.ts";
 import { Latest } from "./latest.ts";
-import type { PlannedWell, RunStatus, Statistics, WellStatus } from "./status.ts";
+import { planWords } from "./planplate.ts";
+import type { Interval, QuantityStatistics, RunStatus, Statistics, WellGroup, WellValue } from "./status.ts";
+import { runKey } from "./stored.ts";
+import { linearTicks } from "./ticks.ts";
 
-export type Quantity = "volume" | "area";
+export type Quantity = "volume" | "area" | "length";
 
 interface Shown {
   name: string;
@@ -19,77 +19,33 @@ interface Shown {
   /** Its name in the statistics of the daemon, and the size of the unit that is shown in theirs. */
   column: string;
   size: number;
-  of: (well: WellStatus) => number | null;
 }
 
 const QUANTITIES: Record<Quantity, Shown> = {
-  volume: {
-    ...{ name: "Volume", unit: "nL", column: "volume_um3", size: UM3_PER_NL },
-    of: (w) => (w.volume_um3 === null ? null : w.volume_um3 / UM3_PER_NL),
-  },
-  area: {
-    ...{ name: "Area", unit: "mm²", column: "area_um2", size: 1e6 },
-    of: (w) => (w.area_um2 === null ? null : w.area_um2 / 1e6),
-  },
+  volume: { name: "Volume", unit: "nL", column: "volume_um3", size: UM3_PER_NL },
+  area: { name: "Area", unit: "mm²", column: "area_um2", size: 1e6 },
+  length: { name: "Length", unit: "mm", column: "body_length_um", size: 1000 },
 };
 
-/** The measured wells of a group. */
-export interface ResultGroup {
-  words: string;
-  /** Days post fertilisation of all its wells; null where they are not known or the group has beads. */
-  dpf: number | null;
-  wells: { well: string; value: number }[];
+/** The groups of larvae, as in the report. Beads have charts of their own. Pure. */
+export function larvaGroups(found: Pick<QuantityStatistics, "groups"> | undefined): WellGroup[] {
+  return (found?.groups ?? []).filter(({ condition }) => condition.specimen === "larva");
 }
 
-/** Groups by what the plate map says of the wells; without a plate map by what the results say. Wells without a number are left out. Pure. */
-export function resultGroups(
-  results: readonly WellStatus[],
-  plan: readonly PlannedWell[],
-  quantity: Quantity,
-): ResultGroup[] {
-  const { of } = QUANTITIES[quantity];
-  const values = new Map(results.flatMap((w) => (of(w) === null ? [] : [[w.well, of(w)!] as const])));
-  const planned = plan.length > 0 ? plan : results.map(({ well, specimen, dpf }) => ({ well, specimen, dpf }));
-  return groupsOf(planned)
-    .map((group) => ({
-      words: planWords(group.wells[0]!),
-      dpf: group.wells[0]!.specimen === "bead" ? null : (group.wells[0]!.dpf ?? null),
-      wells: group.wells.flatMap(({ well }) => (values.has(well) ? [{ well, value: values.get(well)! }] : [])),
-    }))
-    .filter((group) => group.wells.length > 0);
+/** The reference larvae behind the groups: `12 larvae (fixed, 3 dpf)`. Empty without any. Pure. */
+export function referenceWords(groups: readonly WellGroup[]): string {
+  const words = groups.flatMap(({ reference: r }) =>
+    r === null ? [] : [`${counted(r.n, "larva", "larvae")} (${r.group})`],
+  );
+  return [...new Set(words)].join(", ");
 }
 
-export interface Summary {
-  n: number;
-  mean: number;
-  /** Divisor n - 1; null of a single value. */
-  sd: number | null;
-  least: number;
-  lower: number;
-  median: number;
-  upper: number;
-  most: number;
-}
-
-/** Quartiles are interpolated between the sorted values (R's type 7). Pure. */
-export function summaryOf(values: readonly number[]): Summary {
-  const sorted = [...values].sort((a, b) => a - b);
-  const n = sorted.length;
-  const at = (share: number) => {
-    const place = share * (n - 1);
-    const low = Math.floor(place);
-    return sorted[low]! + (place - low) * ((sorted[low + 1] ?? sorted[low]!) - sorted[low]!);
-  };
-  const mean = sorted.reduce((sum, v) => sum + v, 0) / n;
-  const sd = n < 2 ? null : Math.sqrt(sorted.reduce((sum, v) => sum + (v - mean) ** 2, 0) / (n - 1));
-  return { n, mean, sd, least: sorted[0]!, lower: at(0.25), median: at(0.5), upper: at(0.75), most: sorted[n - 1]! };
-}
-
-/** Reference larvae of an age, in the unit of the chart. */
-interface Reference {
-  mean: number;
-  sd: number;
-  n: number;
+/** The wells with a number, and these numbers: when they change, the statistics are read again. Pure. */
+function measuredOf(run: RunStatus): string {
+  return JSON.stringify([
+    runKey(run),
+    run.results.flatMap((w) => (w.volume_um3 === null ? [] : [[w.well, w.volume_um3]])),
+  ]);
 }
 
 export class GroupsView {
@@ -100,23 +56,17 @@ export class GroupsView {
   readonly #words: HTMLElement;
   readonly #window: HTMLElement;
   readonly #doses: HTMLElement;
-  readonly #stored: StoredSpecimens;
   readonly #choose: (well: string) => void;
+  readonly #ask = new Latest(() => this.#read());
   #run: RunStatus | null = null;
-  #plan: readonly PlannedWell[] = [];
-  #references = new Map<number, Reference>();
-  #referencesOf = "";
-  #shown = "";
-  readonly #ask = new Latest(() => this.#readStatistics());
   #statistics: Statistics | null = null;
-  /** Run and measured wells that the statistics are of. */
+  /** Run and numbers that the statistics are of. */
   #statisticsOf = "";
+  /** Why there are no statistics; empty while they are read. */
+  #refused = "";
+  #shown = "";
 
-  constructor(
-    find: <T extends Element = HTMLElement>(id: string) => T,
-    stored: StoredSpecimens,
-    choose: (well: string) => void,
-  ) {
+  constructor(find: <T extends Element = HTMLElement>(id: string) => T, choose: (well: string) => void) {
     this.#panel = find("groups");
     this.#quantity = find("groups-quantity");
     this.#chart = find("groups-chart");
@@ -124,88 +74,77 @@ export class GroupsView {
     this.#words = find("groups-words");
     this.#window = find("groups-window");
     this.#doses = find("groups-doses");
-    this.#stored = stored;
     this.#choose = choose;
     this.#panel.addEventListener("toggle", () => this.#draw());
     this.#quantity.addEventListener("change", () => this.#draw());
     new ResizeObserver(() => this.#draw()).observe(this.#chart);
   }
 
-  update(run: RunStatus | null, plan: readonly PlannedWell[]): void {
+  update(run: RunStatus | null): void {
+    const key = run === null ? "" : runKey(run);
+    if (key !== (this.#run === null ? "" : runKey(this.#run))) {
+      this.#statistics = null;
+      this.#statisticsOf = this.#refused = "";
+    }
     this.#run = run;
-    this.#plan = plan;
     show(this.#panel, run !== null && run.results.some((w) => w.volume_um3 !== null));
     this.#draw();
   }
 
   #draw(): void {
-    const run = this.#run;
     const width = this.#chart.clientWidth;
-    if (run === null || !this.#panel.open || width === 0) return;
-    const quantity = this.#quantity.value as Quantity;
-    const groups = resultGroups(run.results, this.#plan, quantity);
-    void this.#readReferences(run, groups, quantity);
+    if (this.#run === null || !this.#panel.open || width === 0) return;
     void this.#ask.ask();
-    const now = JSON.stringify([groups, [...this.#references], quantity, width, this.#statisticsOf]);
+    const quantity = this.#quantity.value as Quantity;
+    const now = JSON.stringify([this.#statistics, this.#refused, quantity, width]);
     if (now === this.#shown) return;
     this.#shown = now;
+    const { unit, column, size } = QUANTITIES[quantity];
+    const found = this.#statistics?.quantities.find(({ name }) => name === column);
+    const groups = larvaGroups(found);
+    setText(this.#window, found === undefined ? "" : windowWords(found));
+    this.#doses.replaceChildren(...(found === undefined ? [] : doseCharts(found, size, unit, this.#choose)));
+    setText(this.#words, this.#sentence(groups));
     if (groups.length === 0) {
-      this.#chart.replaceChildren(element("p", "quiet", "No well has this number yet."));
+      this.#chart.replaceChildren();
       this.#table.replaceChildren();
-      setText(this.#words, "");
       return;
     }
-    this.#drawStatistics(quantity);
-    this.#chart.replaceChildren(picture(groups, this.#references, quantity, width, this.#choose));
-    this.#table.replaceChildren(...table(groups, quantity));
-    const behind = [...this.#references].map(([dpf, { n }]) => `${n} larvae of ${dpf} dpf`).join(", ");
-    setText(
-      this.#words,
-      "A dot is a well; the box has the median and the quartiles." +
-        (behind === "" ? "" : ` Behind: mean ± 1 SD of the references, ${behind}.`),
+    this.#chart.replaceChildren(picture(groups, QUANTITIES[quantity], width, this.#choose));
+    this.#table.replaceChildren(...table(groups, QUANTITIES[quantity]));
+  }
+
+  #sentence(groups: readonly WellGroup[]): string {
+    if (this.#refused !== "") return `The statistics could not be read: ${this.#refused}.`;
+    if (this.#statistics === null) return "The statistics are being read.";
+    if (groups.length === 0) return "No larva has this number yet.";
+    const flagged = groups.some(({ values }) => values.some((v) => v.flagged)) ? "; a square has a flag" : "";
+    const behind = referenceWords(groups);
+    return (
+      `A dot is a larva${flagged}. The line is the mean with its 95 % confidence interval.` +
+      (behind === "" ? "" : ` The band behind holds 95 % of reference larvae of the same age: ${behind}.`)
     );
   }
 
   /** Reads the statistics of the daemon when another well has a number. */
-  async #readStatistics(): Promise<void> {
+  async #read(): Promise<void> {
     const run = this.#run;
     if (run === null || !this.#panel.open) return;
-    const of = `${runKey(run)} ${run.results.filter((w) => w.volume_um3 !== null).length}`;
+    const of = measuredOf(run);
     if (of === this.#statisticsOf) return;
+    let read: Statistics | null = null;
+    let refused = "";
     try {
-      this.#statistics = await fetchStatistics(run.id);
+      read = await fetchStatistics(run.id);
     } catch (error) {
       if (!(error instanceof Refused)) throw error;
-      this.#statistics = null;
+      refused = error.message;
     }
+    // Another run was opened meanwhile.
+    if (this.#run === null || runKey(this.#run) !== runKey(run)) return;
+    this.#statistics = read;
+    this.#refused = refused;
     this.#statisticsOf = of;
-    this.#draw();
-  }
-
-  #drawStatistics(quantity: Quantity): void {
-    const { unit, column, size } = QUANTITIES[quantity];
-    const found = this.#statistics?.quantities.find(({ name }) => name === column);
-    setText(this.#window, found === undefined ? "" : windowWords(found));
-    this.#doses.replaceChildren(...(found === undefined ? [] : doseCharts(found, size, unit, this.#choose)));
-  }
-
-  /** The references of each age, from the first measured larva of that age. */
-  async #readReferences(run: RunStatus, groups: readonly ResultGroup[], quantity: Quantity): Promise<void> {
-    const of = `${runKey(run)} ${quantity} ${groups.map((g) => g.dpf).join()}`;
-    if (of === this.#referencesOf) return;
-    this.#referencesOf = of;
-    const found = new Map<number, Reference>();
-    for (const { dpf, wells } of groups) {
-      if (dpf === null || found.has(dpf)) continue;
-      const one = { run: run.id, started: run.started, well: wells[0]!.well };
-      const kept = await this.#stored.of(one).catch(() => null);
-      const standing = standingsOf(kept?.measurement ?? null, kept?.result?.estimator ?? null);
-      const known = standing.find((s) => s.quantity === QUANTITIES[quantity].name);
-      if (known) found.set(dpf, { mean: known.mean, sd: known.sd, n: known.n });
-    }
-    // Another run or quantity was chosen meanwhile.
-    if (of !== this.#referencesOf) return;
-    this.#references = found;
     this.#draw();
   }
 }
@@ -215,24 +154,25 @@ const HEIGHT = 300;
 /** Distance of neighbouring dots across, px: dots of like values do not cover each other. */
 const APART_PX = 7;
 
+const ends = (interval: Interval | null | undefined): number[] => (interval ? [interval.low, interval.high] : []);
+
 function picture(
-  groups: readonly ResultGroup[],
-  references: ReadonlyMap<number, Reference>,
-  quantity: Quantity,
+  groups: readonly WellGroup[],
+  { name, unit, size }: Shown,
   width: number,
   choose: (well: string) => void,
 ): SVGElement {
-  const { name, unit } = QUANTITIES[quantity];
-  const behind = groups.map((g) => (g.dpf === null ? undefined : references.get(g.dpf)));
-  const all = groups.flatMap((g) => g.wells.map((w) => w.value));
-  for (const r of behind) if (r) all.push(r.mean - r.sd, r.mean + r.sd);
+  const all = groups
+    .flatMap((g) => [...g.values.map((v) => v.value), ...ends(g.mean_interval_95), ...ends(g.reference?.interval_95)])
+    .map((value) => value / size);
   const levels = linearTicks(Math.min(...all), Math.max(...all));
   const [low, high] = [levels[0]!, levels.at(-1)!];
   const digits = Math.max(0, -Math.floor(Math.log10(levels[1]! - low) + 1e-9));
   const bottom = HEIGHT - MARGIN.bottom;
-  const y = (value: number) => bottom - ((value - low) / (high - low)) * (bottom - MARGIN.top);
+  const y = (value: number) => bottom - ((value / size - low) / (high - low)) * (bottom - MARGIN.top);
   const slot = (width - MARGIN.left - MARGIN.right) / groups.length;
-  const label = `${name} of ${grouped(all.length)} wells in ${grouped(groups.length)} groups; the table below has the numbers`;
+  const larvae = groups.reduce((sum, g) => sum + g.n, 0);
+  const label = `${name} of ${counted(larvae, "larva", "larvae")} in ${counted(groups.length, "group")}; the table below has the numbers`;
   const chart = svg("svg", {
     width,
     height: HEIGHT,
@@ -242,9 +182,10 @@ function picture(
   });
   chart.dataset["groups"] = String(groups.length);
   for (const level of levels) {
+    const at = y(level * size);
     chart.append(
-      svg("line", { class: "grid", x1: MARGIN.left, x2: width - MARGIN.right, y1: y(level), y2: y(level) }),
-      svg("text", { class: "tick", x: MARGIN.left - 8, y: y(level) + 4, "text-anchor": "end" }, grouped(level, digits)),
+      svg("line", { class: "grid", x1: MARGIN.left, x2: width - MARGIN.right, y1: at, y2: at }),
+      svg("text", { class: "tick", x: MARGIN.left - 8, y: at + 4, "text-anchor": "end" }, grouped(level, digits)),
     );
   }
   const middle = (MARGIN.top + bottom) / 2;
@@ -255,30 +196,42 @@ function picture(
   groups.forEach((group, i) => {
     const x = MARGIN.left + (i + 0.5) * slot;
     const half = Math.min(34, 0.4 * slot);
-    const r = behind[i];
-    if (r) {
-      const [top, base] = [y(r.mean + r.sd), y(r.mean - r.sd)];
-      const band = { x: x - 0.48 * slot, width: 0.96 * slot };
-      chart.append(svg("rect", { class: "groups-reference", ...band, y: top, height: base - top }));
-      chart.append(
-        svg("line", { class: "groups-mean", x1: band.x, x2: band.x + band.width, y1: y(r.mean), y2: y(r.mean) }),
-      );
+    const band = group.reference?.interval_95;
+    if (band) {
+      const [top, base] = [y(band.high), y(band.low)];
+      const across = { x: x - 0.48 * slot, width: 0.96 * slot };
+      chart.append(svg("rect", { class: "groups-reference", ...across, y: top, height: base - top }));
     }
-    const s = summaryOf(group.wells.map((w) => w.value));
-    const box = { x: x - half, width: 2 * half, y: y(s.upper), height: Math.max(1, y(s.lower) - y(s.upper)) };
-    chart.append(svg("rect", { class: "groups-box", ...box }));
-    chart.append(svg("line", { class: "groups-median", x1: x - half, x2: x + half, y1: y(s.median), y2: y(s.median) }));
-    for (const { well, value, shift } of spread(group.wells, y, half)) {
-      const dot = svg("circle", { class: "groups-dot", cx: x + shift, cy: y(value), r: 3.5 });
-      dot.dataset["well"] = well;
-      dot.append(svg("title", {}, `${well}: ${significant(value)} ${unit}`));
-      dot.addEventListener("click", () => choose(well));
-      chart.append(dot);
+    const mean = y(group.mean);
+    chart.append(svg("line", { class: "groups-mean", x1: x - half, x2: x + half, y1: mean, y2: mean }));
+    const interval = group.mean_interval_95;
+    if (interval) {
+      chart.append(svg("line", { class: "groups-mean", x1: x, x2: x, y1: y(interval.low), y2: y(interval.high) }));
     }
+    // Over the lines, so that each can be seen and clicked.
+    for (const placed of spread(group.values, y, half)) chart.append(dot(placed, x, y, { unit, size }, choose));
     chart.append(svg("text", { class: "tick", x, y: bottom + 20, "text-anchor": "middle" }, letter(i)));
   });
   chart.append(svg("line", { class: "axis", x1: MARGIN.left, x2: width - MARGIN.right, y1: bottom, y2: bottom }));
   return chart;
+}
+
+/** The mark of a well. One with a flag has another shape, too. */
+function dot(
+  { well, value, flagged, shift }: WellValue & { shift: number },
+  x: number,
+  y: (value: number) => number,
+  { unit, size }: Pick<Shown, "unit" | "size">,
+  choose: (well: string) => void,
+): SVGElement {
+  const [at, up] = [x + shift, y(value)];
+  const made = flagged
+    ? svg("rect", { class: "groups-dot groups-flagged", x: at - 3.5, y: up - 3.5, width: 7, height: 7 })
+    : svg("circle", { class: "groups-dot", cx: at, cy: up, r: 3.5 });
+  made.dataset["well"] = well;
+  made.append(svg("title", {}, `${well}: ${significant(value / size)} ${unit}${flagged ? ", with a flag" : ""}`));
+  made.addEventListener("click", () => choose(well));
+  return made;
 }
 
 function letter(group: number): string {
@@ -287,31 +240,32 @@ function letter(group: number): string {
 
 /** Places dots beside each other where their values are alike. */
 function spread(
-  wells: ResultGroup["wells"],
+  wells: readonly WellValue[],
   y: (value: number) => number,
   half: number,
-): { well: string; value: number; shift: number }[] {
+): (WellValue & { shift: number })[] {
   const rows = new Map<number, number>();
   return [...wells]
     .sort((a, b) => a.value - b.value)
-    .map(({ well, value }) => {
-      const row = Math.round(y(value) / APART_PX);
+    .map((well) => {
+      const row = Math.round(y(well.value) / APART_PX);
       const count = rows.get(row) ?? 0;
       rows.set(row, count + 1);
       const shift = Math.ceil(count / 2) * APART_PX * (count % 2 === 0 ? 1 : -1);
-      return { well, value, shift: Math.max(-half, Math.min(half, shift)) };
+      return { ...well, shift: Math.max(-half, Math.min(half, shift)) };
     });
 }
 
-function table(groups: readonly ResultGroup[], quantity: Quantity): HTMLElement[] {
-  const { name, unit } = QUANTITIES[quantity];
-  const heads = ["Mark", "Group", "Wells", `Median, ${unit}`, `Mean, ${unit}`, "SD", "Least", "Most"];
+function table(groups: readonly WellGroup[], { name, unit, size }: Shown): HTMLElement[] {
+  const heads = ["Mark", "Group", "n", `Mean, ${unit}`, "SD", "95 % interval of the mean", "Median", "MAD"];
   const head = element("tr", "", ...heads.map((words) => element("th", "", words)));
+  const number = (value: number | null) => (value === null ? "–" : significant(value / size));
   const rows = groups.map((group, i) => {
-    const s = summaryOf(group.wells.map((w) => w.value));
-    const numbers = [s.median, s.mean, s.sd, s.least, s.most].map((v) => (v === null ? "–" : significant(v)));
-    const cells = [letter(i), capitalised(group.words), grouped(s.n), ...numbers];
-    return element("tr", "", ...cells.map((words) => element("td", "", words)));
+    const { n, mean, sd, mean_interval_95: interval, median, mad } = group;
+    const between = interval === null ? "–" : `${number(interval.low)} to ${number(interval.high)}`;
+    const words = capitalised(planWords(group.condition));
+    const cells = [letter(i), words, grouped(n), number(mean), number(sd), between, number(median), number(mad)];
+    return element("tr", "", ...cells.map((text) => element("td", "", text)));
   });
   return [element("caption", "", `${name} by group`), element("thead", "", head), element("tbody", "", ...rows)];
 }

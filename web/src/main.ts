@@ -39,7 +39,7 @@ import { ResultsTable } from "./results.ts";
 import { RigView } from "./rig.ts";
 import { RunLog } from "./runlog.ts";
 import { asStatus, OpenedRun, RunList } from "./runs.ts";
-import type { RunPlan, RunStatus, Status } from "./status.ts";
+import type { RunDetail, RunPlan, RunStatus, Status } from "./status.ts";
 import { StandingView, standingsOf } from "./standing.ts";
 import { runKey, StoredModels, StoredSpecimens } from "./stored.ts";
 import { chosenWell, isStored, subjectOf, type Subject } from "./subject.ts";
@@ -74,7 +74,7 @@ const histories = { live: new VolumeHistory(), opened: new VolumeHistory() };
 const stored = new StoredSpecimens();
 const models = new StoredModels(stored);
 const standing = new StandingView(byId("standing"));
-const groups = new GroupsView(byId, stored, choose);
+const groups = new GroupsView(byId, choose);
 const files = new WellFiles(byId("well-files"));
 const frameParts = {
   heading: byId("frame-heading"),
@@ -111,9 +111,12 @@ const NO_PLAN: Planned = { plate_map: [] };
 /** The plans of runs, by run. They are read once. */
 const plans = new Map<string, Planned>();
 
-const opened = new OpenedRun(byId, () => {
-  pinned = null;
-  redraw();
+const opened = new OpenedRun(byId, {
+  opened() {
+    pinned = null;
+    redraw();
+  },
+  read: redraw,
 });
 new RunList(byId, (run) => void opened.open(run));
 new BeadCharts(byId);
@@ -162,13 +165,15 @@ byId("save-table").addEventListener("click", () => {
 
 /** The status whose run is shown: the instrument's own, or one made of the stored run that is opened. */
 function shown(status: Status): Status {
-  return opened.detail === null ? status : asStatus(opened.detail, status);
+  const detail = opened.instead(status);
+  return detail === null ? status : asStatus(detail, status);
 }
 
 function showAll(status: Status): void {
   instrument(status);
-  run(shown(status));
-  pictures(shown(status));
+  const detail = opened.instead(status);
+  run(shown(status), detail);
+  pictures(shown(status), detail);
 }
 
 /** What the instrument does, whichever run is shown. */
@@ -191,28 +196,28 @@ function instrument(status: Status): void {
   rig.update(status);
 }
 
-/** The numbers of a run. */
-function run(status: Status): void {
-  const history = opened.detail === null ? histories.live : histories.opened;
+/** The numbers of a run. `detail` is the stored one that is shown in the place of the instrument's. */
+function run(status: Status, detail: RunDetail | null): void {
+  const history = detail === null ? histories.live : histories.opened;
   history.take(status);
-  setText(byId("plate-name"), opened.detail === null ? plateName(status) : (status.plate.barcode ?? ""));
+  setText(byId("plate-name"), detail === null ? plateName(status) : (status.plate.barcode ?? ""));
   const wells = status.run?.results ?? [];
   if (!wells.some((w) => w.well === pinned)) pinned = null;
   const chosen = chosenWell(status, pinned);
   const well = wells.find((w) => w.well === chosen) ?? null;
   const specimen = underWay(status);
-  byId("follow").hidden = pinned === null || opened.detail !== null;
+  byId("follow").hidden = pinned === null || detail !== null;
   plate.update(
     wells,
     specimen,
     chosen,
-    colouring.of(wells, () => planOf(status.run).plate_map),
-    planOf(status.run).plate_format ?? null,
+    colouring.of(wells, () => planOf(status.run, detail).plate_map),
+    planOf(status.run, detail).plate_format ?? null,
   );
   results.update(wells, chosen);
   attention.update(wells);
   log.update(status.run, status.revision);
-  groups.update(status.run, planOf(status.run).plate_map);
+  groups.update(status.run);
   byId("save-table").hidden = wells.every((w) => w.outcome === null);
   card.update(well, specimen, wells, well ? (history.of(well.well).hulls_um3.at(-1) ?? null) : null);
   chart.update(
@@ -228,8 +233,8 @@ function run(status: Status): void {
 }
 
 /** The plan of a run: empty until it is read. */
-function planOf(run: RunStatus | null): Planned {
-  if (opened.detail !== null) return opened.detail.plan;
+function planOf(run: RunStatus | null, stored: RunDetail | null): Planned {
+  if (stored !== null) return stored.plan;
   if (run === null) return NO_PLAN;
   const key = runKey(run);
   const known = plans.get(key);
@@ -263,8 +268,8 @@ function plateName(status: Status): string {
   return parts.join(" · ");
 }
 
-function pictures(status: Status): void {
-  const now = `${status.boot_id} ${status.revision} ${pinned} ${opened.detail?.id}`;
+function pictures(status: Status, detail: RunDetail | null): void {
+  const now = `${status.boot_id} ${status.revision} ${pinned} ${detail?.id}`;
   if (now === picturesShown) return;
   picturesShown = now;
   const subject = subjectOf(status, pinned);
@@ -301,7 +306,9 @@ void keepLive({
     emergency.update(status);
     histories.live.take(status);
     header.status(status);
-    display.update(status);
+    opened.follow(status);
     showAll(status);
+    // Last: what a browser does with notices and sound must not keep the numbers from the page.
+    display.update(status);
   },
 });

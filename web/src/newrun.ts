@@ -40,7 +40,10 @@ export class NewRun {
   #busy = false;
 
   constructor(find: <T extends Element = HTMLElement>(id: string) => T) {
-    this.#panel = find("new-run");
+    const panel = find<HTMLDetailsElement>("new-run");
+    // Folded where it would be a screen long.
+    panel.open = !matchMedia("(max-width: 900px)").matches;
+    this.#panel = panel;
     this.#form = find("new-run-form");
     this.#file = find("plate-map");
     this.#method = find("method");

@@ -4,7 +4,7 @@
 import { element, show } from "./dom.ts";
 import { counted, significant } from "./format.ts";
 import { drawPlate } from "./plate.ts";
-import type { PlannedWell } from "./status.ts";
+import type { PlannedWell, WellCondition } from "./status.ts";
 import { formatFor } from "./wells.ts";
 
 /** Wells that are planned alike. */
@@ -27,8 +27,11 @@ const PALETTE = [
 /** Groups that have a colour and a letter of their own. */
 const NAMED = 26;
 
+/** What is in a well and how it was treated, in a plate map or in a group of wells. */
+type Treatment = Partial<WellCondition>;
+
 /** What is in a well and how it was treated, in words: `larva, 3 dpf, DMSO 0.1 %, negative control`. Pure. */
-export function planWords(well: PlannedWell): string {
+export function planWords(well: Treatment): string {
   const dose =
     well.concentration == null
       ? ""

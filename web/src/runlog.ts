@@ -53,6 +53,7 @@ const WORDS: Record<string, (data: Data, well: string) => Entry> = {
   "run.resumed": (d) =>
     news(d["by"] === "instrument" ? "The run goes on by itself." : "An operator lets the run go on."),
   "run.interrupted": () => trouble("The program was started again and found the run open."),
+  "run.unreadable": (d) => trouble(sentence(`the record of the run could not be read: ${text(d["why"])}`)),
   "run.ended": (d) => news(`The run ${OUTCOMES[text(d["outcome"]) as RunOutcome] ?? "ended"}.`),
   "well.awaited": (_, well) => step(`The loader is asked for the specimen of ${well}.`),
   "well.loaded": (_, well) => step(`The specimen of ${well} is in the capillary.`),
@@ -74,8 +75,9 @@ const WORDS: Record<string, (data: Data, well: string) => Entry> = {
   "specimen.recovering": (_, well) => news(`${well}: its numbers are computed from the stored frames.`),
   "specimen.recovered": (_, well) => news(`${well}: its numbers were computed from the stored frames.`),
   "specimen.done": done,
+  // An early journal has no meaning of a fault.
   "fault.raised": (d) =>
-    trouble(`${sentence(text(d["meaning"]) || text(d["message"]))} ${sentence(text(d["message"]))}`),
+    trouble([d["meaning"], d["message"]].map(text).filter(Boolean).map(sentence).join(" ") || "A fault was raised."),
   "fault.acknowledged": (d) => news(`The fault ${words(text(d["code"]))} was acknowledged.`),
   "fault.cleared": (d) => news(sentence(`a fault is over${d["why"] ? `: ${text(d["why"])}` : ""}`)),
   "daemon.stopping": () => trouble("The program was told to end while the run was open."),

@@ -2,14 +2,17 @@
 //
 //   GET /v1/runs, a page at a time ──> rows that fit the search ──click──> GET /v1/runs/{id} ──> asStatus ──> the page's views
 //
-// An opened run has the views of a live one. The sentence, the faults and the commands stay those of the instrument.
+// An opened run has the views of a live one. The sentence, the faults and the commands stay those of the instrument. A run that is opened
+// while the instrument works on it is shown as the instrument has it, and read again when it has ended.
 
 import { fetchRun, fetchRuns, Refused } from "./api.ts";
 import { element, setText, show } from "./dom.ts";
 import { downloadLink } from "./downloads.ts";
 import { bytes, counted, day } from "./format.ts";
+import { Latest } from "./latest.ts";
 import { OUTCOMES } from "./plain.ts";
-import type { RunDetail, RunOutcome, RunRow, Status } from "./status.ts";
+import type { RunDetail, RunOutcome, RunRow, RunStatus, Status } from "./status.ts";
+import { runKey } from "./stored.ts";
 
 /** A stored run in the place of the instrument's own: nothing moves, nothing is asked of anybody. Pure. */
 export function asStatus(detail: RunDetail, live: Status): Status {
@@ -25,6 +28,16 @@ export function asStatus(detail: RunDetail, live: Status): Status {
       ...{ eta_s: null, goes_on_by_itself: false, held_by_operator: false, hold: null },
     },
   };
+}
+
+/** Whether a run was under way when it was read, and the instrument has it. Pure. */
+export function isOwn(detail: Pick<RunDetail, "id" | "started" | "outcome">, run: RunStatus | null): boolean {
+  return detail.outcome === null && run !== null && runKey(run) === runKey(detail);
+}
+
+/** Whether a run may have ended since it was read. Pure. */
+export function mayHaveEnded(detail: Pick<RunDetail, "id" | "started" | "outcome">, run: RunStatus | null): boolean {
+  return detail.outcome === null && (!isOwn(detail, run) || run?.outcome != null);
 }
 
 /** Whether every word of the search is in a run's name, barcode, operator, method, mode, day or outcome. Pure. */
@@ -139,28 +152,60 @@ export class RunList {
   }
 }
 
-/** The stored run that the page shows in place of the instrument's own. Its name is in the page's address. */
+interface Heard {
+  /** Another run is opened, or none any more. */
+  opened: () => void;
+  /** The opened run was read again. */
+  read: () => void;
+}
+
+/** The run that the reader has opened from the list. Its name is in the page's address. */
 export class OpenedRun {
   readonly #banner: HTMLElement;
   readonly #words: HTMLElement;
   readonly #copies: HTMLElement;
   readonly #files: HTMLElement;
-  readonly #changed: () => void;
+  readonly #heard: Heard;
+  readonly #again = new Latest(() => this.#readAgain());
   #detail: RunDetail | null = null;
+  #status: Status | null = null;
+  /** The status after which the run was read again. */
+  #readAt = "";
 
-  constructor(find: <T extends Element = HTMLElement>(id: string) => T, changed: () => void) {
+  constructor(find: <T extends Element = HTMLElement>(id: string) => T, heard: Heard) {
     this.#banner = find("opened");
     this.#words = find("opened-words");
     this.#copies = find("opened-copies");
     this.#files = find("opened-files");
-    this.#changed = changed;
+    this.#heard = heard;
     find("opened-close").addEventListener("click", () => this.#show(null));
     const named = new URL(location.href).searchParams.get("run");
     if (named !== null) void this.open(named);
   }
 
-  get detail(): RunDetail | null {
-    return this.#detail;
+  /** The opened run in the place of the instrument's own. Null without one, and while the instrument works on the opened one. */
+  instead(status: Status): RunDetail | null {
+    return this.#detail === null || isOwn(this.#detail, status.run) ? null : this.#detail;
+  }
+
+  /** Reads the opened run again if it was under way and may have ended. */
+  follow(status: Status): void {
+    this.#status = status;
+    void this.#again.ask();
+  }
+
+  async #readAgain(): Promise<void> {
+    const [detail, status] = [this.#detail, this.#status];
+    if (detail === null || status === null || !mayHaveEnded(detail, status.run)) return;
+    const now = `${status.boot_id} ${status.revision}`;
+    if (now === this.#readAt) return;
+    const read = await fetchRun(detail.id);
+    this.#readAt = now;
+    // Another run was opened meanwhile.
+    if (this.#detail !== detail) return;
+    this.#detail = read;
+    this.#draw(read);
+    this.#heard.read();
   }
 
   async open(run: string): Promise<void> {
@@ -182,23 +227,25 @@ export class OpenedRun {
     if (detail === null) address.searchParams.delete("run");
     else address.searchParams.set("run", detail.id);
     window.history.replaceState(null, "", address);
-    if (detail !== null) {
-      const { id, plate_barcode, started, mode, method, software_version: version } = detail;
-      setText(
-        this.#words,
-        `Stored run ${id}: plate ${plate_barcode}, ${day(started)}, ${mode}, method ${method}, carved ${version}. ` +
-          `Plate, well, frame, model and tables below are of this run.`,
-      );
-      setText(this.#copies, copyWords(detail));
-      const whole = downloadLink(
-        `/v1/runs/${encodeURIComponent(id)}/files.tar`,
-        `${id}.tar`,
-        "All files of the run (tar)",
-      );
-      // The files of a run under way are still written.
-      this.#files.replaceChildren(...(detail.outcome === null ? [] : [whole]));
-    }
+    if (detail !== null) this.#draw(detail);
     show(this.#banner, detail !== null);
-    this.#changed();
+    this.#heard.opened();
+  }
+
+  #draw(detail: RunDetail): void {
+    const { id, plate_barcode, started, mode, method, software_version: version, outcome } = detail;
+    setText(
+      this.#words,
+      `${outcome === null ? "Run under way" : "Stored run"} ${id}: plate ${plate_barcode}, ${day(started)}, ${mode}, ` +
+        `method ${method}, carved ${version}. Plate, well, frame, model and tables below are of this run.`,
+    );
+    setText(this.#copies, outcome === null ? "" : copyWords(detail));
+    const whole = downloadLink(
+      `/v1/runs/${encodeURIComponent(id)}/files.tar`,
+      `${id}.tar`,
+      "All files of the run (tar)",
+    );
+    // The files of a run under way are still written.
+    this.#files.replaceChildren(...(outcome === null ? [] : [whole]));
   }
 }

@@ -22,9 +22,7 @@ export function linearTicks(lowest: number, highest: number): number[] {
 export function viewTicks(views: number): number[] {
   const step = views <= 12 ? 2 : views <= 30 ? 5 : views <= 60 ? 10 : 20;
   const ticks = [1];
-  for (let view = step; view <= views - step / 2; view += step) {
-    if (view > 1) ticks.push(view);
-  }
+  for (let view = step; view <= views - step / 2; view += step) ticks.push(view);
   if (views > 1) ticks.push(views);
   return ticks;
 }

@@ -77,6 +77,12 @@ impl RotationAxis for Lasting {
         self.capabilities
     }
 
+    fn begin_run(&mut self) {
+        if let Some(axis) = &mut self.axis {
+            axis.begin_run();
+        }
+    }
+
     fn announce(&mut self, stops: &[Steps]) -> Result<(), DeviceError> {
         self.with(|axis| axis.announce(stops))
     }

@@ -98,12 +98,14 @@ pub trait RotationAxis: Send {
     fn identity(&self) -> &str;
     /// What this controller can do.
     fn capabilities(&self) -> Capabilities;
+    /// A new run begins. What a person was asked during the run before, and did not answer, is asked again.
+    fn begin_run(&mut self) {}
     /// Announces the stops of the next revolution, in order, before its first move. A trigger-stepped axis needs them before
     /// its reference, and best before the specimen is there. The same stops may be announced again.
     ///
     /// # Errors
     /// The list cannot be written, or the machine already goes by another one. [`DeviceError::VastList`] once for each new list: a
-    /// person must load it into the machine's program. To announce the same stops again says that this was done.
+    /// person must load it into the machine's program. To announce the same stops again in the same run says that this was done.
     fn announce(&mut self, _stops: &[Steps]) -> Result<(), DeviceError> {
         Ok(())
     }

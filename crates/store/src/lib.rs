@@ -48,7 +48,7 @@ pub use journal::{Journal, now};
 pub use pack::{Pack, RecordingFiles};
 pub use reader::{SpecimenFile, StoreReader, StoredFile, StoredSpecimen};
 pub use recording::{MEASUREMENT, MeasurementFile, Recording, RecordingReader, RecordingWriter, RigRecord, SecondRecord, fluorescence};
-pub use replay::ReplayWriter;
+pub use replay::{ReplayWriter, Replayed};
 pub use run::RunRecord;
 pub use run_files::RunFiles;
 pub use software::Software;

@@ -1,4 +1,5 @@
-//! Results of a specimen by another method, in `WELL/replays/NAME/`. The stored result is not changed.
+//! Results of a specimen that were computed again from its frames: by another method in `WELL/replays/NAME/`, or in a folder outside the
+//! run. The stored result is not changed.
 
 use super::{MEASUREMENT, Software, StoreError, durable, schema, sums};
 use carved_records::Method;
@@ -15,19 +16,59 @@ struct Replay {
     software: Software,
     /// RFC 3339, UTC.
     replayed: String,
-    method_name: String,
+    /// `None`: the recording's own method.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    method_name: Option<String>,
     method: Method,
+    /// SHA-256 of `recording.json`, in a folder outside the run.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    recording_sha256: Option<String>,
+}
+
+/// What was computed again.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Replayed {
+    pub software: Software,
+    /// `None`: the recording's own method.
+    pub method_name: Option<String>,
+    pub method: Method,
+    /// Bytes of `measurement.json`.
+    pub measurement: Vec<u8>,
+}
+
+impl Replayed {
+    /// The results in a folder outside the run. `None` where there are none, or an interrupted computation left them.
+    ///
+    /// # Errors
+    /// Files that cannot be read, were altered, or were written by a newer carved.
+    pub fn read(folder: &Path) -> Result<Option<Self>, StoreError> {
+        if !folder.join(sums::FILE).is_file() {
+            return Ok(None);
+        }
+        for name in [FILE, MEASUREMENT] {
+            sums::check_one(folder, name)?;
+        }
+        let Replay { software, method_name, method, .. } = schema::read(&folder.join(FILE), SCHEMA)?;
+        let path = folder.join(MEASUREMENT);
+        let measurement = carved_files::read(&path).map_err(StoreError::io("read", &path))?;
+        Ok(Some(Self { software, method_name, method, measurement }))
+    }
 }
 
 pub struct ReplayWriter {
     folder: PathBuf,
-    name: String,
+    method_name: Option<String>,
 }
 
 impl ReplayWriter {
     /// A writer for results by the method of this (plain) name. `recording`: the recording's folder.
     pub fn new(recording: &Path, name: &str) -> Self {
-        Self { folder: recording.join("replays").join(name), name: name.to_owned() }
+        Self { folder: recording.join("replays").join(name), method_name: Some(name.to_owned()) }
+    }
+
+    /// A writer for results in a folder outside the run, by a method of this name or by the recording's own.
+    pub fn outside(folder: PathBuf, method_name: Option<&str>) -> Self {
+        Self { folder, method_name: method_name.map(str::to_owned) }
     }
 
     pub fn folder(&self) -> &Path {
@@ -50,24 +91,40 @@ impl ReplayWriter {
         if same { Ok(true) } else { Err(StoreError::Exists { path: self.folder.clone() }) }
     }
 
-    /// Writes the results.
+    /// Whether this build has computed the numbers of this recording by this method already, and they are intact.
+    pub fn is_done(&self, method: &Method, recording_sha256: &str) -> bool {
+        let stored: Option<Replay> = schema::read(&self.folder.join(FILE), SCHEMA).ok();
+        stored.is_some_and(|stored| {
+            stored.software == Software::this()
+                && stored.method == *method
+                && stored.recording_sha256.as_deref() == Some(recording_sha256)
+                && matches!(Replayed::read(&self.folder), Ok(Some(_)))
+        })
+    }
+
+    /// Writes the results, and the checksums last. `recording_sha256`: of `recording.json`, for results outside the run.
     ///
     /// # Errors
     /// A file cannot be written.
-    pub fn write(&self, method: &Method, files: &[(&str, Vec<u8>)]) -> Result<(), StoreError> {
+    pub fn write(&self, method: &Method, recording_sha256: Option<String>, files: &[(&str, Vec<u8>)]) -> Result<(), StoreError> {
         durable::create_folder(&self.folder)?;
+        let sums = self.folder.join(sums::FILE);
+        match std::fs::remove_file(&sums) {
+            Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(StoreError::Io { what: "remove", path: sums, source: e }),
+            _ => {}
+        }
         let replay = Replay {
             schema: SCHEMA.into(),
             software: Software::this(),
             replayed: jiff::Timestamp::now().to_string(),
-            method_name: self.name.clone(),
+            method_name: self.method_name.clone(),
             method: method.clone(),
+            recording_sha256,
         };
         durable::write_json(&self.folder.join(FILE), &replay)?;
         for (name, bytes) in files {
             durable::write(&self.folder.join(name), bytes)?;
         }
-        let sums = sums::of_folder(&self.folder)?;
-        durable::write(&self.folder.join(sums::FILE), sums::text(&sums).as_bytes())
+        durable::write(&sums, sums::text(&sums::of_folder(&self.folder)?).as_bytes())
     }
 }

@@ -10,6 +10,7 @@
 //! `SHA256SUMS` before it is believed.
 
 use super::recording::{MEASUREMENT, RECORDING};
+use super::replay::Replayed;
 use super::{RecordingFiles, RunRecord, StoreError, StoreReader, attempts, recording, schema};
 use carved_records::{PlannedWell, WellStatus, sha256_hex};
 use serde_json::Value;
@@ -23,6 +24,8 @@ const TIMINGS: &str = "timings.json";
 pub struct StoredRun {
     folder: PathBuf,
     record: RunRecord,
+    /// Folder with the numbers of a later computation, as `RUN/WELL`.
+    measurements: Option<PathBuf>,
 }
 
 /// One planned well of a run, of its newest attempt.
@@ -43,6 +46,8 @@ pub struct StoredWell {
     pub measurement_sha256: Option<String>,
     /// `timings.json`. `None` where the recording was not closed.
     pub timings: Option<Value>,
+    /// Name of the method of the numbers, where a later computation gave them by another method.
+    pub measured_by: Option<String>,
 }
 
 impl StoredRun {
@@ -51,7 +56,17 @@ impl StoredRun {
     /// # Errors
     /// No run, or one that cannot be read.
     pub fn read(folder: &Path) -> Result<Self, StoreError> {
-        Ok(Self { folder: folder.to_owned(), record: RunRecord::of_folder(folder)? })
+        Ok(Self { folder: folder.to_owned(), record: RunRecord::of_folder(folder)?, measurements: None })
+    }
+
+    /// The same run with the numbers of a later computation, which are in `folder` as `RUN/WELL`, in place of its own. `RUN` is the name
+    /// of the run's folder.
+    ///
+    /// # Errors
+    /// The run's folder cannot be found.
+    pub fn with_measurements(self, folder: &Path) -> Result<Self, StoreError> {
+        let whole = self.folder.canonicalize().map_err(StoreError::io("find", &self.folder))?;
+        Ok(Self { measurements: Some(folder.join(whole.file_name().unwrap_or_default())), ..self })
     }
 
     /// `run.json`.
@@ -76,9 +91,8 @@ impl StoredRun {
         if recording.is_some() {
             schema::parse::<serde::de::IgnoredAny>(&files.path(RECORDING), &files.require(RECORDING)?, recording::SCHEMA)?;
         }
-        let measurement = json(&files, MEASUREMENT)?;
-        let (measurement, measurement_sha256) = measurement.unzip();
-        Ok(StoredWell {
+        let (measurement, measurement_sha256) = json(&files, MEASUREMENT)?.unzip();
+        let well = StoredWell {
             planned: planned.clone(),
             status: self.record.wells.iter().find(|status| status.well == *well).cloned(),
             earlier_attempts: attempts::earlier(&self.folder, well).len(),
@@ -86,12 +100,47 @@ impl StoredRun {
             measurement,
             measurement_sha256,
             timings: json(&files, TIMINGS)?.map(|(value, _)| value),
+            measured_by: None,
             files,
-        })
+        };
+        match &self.measurements {
+            None => Ok(well),
+            Some(measurements) => well.measured_again(&measurements.join(attempts::folder_name(&planned.well, 0))),
+        }
     }
 }
 
 impl StoredWell {
+    /// The numbers of a later computation, with its method and its software. No numbers where it has none.
+    fn measured_again(self, folder: &Path) -> Result<Self, StoreError> {
+        let Some(found) = Replayed::read(folder)? else {
+            return Ok(Self { measurement: None, measurement_sha256: None, ..self });
+        };
+        let before = flags(self.measurement.as_ref());
+        let path = folder.join(MEASUREMENT);
+        let format = |e: serde_json::Error| StoreError::Format { path: path.clone(), expected: "JSON", found: e.to_string() };
+        let mut recording = self.recording;
+        if let Some(recording) = recording.as_mut().and_then(Value::as_object_mut) {
+            recording.insert("method".into(), serde_json::to_value(&found.method).map_err(format)?);
+            recording.insert("software".into(), serde_json::to_value(&found.software).map_err(format)?);
+        }
+        let measurement: Value = serde_json::from_slice(&found.measurement).map_err(format)?;
+        // The run adds flags of its own, as `bead_gate`.
+        let status = self.status.map(|mut status| {
+            let of_run = status.flags.into_iter().filter(|flag| !before.contains(flag));
+            status.flags = flags(Some(&measurement)).into_iter().chain(of_run).collect();
+            status
+        });
+        Ok(Self {
+            status,
+            recording,
+            measurement: Some(measurement),
+            measurement_sha256: Some(sha256_hex(&found.measurement)),
+            measured_by: found.method_name,
+            ..self
+        })
+    }
+
     /// The files of the recording with their SHA-256, by their names in its folder. None of a recording that was not closed.
     ///
     /// # Errors
@@ -108,7 +157,7 @@ impl StoreReader {
     /// A run that cannot be read.
     pub fn stored_run(&self, id: &str) -> Result<Option<StoredRun>, StoreError> {
         let Some(record) = self.run(id)? else { return Ok(None) };
-        Ok(self.run_folder(id).map(|folder| StoredRun { folder, record }))
+        Ok(self.run_folder(id).map(|folder| StoredRun { folder, record, measurements: None }))
     }
 }
 
@@ -119,6 +168,12 @@ pub fn place_among_references<'m>(measurement: &'m Value, quantity: &str) -> Opt
     let of = |name: &str| all.iter().find(|e| e["estimator"] == name && e[quantity]["known"].is_object());
     let found = measurement.pointer("/measurement/estimator")?.as_str().and_then(of).or_else(|| of("voxel"))?;
     Some((found["estimator"].as_str()?, &found[quantity]["known"]))
+}
+
+/// The flags of a `measurement.json`.
+fn flags(measurement: Option<&Value>) -> Vec<String> {
+    let list = measurement.and_then(|m| m["flags"].as_array());
+    list.into_iter().flatten().filter_map(|flag| flag.as_str().map(str::to_owned)).collect()
 }
 
 /// A JSON file of a recording and the hash of its bytes. `None` where it is not there.

@@ -2,6 +2,7 @@
 
 use anyhow::Context;
 use carved_core::frame::RawFrame;
+use carved_devices::DeviceError;
 use carved_devices::acquisition::grab;
 use carved_devices::camera::{self, AravisSettings};
 use carved_devices::cancel::CancelToken;
@@ -10,13 +11,13 @@ use std::time::Duration;
 /// Time for one frame besides its exposure, including repeated triggers.
 const PATIENCE: Duration = Duration::from_secs(3);
 
-/// Takes `count` frames. Returns the camera's identity and the frames.
-pub fn take(settings: &AravisSettings, count: u32) -> anyhow::Result<(String, Vec<RawFrame>)> {
+/// Takes `count` frames, unless `cancel` is cancelled before. Returns the camera's identity and the frames.
+pub fn take(settings: &AravisSettings, count: u32, cancel: &CancelToken) -> anyhow::Result<(String, Vec<RawFrame>)> {
     let deadline = PATIENCE + Duration::try_from_secs_f64(settings.exposure_us * 1e-6).context("exposure_us")?;
     let mut camera = camera::open(settings.clone())?;
     camera.arm()?;
-    let never = CancelToken::new();
-    let frames = (0..count).map(|_| Ok(grab(camera.as_mut(), deadline, &never)?.frame)).collect::<anyhow::Result<Vec<_>>>()?;
+    let next = |_| if cancel.is_cancelled() { Err(DeviceError::Stopped) } else { Ok(grab(camera.as_mut(), deadline, cancel)?.frame) };
+    let frames = (0..count).map(next).collect::<Result<Vec<_>, _>>()?;
     camera.disarm()?;
     Ok((camera.identity().to_owned(), frames))
 }

@@ -5,10 +5,11 @@
 //!              └─ at 255: the excess is not measurable; x 1/3
 //! ```
 
-use super::{Configured, average};
+use super::{Configured, average, cancelled_by_signals};
 use anyhow::{bail, ensure};
 use carved_core::frame::RawFrame;
 use carved_devices::camera::AravisSettings;
+use carved_devices::cancel::CancelToken;
 use carved_records::Light;
 
 #[derive(Debug, clap::Args)]
@@ -42,8 +43,9 @@ const NEAR: f64 = 3.0;
 pub fn run(args: &Args) -> anyhow::Result<()> {
     ensure!((50.0..=250.0).contains(&args.target), "--target is {}; from 50 to 250 is just under saturation", args.target);
     let (config, settings) = args.configured.load()?;
-    let _lamp = super::light(&config)?;
-    let found = find(settings, args.target)?;
+    let cancel = cancelled_by_signals()?;
+    let _lamp = super::light(&config, &cancel)?;
+    let found = find(settings, args.target, &cancel)?;
     say!("{}", serde_json::to_string(&found)?);
     note!("put this into [camera]:  exposure_us = {:.1}", found.exposure_us);
     Ok(())
@@ -52,11 +54,11 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 /// Finds the exposure at which the brightest half per cent of the pixels has the level `target`.
 ///
 /// # Errors
-/// The camera's, too little light, and light that does not follow the exposure.
-pub fn find(mut settings: AravisSettings, target: f64) -> anyhow::Result<FoundExposure> {
+/// The camera's, a cancelled token, too little light, and light that does not follow the exposure.
+pub fn find(mut settings: AravisSettings, target: f64, cancel: &CancelToken) -> anyhow::Result<FoundExposure> {
     let longest_us = f64::from(settings.frame_timeout_ms) * 500.0;
     for looks in 1..=LOOKS {
-        let (camera, frames) = average::take(&settings, 1)?;
+        let (camera, frames) = average::take(&settings, 1, cancel)?;
         let Some(frame) = frames.first() else { bail!("the camera gave no frame") };
         let top = top(frame);
         if (top - target).abs() <= NEAR {

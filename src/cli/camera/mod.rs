@@ -5,6 +5,7 @@ pub mod exposure;
 mod reference;
 
 use super::serve::{NO_DEVICES, open_axis};
+use super::signals::{INTERRUPTED, Signals};
 use crate::config::Config;
 use anyhow::Context;
 use carved_devices::RotationAxis;
@@ -38,13 +39,27 @@ impl Configured {
     }
 }
 
+/// A token that the first signal cancels, so that the command ends by its destructors, which switch the light off. The second signal ends
+/// the program at once.
+fn cancelled_by_signals() -> anyhow::Result<CancelToken> {
+    let cancel = CancelToken::new();
+    let token = cancel.clone();
+    Signals::at_each(move || {
+        if token.is_cancelled() {
+            std::process::exit(INTERRUPTED);
+        }
+        token.cancel();
+    })?;
+    Ok(cancel)
+}
+
 /// The controller that has switched the light on, on a rig with such a light. The light goes off when it is dropped.
-pub fn light(config: &Config) -> anyhow::Result<Option<Box<dyn RotationAxis>>> {
+pub fn light(config: &Config, cancel: &CancelToken) -> anyhow::Result<Option<Box<dyn RotationAxis>>> {
     if !config.rotation.outputs().iter().any(|output| output.on == OutputUse::Views) {
         return Ok(None);
     }
     let mut axis = open_axis(config)?;
-    views_on(axis.as_mut(), &CancelToken::new())?;
+    views_on(axis.as_mut(), cancel)?;
     Ok(Some(axis))
 }
 

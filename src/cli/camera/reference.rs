@@ -5,7 +5,7 @@
 //! field contains the lamp alone. The segmentation models the lamp by itself, and the empty capillary describes it better, so a flat field
 //! is stored but not applied.
 
-use super::{Configured, average};
+use super::{Configured, average, cancelled_by_signals};
 use crate::config::Config;
 use anyhow::{Context, ensure};
 use carved_core::frame::RawFrame;
@@ -67,8 +67,9 @@ pub fn run(args: &Args, kind: Kind) -> anyhow::Result<()> {
             file.display()
         );
     }
-    let lamp = super::light(&config)?;
-    let (camera, taken) = average::take(&settings, args.frames)?;
+    let cancel = cancelled_by_signals()?;
+    let lamp = super::light(&config, &cancel)?;
+    let (camera, taken) = average::take(&settings, args.frames, &cancel)?;
     drop(lamp);
     let frame = average::mean(&taken)?;
     let light = Light::of(&frame);

@@ -2,7 +2,7 @@
 
 use super::{read, write};
 use crate::tables::{self, Table, csv};
-use anyhow::bail;
+use anyhow::{bail, ensure};
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Args)]
@@ -14,6 +14,9 @@ pub struct Args {
     /// [default: CSV on standard output]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
+    /// Folder that `carved measure --out` has written: its numbers stand in the tables, not those that the runs hold.
+    #[arg(long, value_name = "DIR")]
+    measurements: Option<PathBuf>,
     /// File for one row per slice along the body of every specimen, in the same formats.
     #[arg(long, value_name = "FILE")]
     shape: Option<PathBuf>,
@@ -28,7 +31,11 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let formats = [&args.out, &args.shape].map(|file| file.as_deref().map(Format::of).transpose());
     let [out, shape] = formats;
     let (out, shape) = (out?, shape?);
-    let runs = read(&args.runs)?;
+    let mut runs = read(&args.runs)?;
+    if let Some(folder) = &args.measurements {
+        ensure!(folder.is_dir(), "{}: no folder of measurements", folder.display());
+        runs = runs.into_iter().map(|run| run.with_measurements(folder)).collect::<Result<_, _>>()?;
+    }
     let specimens = tables::specimens(&runs)?;
     match (&args.out, out) {
         (Some(file), Some(format)) => {

@@ -107,6 +107,9 @@ const BEAD_UM: [f64; 2] = [20.0, 4500.0];
 const USUAL_BEAD: [f64; 2] = [0.2, 0.97];
 /// A larger difference between bead and bore is a wrong number, not a scale to be corrected, %.
 const MOST_SCALE_PERCENT: f64 = 15.0;
+/// From this difference on, a person must say which of both is the ruler, %. The walls of a bore are seen to half a per cent, and capillaries
+/// are made to one or two.
+const UNUSUAL_SCALE_PERCENT: f64 = 4.0;
 /// Least overlap of the bead with itself after one turn.
 pub const LEAST_CLOSURE: f64 = 0.95;
 /// Largest difference of the steps of a turn from the configured ones.
@@ -115,12 +118,15 @@ pub const MOST_STEPS_OFF: f64 = 0.005;
 const MOST_BLUR: f64 = 2.5;
 
 impl Machine {
-    /// Goes on from a stored state. The confirmation that the motors may move is asked for again.
+    /// Goes on from a stored state. The confirmation that the motors may move is asked for again, and the controller is asked who it is:
+    /// its port may have another name by now, and another device its old one.
     pub fn resume(state: State) -> Self {
         let mut machine = Self { state, doubted: None };
         if machine.state.proof.is_none() {
             machine.forget("motion");
             machine.state.is_home = false;
+            machine.state.ports = None;
+            machine.state.controller = None;
         }
         machine
     }
@@ -339,13 +345,17 @@ impl Machine {
             ),
             _ => {
                 let off = self.off_percent(self.state.bead.as_ref()).unwrap_or(0.0);
+                let is_usual = off.abs() <= UNUSUAL_SCALE_PERCENT;
+                let advice = if is_usual {
+                    "The walls are seen to about half a per cent, so take the bead unless you doubt its certificate."
+                } else {
+                    "So large a difference comes from a wrong number: read both certificates again, and type back to correct the diameter of \
+                     the bore or of the bead."
+                };
                 (
-                    format!(
-                        "By the scale of the bore the bead measures {off:+.2} % against its certificate. Which of both is the ruler? The walls are \
-                         seen to about half a per cent, so take the bead unless you doubt its certificate."
-                    ),
+                    format!("By the scale of the bore the bead measures {off:+.2} % against its certificate. Which of both is the ruler? {advice}"),
                     Kind::Choice { options: vec![Choice::new("bead", "The bead"), Choice::new("bore", "The bore")], open: false },
-                    Some("bead".into()),
+                    is_usual.then(|| "bead".into()),
                 )
             }
         }

@@ -21,6 +21,7 @@ mod terminal;
 #[cfg(test)]
 mod tests;
 
+use super::signals::{INTERRUPTED, Signals};
 use anyhow::Context;
 use carved_store::durable;
 use dialogue::Person;
@@ -28,10 +29,6 @@ use machine::{Machine, State};
 use rig::{RealBench, Show, Stopper, stored};
 use std::net::SocketAddr;
 use std::path::PathBuf;
-use tokio::signal::unix::{SignalKind, signal};
-
-/// Exit code of a set-up that a signal ended: 128 + 2, as a shell reports Ctrl-C.
-const INTERRUPTED: i32 = 130;
 
 #[derive(Debug, clap::Subcommand)]
 enum Command {
@@ -157,25 +154,11 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 
 /// Stops the motors at the first signal. The program ends once they are at rest, or at the next signal.
 fn stop_at_signals(stopper: Stopper) -> anyhow::Result<()> {
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().context("cannot start the runtime")?;
-    let mut signals = runtime.block_on(async {
-        [SignalKind::interrupt(), SignalKind::terminate(), SignalKind::hangup()].map(signal).into_iter().collect::<Result<Vec<_>, _>>()
-    })?;
-    std::thread::Builder::new()
-        .name("signals".into())
-        .spawn(move || {
-            runtime.block_on(async {
-                loop {
-                    let any = signals.iter_mut().map(|signal| Box::pin(signal.recv()));
-                    futures::future::select_all(any).await;
-                    let is_second = stopper.is_stopped();
-                    stopper.stop();
-                    if is_second || !stopper.may_move() {
-                        std::process::exit(if stopper.is_finished() { 0 } else { INTERRUPTED });
-                    }
-                }
-            });
-        })
-        .context("cannot start the thread for signals")?;
-    Ok(())
+    Signals::at_each(move || {
+        let is_second = stopper.is_stopped();
+        stopper.stop();
+        if is_second || !stopper.may_move() {
+            std::process::exit(if stopper.is_finished() { 0 } else { INTERRUPTED });
+        }
+    })
 }

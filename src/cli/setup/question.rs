@@ -38,6 +38,11 @@ const TITLES: [(&str, &str); 19] = [
     ("replace", "Write the file"),
 ];
 
+/// The ids of all questions.
+pub fn ids() -> impl Iterator<Item = &'static str> {
+    TITLES.iter().map(|(id, _)| *id)
+}
+
 /// The short name of a question.
 pub fn title(id: &str) -> &str {
     TITLES.iter().find(|(known, _)| *known == id).map_or(id, |(_, title)| title)

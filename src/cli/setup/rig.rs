@@ -22,9 +22,11 @@ use carved_devices::{Rig, RotationAxis, StopHandle, camera};
 use carved_records::{LedgerEntry, Method, ViewOrder};
 use carved_store::{durable, frames};
 use rayon::prelude::*;
+use std::net::{TcpStream, ToSocketAddrs};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
 
 const BAUD: u32 = 115_200;
 /// Frames in the mean of the empty capillary.
@@ -154,7 +156,7 @@ impl RealBench {
 
     /// Switches the light on, on a rig with one. It is off again once the result is dropped.
     fn light(&self, config: &Config) -> anyhow::Result<Lit<'_>> {
-        let axis = camera_light(config)?;
+        let axis = camera_light(config, &self.stopper.cancel)?;
         // A signal must not end the program while the light is on.
         self.stopper.hold(axis.as_ref().map(|axis| axis.stop_handle()));
         Ok(Lit { _at_rest: AtRest(self), _axis: axis })
@@ -181,10 +183,10 @@ impl RealBench {
     fn exposure(&self, config: &Config) -> anyhow::Result<FoundExposure> {
         let settings = config.camera.aravis().context(NO_DEVICES)?;
         let _light = self.light(config)?;
-        let (_, frames) = average::take(settings, 1)?;
+        let (_, frames) = average::take(settings, 1, &self.stopper.cancel)?;
         let first = frames.first().context("the camera gave no frame")?;
         self.show(first, None);
-        match exposure::find(settings.clone(), exposure::TARGET) {
+        match exposure::find(settings.clone(), exposure::TARGET, &self.stopper.cancel) {
             Ok(found) => Ok(FoundExposure { exposure_us: found.exposure_us, top: found.top, follows: true }),
             Err(error) => {
                 let top = exposure::top(first);
@@ -197,7 +199,7 @@ impl RealBench {
     fn empty(&self, config: &Config) -> anyhow::Result<Empty> {
         let settings = config.camera.aravis().context(NO_DEVICES)?;
         let lit = self.light(config)?;
-        let (_, taken) = average::take(settings, FRAMES)?;
+        let (_, taken) = average::take(settings, FRAMES, &self.stopper.cancel)?;
         drop(lit);
         let frame = average::mean(&taken)?;
         let picture = Picture::from_frame(&frame);
@@ -382,15 +384,35 @@ fn cameras() -> Vec<Listed> {
     camera::discover().into_iter().filter_map(listed).collect()
 }
 
+/// Whether a connection to `HOST:PORT` can be made.
+fn answers(address: &str) -> std::io::Result<()> {
+    let mut last = std::io::Error::from(std::io::ErrorKind::AddrNotAvailable);
+    for address in address.to_socket_addrs()? {
+        match TcpStream::connect_timeout(&address, CONNECT) {
+            Ok(_) => return Ok(()),
+            Err(error) => last = error,
+        }
+    }
+    Err(last)
+}
+
+/// Time for a connection to a relay.
+const CONNECT: Duration = Duration::from_secs(3);
+
 /// Asks what answers on a port, or takes an address of a relay.
 fn controller(named: &str) -> anyhow::Result<Controller> {
     let quoted = |text: &str| toml::Value::from(text).to_string();
     let is_relay = !named.starts_with('/') && named.rsplit_once(':').is_some_and(|(_, port)| port.parse::<u16>().is_ok());
     if is_relay {
+        answers(named).with_context(|| {
+            format!(
+                "Nobody listens at {named}. Start scripts/vast_pipe_relay.py on VAST's computer, and check the address and the firewall"
+            )
+        })?;
         let keys = vec![("address".into(), quoted(named))];
         return Ok(Controller {
             driver: "relay".into(),
-            name: format!("relay at {named}, which is asked when it moves"),
+            name: format!("something listens at {named}; whether it is a relay shows when the motors move"),
             keys,
             homes: None,
             remark: None,

@@ -3,7 +3,7 @@
 use super::bench::Action;
 use super::dialogue::Person;
 use super::machine::{Machine, Refused};
-use super::question::{Kind, Question};
+use super::question::{Kind, Question, ids};
 use super::rig::Stopper;
 use super::{Args, Work};
 use anyhow::{Context, bail, ensure};
@@ -69,6 +69,10 @@ impl Answers {
             Some(file) => {
                 let text = carved_files::read_to_string(file).with_context(|| format!("{}: cannot be read", file.display()))?;
                 let table: toml::Table = text.parse().with_context(|| format!("{}: is no TOML", file.display()))?;
+                if let Some(unknown) = table.keys().find(|key| !ids().any(|id| id == *key)) {
+                    let known = ids().collect::<Vec<_>>().join(", ");
+                    bail!("{}: there is no question {unknown:?}; the questions are {known}", file.display());
+                }
                 let word = |value: &toml::Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
                 let list =
                     |value: &toml::Value| value.as_array().map_or_else(|| [word(value)].into(), |all| all.iter().map(word).collect());

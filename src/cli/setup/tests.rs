@@ -487,3 +487,29 @@ fn micrometres_that_cannot_be_meant_are_refused_and_doubtful_ones_asked_twice() 
         assert!(person.heard(words), "{words}");
     }
 }
+
+#[test]
+fn a_resumed_setup_asks_the_controller_again_who_it_is_before_anything_moves() {
+    let mut bench = FakeBench::new("grbl").with(Action::Measure, [Err("stopped".into())]);
+    let (mut machine, mut person) = (Machine::default(), Script::new(&bench, &[]));
+    assert!(converse(&mut machine, &mut bench, &mut person, &|| true, &mut |_| Ok(())).is_err());
+    bench.log.borrow_mut().clear();
+    let mut machine = resumed(&machine);
+    go(&mut machine, &mut bench, &mut person).unwrap();
+    let acted: Vec<Action> = person
+        .log
+        .borrow()
+        .iter()
+        .filter_map(|happened| if let Happened::Acted(action) = happened { Some(*action) } else { None })
+        .collect();
+    assert_eq!(acted[..3], [Action::ListPorts, Action::Identify, Action::Home], "{acted:?}");
+}
+
+#[test]
+fn a_large_difference_between_bead_and_bore_has_no_ruler_by_default() {
+    for (measured_um, default) in [(505.0, Some("bead")), (541.0, None), (459.0, None)] {
+        let bench = FakeBench::new("grbl").with(Action::Measure, [Ok(Outcome::Bead(bead(measured_um)))]);
+        let (machine, _) = set_up(bench, &[("ruler", "bead")]);
+        assert_eq!(machine.question("ruler").default.as_deref(), default, "{measured_um} um");
+    }
+}

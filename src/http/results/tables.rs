@@ -20,7 +20,8 @@ const MOST: usize = 100;
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(in crate::http) struct Named {
-    /// Names of runs, 1 to 100, separated by commas.
+    /// Names of runs, 1 to 100, separated by commas. Each is named once.
+    #[param(pattern = r"[^\s,]")]
     runs: String,
 }
 

@@ -7,10 +7,12 @@
 //! ```
 
 use super::super::Check;
+use super::super::halt::Halt;
 use super::super::handle::Refusal;
 use super::super::preflight::{self, DeviceReport};
 use super::super::search::{self, DevicesFound, Search};
 use super::super::worker::Instrument;
+use carved_devices::cancel::CancelToken;
 use carved_devices::views::ViewsError;
 use carved_devices::{DeviceError, Link};
 use carved_records::{Device, RunPlan, fault_table};
@@ -75,9 +77,12 @@ impl Devices {
         self.instrument = Some(instrument);
     }
 
-    /// Resets the sampler for a new run.
+    /// Resets axis and sampler for a new run.
     pub fn begin_run(&mut self) {
-        self.instrument.iter_mut().for_each(|instrument| instrument.sampler.begin_run());
+        if let Some(instrument) = &mut self.instrument {
+            instrument.rig.rotation.begin_run();
+            instrument.sampler.begin_run();
+        }
     }
 
     /// Whether the axis follows a position list of its own controller. Such an axis cannot take up a specimen twice.
@@ -105,11 +110,18 @@ impl Devices {
         self.task = self.instrument.take().map(|instrument| BackgroundTask::Search(search::begin(instrument)));
     }
 
-    /// Begins to check a plan on the instrument. `deadline` is the deadline of the frame that the check grabs. Returns the request if the
-    /// instrument is in use.
-    pub fn begin_preflight(&mut self, request: Box<PreflightRequest>, deadline: Duration) -> Result<(), Box<PreflightRequest>> {
+    /// Begins to check a plan on the instrument. `deadline` is the deadline of the frame that the check grabs. The emergency stop
+    /// ends it. Returns the request if the instrument is in use.
+    pub fn begin_preflight(
+        &mut self,
+        request: Box<PreflightRequest>,
+        deadline: Duration,
+        halt: &Halt,
+    ) -> Result<(), Box<PreflightRequest>> {
         let Some(instrument) = self.instrument.take() else { return Err(request) };
-        let look = tokio::task::spawn_blocking(move || preflight::look(instrument, deadline));
+        let cancel = CancelToken::new();
+        halt.aim(instrument.rig.rotation.stop_handle(), cancel.clone());
+        let look = tokio::task::spawn_blocking(move || preflight::look(instrument, deadline, &cancel));
         self.task = Some(BackgroundTask::Preflight { look, request });
         Ok(())
     }

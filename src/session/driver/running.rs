@@ -770,7 +770,7 @@ impl Running {
             return reply(answer, Err(refusal));
         }
         let deadline = std::time::Duration::from_millis(self.config.acquisition.grab_deadline_ms.into());
-        match self.devices.begin_preflight(Box::new(PreflightRequest { plan, answer }), deadline) {
+        match self.devices.begin_preflight(Box::new(PreflightRequest { plan, answer }), deadline, self.publisher.halt()) {
             // Shows that no run is accepted during the check.
             Ok(()) => self.publish(|_| ()),
             Err(request) => reply(request.answer, Err(Refusal::Busy)),

@@ -9,7 +9,14 @@ fn sample(run: &str, well: &str, planned: &serde_json::Value, volume: f64) -> Sa
     let mut numbers = [None; QUANTITIES.len()];
     numbers[0] = Some(volume);
     let planned: PlannedWell = serde_json::from_value(planned).unwrap();
-    Sample { run: run.into(), well: well.into(), condition: WellCondition::of(&planned), flagged: false, numbers }
+    Sample {
+        run: run.into(),
+        well: well.into(),
+        condition: WellCondition::of(&planned),
+        flagged: false,
+        numbers,
+        references: [const { None }; QUANTITIES.len()],
+    }
 }
 
 fn of(samples: Vec<Sample>, flagged: Flagged) -> Statistics {
@@ -92,6 +99,16 @@ fn specimens_with_flags_are_counted_and_can_be_left_out() {
     assert_eq!((without.specimens, without.specimens_with_flags), (14, 1));
     let negative = |s: &Statistics| s.quantities[0].groups[0].n;
     assert_eq!((negative(&with), negative(&without)), (3, 2));
+}
+
+#[test]
+fn a_group_has_the_references_of_its_first_well_that_has_some() {
+    let mut samples = plate();
+    let reference = GroupReference { group: "fixed, 3 dpf".into(), n: 12, interval_95: [90.0, 110.0].into() };
+    samples[1].references[0] = Some(reference.clone());
+    let volume = &of(samples, Flagged::Included).quantities[0];
+    assert_eq!(volume.groups[0].reference, Some(reference));
+    assert!(volume.groups[1..].iter().all(|group| group.reference.is_none()));
 }
 
 #[test]

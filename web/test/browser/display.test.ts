@@ -6,7 +6,7 @@ import { createRequire } from "node:module";
 import { after, afterEach, before, beforeEach, test } from "node:test";
 import type { Browser, Page } from "playwright-core";
 import { openBrowser, openPage, shoot } from "../support/browser.ts";
-import { FixtureServer, kept } from "../support/fixture-server.ts";
+import { FixtureServer } from "../support/fixture-server.ts";
 import { ellipsoidGlb } from "../support/picture.ts";
 import { carved, fault, placed, run, specimen, status, well } from "../support/statuses.ts";
 
@@ -143,22 +143,31 @@ test("an old run is found, opened with all that a live one shows, and closed; th
   complaints.splice(0, complaints.length, ...complaints.filter((c) => !/404/.test(c)));
 });
 
-test("groups of the plate map: a dot per well, the numbers as a table, and a dot leads to its well", async () => {
-  server.answers["/v1/runs/demo-1"] = {
-    ...detail,
-    plan: {
-      ...plan,
-      plate_map: [
-        ...["A01", "A02", "A03"].map((name) => ({ well: name, dpf: 3, compound: "DMSO", control: "negative" })),
-        { well: "A04", dpf: 3, compound: "BPA", concentration: 10, concentration_unit: "uM" },
-        { well: "A05", dpf: 3, compound: "BPA", concentration: 10, concentration_unit: "uM" },
-      ],
-    },
-  };
-  const known = { group: "fixed, 3 dpf", n: 12, mean: 245e6, sd: 8e6, z: 0, percentile: 50 };
-  server.answers["/v1/runs/demo-1/specimens/A01"] = kept({
-    measurement: { reference: { estimates: [{ estimator: "support", volume: { known }, area: {} }] } },
-  });
+test("a run that is opened while it is under way follows the instrument, and is read again when it has ended", async () => {
+  const own = { ...detail, id: "demo-1", started: running.run!.started, ended: null, outcome: null };
+  server.answers["/v1/runs/demo-1"] = own;
+  await page.goto(`${server.url}/?run=demo-1`);
+  await until("opened-words", /^Run under way demo-1: /);
+  // The wells are those of the status. The record has B01 only.
+  await wellButton("A05").waitFor();
+  assert.equal(await page.locator("#opened-files a").count(), 0, "its files are still written");
+  const results = running.run!.results.map((w) => (w.well === "A05" ? { ...w, outcome: "failed" as const } : w));
+  server.publish({ ...running, specimen: null, run: { ...running.run!, results } });
+  await page.locator('#plate button[data-well="A05"][data-condition="failed"]').waitFor();
+
+  const ended = { ...running.run!, results, outcome: "partial" as const };
+  server.answers["/v1/runs/demo-1"] = { ...own, outcome: "partial" };
+  server.publish({ ...running, state: "Complete", specimen: null, run: ended });
+  await until("opened-words", /^Stored run demo-1: /);
+  await wellButton("B01").waitFor();
+  assert.equal(await page.locator("#opened-files a").count(), 1);
+  // Another run of the instrument does not take its place.
+  server.publish({ ...running, run: { ...running.run!, id: "demo-2", started: "2026-04-01T00:00:00Z" } });
+  await until("state", /^Running$/i);
+  await wellButton("B01").waitFor();
+});
+
+test("groups of the plate map: the daemon's statistics as dots, means and a table, and a dot leads to its well", async () => {
   const point = (name: string, dose: number, value: number) => ({
     run: "demo-1",
     well: name,
@@ -166,16 +175,40 @@ test("groups of the plate map: a dot per well, the numbers as a table, and a dot
     value: value * 1e6,
   });
   const number = (value: number) => ({ value, sd: 1, interval_95: { low: value - 2, high: value + 2 } });
-  const condition = { specimen: "larva", dpf: 3, compound: "BPA", concentration: null, concentration_unit: null };
+  const untreated = { specimen: "larva", dpf: 3, strain: null, treatment: null, control: null };
+  const condition = { ...untreated, compound: "BPA", concentration: null, concentration_unit: null };
+  const group = (of: object, mean: number, values: [string, number, boolean][], more: object = {}) => ({
+    ...{ condition: { ...condition, ...of }, n: values.length, mean: mean * 1e6, sd: null, mean_interval_95: null },
+    ...{ median: mean * 1e6, mad: 0, reference: null, ...more },
+    values: values.map(([name, value, flagged]) => ({ run: "demo-1", well: name, value: value * 1e6, flagged })),
+  });
+  const dmso = group(
+    { compound: "DMSO", control: "negative" },
+    250,
+    [
+      ["A01", 240, false],
+      ["A02", 250, true],
+      ["A03", 260, false],
+    ],
+    {
+      ...{ sd: 10e6, mad: 10e6, mean_interval_95: { low: 225.2e6, high: 274.8e6 } },
+      reference: { group: "fixed, 3 dpf", n: 12, interval_95: { low: 225e6, high: 265e6 } },
+    },
+  );
+  const groups = [
+    dmso,
+    group({ concentration: 10, concentration_unit: "uM" }, 310, [["A04", 310, false]]),
+    group({ specimen: "bead", dpf: null, compound: null }, 65, [["A06", 65, false]]),
+  ];
   server.answers["/v1/runs/demo-1/statistics"] = {
     ...{ runs: ["demo-1"], modes: ["simulated"], flagged: "included", specimens: 4, specimens_with_flags: 0 },
     quantities: [
       {
-        ...{ name: "volume_um3", unit: "um^3", groups: [], compounds: [] },
+        ...{ name: "volume_um3", unit: "um^3", groups, compounds: [] },
         windows: [{ run: "demo-1", positive: 2, negative: 3, z_prime: 0.55, reason: null }],
         responses: [
           {
-            ...{ condition: { ...condition, strain: null, treatment: null, control: null }, concentration_unit: "uM" },
+            ...{ condition, concentration_unit: "uM" },
             points: [point("A01", 0, 240), point("A02", 1, 250), point("A03", 3, 260), point("A04", 10, 310)],
             curve: {
               ...{ at_zero: number(240e6), at_infinity: number(320e6), hill: number(2), log10_ec50: number(0.7) },
@@ -191,24 +224,45 @@ test("groups of the plate map: a dot per well, the numbers as a table, and a dot
   await page.goto(server.url);
   await page.getByText("Groups of the plate map").click();
   await page.locator('#groups-chart svg[data-groups="2"]').waitFor();
-  await until("groups-words", /Behind: mean ± 1 SD of the references, 12 larvae of 3 dpf\./);
-  assert.equal(await page.locator("#groups-chart .groups-reference").count(), 2);
+  await until(
+    "groups-words",
+    /a square has a flag.* 95 % of reference larvae of the same age: 12 larvae \(fixed, 3 dpf\)\./,
+  );
+  const marks = (name: string) => page.locator(`#groups-chart ${name}`).count();
+  assert.deepEqual(
+    await Promise.all([".groups-reference", "circle", "rect.groups-flagged", ".groups-mean"].map(marks)),
+    [...[1, 3, 1, 3]],
+  );
   const rows = await page.locator("#groups-table tbody tr").allInnerTexts();
   assert.deepEqual(
     rows.map((row) => row.split("\t")),
     [
-      ["a", "Larva, 3 dpf, DMSO, negative control", "3", "250.0", "250.0", "10.00", "240.0", "260.0"],
-      ["b", "Larva, 3 dpf, BPA 10.0 uM", "1", "310.0", "310.0", "–", "310.0", "310.0"],
+      ["a", "Larva, 3 dpf, DMSO, negative control", "3", "250.0", "10.00", "225.2 to 274.8", "250.0", "10.00"],
+      ["b", "Larva, 3 dpf, BPA 10.0 uM", "1", "310.0", "–", "–", "310.0", "0"],
     ],
   );
+  // The mean is drawn where the scale has its value, and its interval around it.
+  const at = (name: string, nth: number, end: string) =>
+    page.locator(name).nth(nth).getAttribute(end).then(Number) as Promise<number>;
+  const dot = await at("#groups-chart [data-well=A02]", 0, "y");
+  assert.ok(Math.abs((await at(".groups-mean", 0, "y1")) - dot - 3.5) < 0.1);
+  const [low, high] = [await at(".groups-mean", 1, "y1"), await at(".groups-mean", 1, "y2")];
+  assert.ok(Math.abs((low + high) / 2 - dot - 3.5) < 0.1 && low > high);
   await until("groups-window", /^Z' of the controls: 0\.55 \(2 positive, 3 negative\)\.$/);
   assert.equal(await page.locator("#groups-doses svg .groups-dot").count(), 4);
+  // The interval of the EC50 from 3 to 8 lies between the doses of its wells, 3 and 10.
+  const centre = (name: string) => at(`#groups-doses [data-well=${name}]`, 0, "cx");
+  const band = { x: await at(".dose-interval", 0, "x"), width: await at(".dose-interval", 0, "width") };
+  assert.ok(Math.abs(band.x - (await centre("A03"))) < 0.1, JSON.stringify(band));
+  const [none, least] = [await centre("A01"), await centre("A02")];
+  assert.ok(none > 60 && none + 20 < least, `wells without the compound stand apart: ${none}, ${least}`);
+  assert.ok(band.x + band.width < (await centre("A04")) && band.width > 20, JSON.stringify(band));
   await until("groups-doses", /BPA, larva, 3 dpf: EC50 5\.00 uM \(95 %: 3\.00 to 8\.00\)/);
   await shoot(page, "groups");
   await page.locator('#groups-chart [data-well="A04"]').click();
   await until("well-heading", /^Well A04$/);
   await page.locator("#groups-quantity").selectOption("area");
-  await until("groups-table", /Area by group/);
+  await until("groups-words", /^No larva has this number yet\.$/);
 });
 
 test("control charts of the beads mark what is out of its limits", async () => {
@@ -377,7 +431,7 @@ test("the wall display shows state, count and plate, keeps the emergency stop an
   for (const id of ["count", "sentence", "plate", "frame-box", "emergency-stop"]) {
     assert.equal(await page.locator(`#${id}`).isVisible(), true, id);
   }
-  for (const id of ["abort", "acknowledge", "new-run", "runs", "rig"]) {
+  for (const id of ["abort", "acknowledge", "new-run", "runs", "rig", "groups", "beads"]) {
     assert.equal(await page.locator(`#${id}`).isVisible(), false, id);
   }
   await shoot(page, "wall");
@@ -428,6 +482,29 @@ test("notices and sound are off by default, and come once for each need", async 
   assert.deepEqual((await said()).slice(1), ["carved: Held: Check the camera's cable.", "sound"]);
 });
 
+test("a browser that shows no notices of a page keeps its page up to date and says so", async () => {
+  await page.addInitScript(() => {
+    // As Chrome on Android: permitted, but not from a page.
+    class Illegal {
+      static permission = "granted";
+      constructor() {
+        throw new TypeError("Failed to construct 'Notification': Illegal constructor.");
+      }
+    }
+    Object.assign(window, { Notification: Illegal });
+  });
+  await page.goto(server.url);
+  await until("state", /^Running$/i);
+  await page.getByText("Display", { exact: true }).click();
+  await page.getByLabel("Notices when somebody is needed").check();
+  server.publish(held);
+  await until("state", /^Held$/i);
+  await until("display-words", /^This browser shows no notices of a page\. Use the sound, or another browser\.$/);
+  assert.equal(await page.getByLabel("Notices when somebody is needed").isChecked(), false);
+  server.publish(running);
+  await until("state", /^Running$/i);
+});
+
 /** Breaches that axe finds, one line each. */
 async function breaches(): Promise<string[]> {
   // The page's policy permits no script from elsewhere; the test's own runs outside of it.
@@ -463,7 +540,9 @@ for (const theme of ["light", "dark"] as const) {
         if (screen.name === "stored run") await until("opened-words", /^Stored run/);
         // Everything that can be unfolded is looked at, too.
         if (screen.name !== "wall") {
-          for (const fold of await page.locator("main details:visible > summary").all()) await fold.click();
+          await page.locator("main details").evaluateAll((folds) => {
+            for (const fold of folds as HTMLDetailsElement[]) fold.open = true;
+          });
           await page.locator("#display > summary").click();
         }
         const beyond = await page.evaluate(() => document.documentElement.scrollWidth - window.innerWidth);

@@ -936,7 +936,23 @@ test("the page holds on a telephone", async () => {
   );
   assert.equal(overflow, 0, "no sideways scrolling");
   assert.ok((await page.locator("#sentence").boundingBox())!.width > 250, "the sentence has the page's width");
+  // State, plate and well come first, the pictures behind them, and the instrument last.
+  const tops = await Promise.all(
+    ["now", "plate", "well-body", "frame-box", "chart", "rig"].map(async (id) => {
+      return (await page.locator(`#${id}`).boundingBox())!.y;
+    }),
+  );
+  assert.deepEqual(
+    tops,
+    [...tops].sort((a, b) => a - b),
+  );
   await shoot(page, "telephone");
+  // The form for a new run is folded, and can be opened.
+  server.publish(status());
+  await page.getByText("New run", { exact: true }).waitFor();
+  assert.equal(await page.getByLabel("Plate map").isVisible(), false);
+  await page.getByText("New run", { exact: true }).click();
+  await page.getByLabel("Plate map").waitFor();
 });
 
 test("the page holds on a tablet and on a plate of 384 wells", async () => {

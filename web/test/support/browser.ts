@@ -45,6 +45,8 @@ export async function shoot(page: Page, name: string): Promise<void> {
   const folder = process.env["CARVED_SCREENSHOTS"];
   if (!folder) return;
   await mkdir(folder, { recursive: true });
+  // At the top, where the head of the page is over nothing.
+  await page.evaluate(() => scrollTo(0, 0));
   await page.screenshot({ path: join(folder, `${name}.png`), fullPage: true });
 }
 

@@ -2,46 +2,23 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { pointsOf } from "../../src/beads.ts";
 import { response, responseWords, windowWords } from "../../src/doses.ts";
-import { resultGroups, summaryOf } from "../../src/groups.ts";
-import type { DoseSeries, GateRow } from "../../src/status.ts";
-import { well } from "../support/statuses.ts";
+import { larvaGroups, referenceWords } from "../../src/groups.ts";
+import type { DoseSeries, GateRow, WellGroup } from "../../src/status.ts";
 
-test("wells are grouped by what was planned, and those without a number are left out", () => {
-  const measured = (name: string, nl: number) => well(name, { outcome: "succeeded", volume_um3: nl * 1e6 });
-  const results = [measured("A01", 240), measured("A02", 250), well("A03"), measured("A04", 65), measured("A05", 230)];
-  const plan = [
-    { well: "A01", dpf: 3, compound: "DMSO" },
-    { well: "A02", dpf: 3, compound: "DMSO", replicate: 2 },
-    { well: "A03", dpf: 3, compound: "DMSO" },
-    { well: "A04", specimen: "bead" as const },
-    { well: "A05", dpf: 3 },
-  ];
-  assert.deepEqual(resultGroups(results, plan, "volume"), [
-    {
-      words: "larva, 3 dpf, DMSO",
-      dpf: 3,
-      wells: [
-        { well: "A01", value: 240 },
-        { well: "A02", value: 250 },
-      ],
-    },
-    { words: "bead", dpf: null, wells: [{ well: "A04", value: 65 }] },
-    { words: "larva, 3 dpf", dpf: 3, wells: [{ well: "A05", value: 230 }] },
-  ]);
-  assert.deepEqual(resultGroups(results, plan, "area"), []);
-  // Before the plan is read, age and kind are known from the results.
-  assert.deepEqual(
-    resultGroups(results, [], "volume").map((g) => [g.words, g.wells.length]),
-    [["larva, 3 dpf", 4]],
-  );
+const group = (specimen: string, reference: WellGroup["reference"]): WellGroup => ({
+  ...{ condition: { ...series.condition, specimen }, n: 1, mean: 240e6, sd: null, mean_interval_95: null },
+  ...{ median: 240e6, mad: 0, reference, values: [{ run: "r", well: "A01", value: 240e6, flagged: false }] },
 });
 
-test("median and quartiles are those of R's type 7", () => {
-  const s = summaryOf([7, 1, 3, 10]);
-  assert.deepEqual([s.n, s.least, s.lower, s.median, s.upper, s.most], [4, 1, 2.5, 5, 7.75, 10]);
-  assert.equal(s.mean, 5.25);
-  assert.ok(Math.abs(s.sd! - 4.031129) < 1e-6);
-  assert.deepEqual([summaryOf([4]).sd, summaryOf([4]).lower, summaryOf([4]).upper], [null, 4, 4]);
+test("groups are those of larvae, and each reference behind them is named once", () => {
+  const known = { group: "fixed, 3 dpf", n: 12, interval_95: { low: 220e6, high: 260e6 } };
+  const groups = [group("larva", known), group("bead", null), group("larva", null), group("larva", known)];
+  const larvae = larvaGroups({ groups });
+  assert.deepEqual(larvae, [groups[0], groups[2], groups[3]]);
+  assert.deepEqual(larvaGroups(undefined), []);
+  const other = { ...known, group: "fixed, 5 dpf", n: 1 };
+  assert.equal(referenceWords([...larvae, group("larva", other)]), "12 larvae (fixed, 3 dpf), 1 larva (fixed, 5 dpf)");
+  assert.equal(referenceWords([group("larva", null)]), "");
 });
 
 test("a chart has the gates that measured its quantity, with their limits and what is out of them", () => {
@@ -62,15 +39,23 @@ test("a chart has the gates that measured its quantity, with their limits and wh
       },
     ],
   });
-  const gates = [gate(1, 500.2), gate(2, 507.1, { lower_limit: 498, upper_limit: 503, jumped: true })];
+  const limits = { lower_limit: 498, upper_limit: 503 };
+  const gates = [
+    gate(1, 500.2, { lower_limit: 498 }),
+    gate(2, 507.1, { ...limits, jumped: true }),
+    gate(3, 502.1, { ...limits, drifted: true }),
+  ];
   const points = pointsOf(gates, "diameter_um");
   assert.deepEqual(
     points.map((p) => [p.id, p.value, p.limits, p.isOut]),
     [
       ["g1", 500.2, null, false],
       ["g2", 507.1, [498, 503], true],
+      ["g3", 502.1, [498, 503], true],
     ],
   );
+  assert.match(points[0]!.words, /: 500\.20 of 3 beads$/);
+  assert.match(points[2]!.words, /: 502\.10 of 3 beads, a drift$/);
   assert.match(points[1]!.words, /^2026-03-02 .*: 507\.10 of 3 beads, a jump$/);
   assert.deepEqual(pointsOf(gates, "uy_px"), []);
 });

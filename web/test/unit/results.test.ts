@@ -1,4 +1,5 @@
 import assert from "node:assert/strict";
+import { readFile } from "node:fs/promises";
 import { test } from "node:test";
 import { callFor } from "../../src/calls.ts";
 import { sorted } from "../../src/results.ts";
@@ -84,38 +85,101 @@ test("the copies of a run are said with their place, size and day", () => {
   assert.match(copyWords({ copies: [copy, copy, copy] }), /2 earlier copies as well\.$/);
 });
 
-test("events are said in words, with what is trouble and what is only a step", () => {
-  const said = (kind: string, data: unknown, well: string | null = "A01") => {
-    const { weight, words } = entryOf({ id: 1, time: "2026-03-05T09:30:00Z", kind, run: "r", well, data });
-    return `${weight}: ${words}`.replaceAll("\u202f", " ");
-  };
-  const done = {
-    outcome: "succeeded",
-    volume_um3: 243.1e6,
-    volume_sd_um3: 1.4e6,
-    flags: [],
-    reason: null,
-    seconds: 61,
-  };
-  assert.equal(said("specimen.done", done), "news: A01: measured, 243.1 ± 1.4 nL, after 1 min 1 s.");
-  assert.equal(
-    said("specimen.done", { ...done, flags: ["dead_looking"] }),
-    "trouble: A01: measured, 243.1 ± 1.4 nL (it looks dead), after 1 min 1 s.",
-  );
-  assert.equal(
-    said("specimen.done", { outcome: "skipped", reason: "empty", flags: [], volume_um3: null }),
-    "news: A01: skipped: the capillary is empty.",
-  );
-  assert.equal(
-    said("run.held", { by: "fault", cause: "The camera is silent." }, null),
-    "trouble: The run is held: The camera is silent.",
-  );
-  assert.equal(said("run.held", { by: "operator" }, null), "news: An operator holds the run.");
-  assert.equal(said("specimen.phase", { phase: "revolve" }), "step: A01: taking views.");
-  assert.equal(
-    said("specimen.interrupted", { reason: "rotation_lost", policy: "redo", kept: false }),
+const said = (kind: string, data: unknown, well: string | null = "A01") => {
+  const { weight, words } = entryOf({ id: 1, time: "2026-03-05T09:30:00Z", kind, run: "r", well, data });
+  return `${weight}: ${words}`.replaceAll("\u202f", " ");
+};
+
+/** Each kind of event of a run: what comes with it, and what the page says. */
+const EVENTS: [kind: string, data: unknown, words: string][] = [
+  [
+    "run.accepted",
+    { plate_barcode: "P-1", method: "standard" },
+    "news: The run was accepted for plate P-1, method standard.",
+  ],
+  ["run.started", null, "news: The instrument is ready; the wells follow."],
+  ["run.hold_requested", null, "news: Somebody asked to hold the run."],
+  ["run.stop_requested", null, "news: Somebody asked to stop the run after the well."],
+  ["run.abort_requested", null, "trouble: Somebody asked to abort the run."],
+  ["run.held", { by: "fault", cause: "The camera is silent." }, "trouble: The run is held: The camera is silent."],
+  ["run.held", { by: "fault", code: "rotation_lost" }, "trouble: The run is held: rotation lost."],
+  ["run.held", { by: "operator" }, "news: An operator holds the run."],
+  ["run.resumed", { by: "instrument" }, "news: The run goes on by itself."],
+  ["run.resumed", { by: "operator" }, "news: An operator lets the run go on."],
+  ["run.interrupted", { found: "at start" }, "trouble: The program was started again and found the run open."],
+  [
+    "run.unreadable",
+    { run: "r", why: "run.json ends early" },
+    "trouble: The record of the run could not be read: run.json ends early.",
+  ],
+  ["run.ended", { outcome: "partial" }, "news: The run finished in part."],
+  ["run.ended", { outcome: "aborted" }, "news: The run was aborted."],
+  ["well.awaited", null, "step: The loader is asked for the specimen of A01."],
+  ["well.loaded", { in_place_of: null }, "step: The specimen of A01 is in the capillary."],
+  ["well.unloaded", null, "step: The specimen of A01 was taken out."],
+  ["specimen.phase", { phase: "revolve" }, "step: A01: taking views."],
+  ["specimen.detected", { kind: "larva" }, "step: A01: the first frame shows a larva."],
+  ["specimen.detected", { kind: "bead" }, "step: A01: the first frame shows a bead."],
+  ["specimen.detected", { kind: "empty" }, "step: A01: the first frame shows nothing."],
+  ["specimen.detected", { kind: "two" }, "step: A01: the first frame shows two larvae or more."],
+  ["specimen.detected", { kind: "bubble" }, "step: A01: the first frame shows an air bubble."],
+  ["specimen.detected", { kind: "debris" }, "step: A01: the first frame shows debris."],
+  ["specimen.detected", null, "step: A01: the first frame shows what cannot be judged."],
+  [
+    "specimen.tried_again",
+    { attempt: 1, why: "no outline" },
+    "trouble: A01 is measured again: attempt 1 failed, no outline.",
+  ],
+  [
+    "specimen.interrupted",
+    { reason: "rotation_lost", policy: "redo", kept: false },
     "trouble: A01 was interrupted (rotation lost): it is measured again from the start.",
-  );
-  assert.equal(said("run.ended", { outcome: "partial" }, null), "news: The run finished in part.");
+  ],
+  [
+    "specimen.interrupted",
+    { reason: "", policy: "redo", kept: true },
+    "trouble: A01 was interrupted: it stays in the capillary, and the run goes on with it.",
+  ],
+  ["specimen.interrupted", { reason: "", policy: "skip" }, "trouble: A01 was interrupted: it is given up."],
+  ["specimen.recovering", { attempt: 1 }, "news: A01: its numbers are computed from the stored frames."],
+  ["specimen.recovered", null, "news: A01: its numbers were computed from the stored frames."],
+  ["specimen.done", { outcome: "succeeded", volume_um3: 2.4e8 }, "news: A01: measured, 240.0 nL."],
+  ["specimen.done", { outcome: "failed", reason: "No outline." }, "trouble: A01: failed: No outline."],
+  ["specimen.done", { outcome: "aborted" }, "news: A01: left out."],
+  ["specimen.done", { outcome: "interrupted" }, "trouble: A01: interrupted and given up."],
+  ["specimen.done", { outcome: "skipped", reason: "empty" }, "news: A01: skipped: the capillary is empty."],
+  [
+    "specimen.done",
+    { outcome: "succeeded", volume_um3: 243.1e6, volume_sd_um3: 1.4e6, flags: ["dead_looking"], seconds: 61 },
+    "trouble: A01: measured, 243.1 ± 1.4 nL (it looks dead), after 1 min 1 s.",
+  ],
+  [
+    "fault.raised",
+    { meaning: "The camera does not answer", message: "no frame for 1.5 s" },
+    "trouble: The camera does not answer. No frame for 1.5 s.",
+  ],
+  ["fault.raised", { message: "no frame for 1.5 s" }, "trouble: No frame for 1.5 s."],
+  ["fault.acknowledged", { seq: 7, code: "camera_silent" }, "news: The fault camera silent was acknowledged."],
+  ["fault.cleared", { seq: [7], why: "it answers" }, "news: A fault is over: it answers."],
+  ["fault.cleared", { seq: [7], why: "" }, "news: A fault is over."],
+  ["daemon.stopping", null, "trouble: The program was told to end while the run was open."],
+  ["store.regained", null, "news: The disk takes writes again."],
+];
+
+test("events are said in words, with what is trouble and what is only a step", () => {
+  for (const [kind, data, words] of EVENTS) assert.equal(said(kind, data), words, kind);
   assert.equal(said("pump.primed", null), "step: Pump: primed, A01.", "a kind of a newer version");
+  assert.equal(said("pump.primed", null, null), "step: Pump: primed.");
+});
+
+test("every kind of event of a run that the documents list has words of its own", async () => {
+  const documents = await readFile(new URL("../../../../docs/files.md", import.meta.url), "utf8");
+  const list = documents.split("* `events.jsonl`:")[1]!.split("\n* ")[0]!;
+  const kinds = [...list.matchAll(/`((?:run|well|specimen|fault)\.(?!json)[a-z_]+)`/g)].map((match) => match[1]!);
+  assert.ok(kinds.length > 15, kinds.join());
+  const known = new Set(EVENTS.map(([kind]) => kind));
+  assert.deepEqual(
+    kinds.filter((kind) => !known.has(kind)),
+    [],
+  );
 });

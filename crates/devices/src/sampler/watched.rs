@@ -66,6 +66,10 @@ impl RotationAxis for Watched {
         self.axis.capabilities()
     }
 
+    fn begin_run(&mut self) {
+        self.axis.begin_run();
+    }
+
     fn announce(&mut self, stops: &[Steps]) -> Result<(), DeviceError> {
         self.axis.announce(stops)
     }

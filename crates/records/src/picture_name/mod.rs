@@ -174,6 +174,7 @@ mod tests {
         assert_eq!(of("x/d3-F2-v4-C05.png", "d{age}-F{fish}-v{view}-{well}").unwrap(), "C05 (2) 4 (3.0) - [x]");
         assert_eq!(of("C05/v4.png", "v{view}").unwrap(), "C05 None 4 None - []");
         assert_eq!(of("v4.png", "v{view}").unwrap(), "- None 4 None - []");
+        assert_eq!(of("AF48_v4.png", "{well}_v{view}").unwrap(), "AF48 None 4 None - []");
         assert_eq!(of("Z99_v4.png", "{well}_v{view}"), None);
         assert_eq!(of("A01_v99999999999.png", "{well}_v{view}"), None);
     }

@@ -40,9 +40,16 @@ impl Field {
         let digits = |text: &str| text.bytes().take_while(u8::is_ascii_digit).count();
         match self {
             Self::Well => {
-                let column = text.get(1..).map_or(0, digits);
-                let is_row = text.starts_with(|c: char| c.is_ascii_alphabetic());
-                if is_row && (1..=2).contains(&column) { vec![1 + column] } else { Vec::new() }
+                let letters = text.bytes().take_while(u8::is_ascii_alphabetic).count();
+                let column = digits(&text[letters..]);
+                // The rows AA to AF of a plate of 1536. In `dataB02` the row is B.
+                let is_row = match &text.as_bytes()[..letters] {
+                    [_] => true,
+                    [b'A', second] => second.is_ascii_uppercase(),
+                    [b'a', second] => second.is_ascii_lowercase(),
+                    _ => false,
+                };
+                if is_row && (1..=2).contains(&column) { vec![letters + column] } else { Vec::new() }
             }
             Self::Fish | Self::View => Some(digits(text)).filter(|n| *n > 0).into_iter().collect(),
             Self::Age => {
@@ -214,6 +221,10 @@ mod tests {
             (vast, "2021.10.11_5dpf_tail_W_A02_1_4.tiff", None),
             (vast, "2021.10.11_5dpf_W_A02_1_4_rot.tiff", None),
             ("{well}_{fish}_{view}.tiff", "A02_1_4.tiff", Some("A02 1 4")),
+            ("{well}_{fish}_{view}.tiff", "AF48_1_4.tiff", Some("AF48 1 4")),
+            ("{_}{well}_{view}", "plateA02_4.tiff", Some("A02 4")),
+            ("{_}{well}_{view}", "dataB02_4.tiff", Some("B02 4")),
+            ("{_}{well}_{view}", "p_AB02_4.tiff", Some("AB02 4")),
             ("{well}/VAST_{fish}_{view}", "plate/B03/VAST_1_4.png", Some("B03 1 4")),
             ("{well}/VAST_{fish}_{view}", "VAST_1_4.png", None),
             ("{plate}/{_}{view}", "P-1/v12.png", Some("12 P-1")),

@@ -7,7 +7,7 @@ use crate::cli::import::turn::{self, Turn};
 use crate::cli::import::{Args, omega_deg};
 use crate::cli::plate as plate_map;
 use anyhow::{Context, bail};
-use carved_records::plate_map::Metadata;
+use carved_records::plate_map::PlateMap;
 use carved_records::{Method, PlannedWell, RunPlan};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -39,10 +39,11 @@ impl Plan {
         if args.even && !closure && views.len() % 4 == 1 {
             warn(format!("{} views are spread over the turn; if the last repeats the first at 360 deg, say --closure", views.len()));
         }
-        let (plate_map, metadata) = wells(args, barcode, plate, warn)?;
+        let PlateMap { plate_format, plate_map, metadata, .. } = wells(args, barcode, plate, warn)?;
+        let plate_format = args.of_plate.plate_format.or(plate_format);
         let (method_name, method) = sources.method();
         let method = Method { asd: whole.asd, ..method.clone() };
-        let run = RunPlan { metadata, ..RunPlan::new(barcode, method_name, &args.of_plate.operator, plate_map) };
+        let run = RunPlan { plate_format, metadata, ..RunPlan::new(barcode, method_name, &args.of_plate.operator, plate_map) };
         if let Err(errors) = run.check(&BTreeMap::from([(method_name.to_owned(), &method)])) {
             let said: Vec<String> = errors.iter().map(|e| format!("{}: {}", e.pointer.trim_start_matches('/'), e.detail)).collect();
             bail!("{}", said.join("\n"));
@@ -59,19 +60,20 @@ impl Plan {
     }
 }
 
-/// The wells in the order of the plate map, then those with pictures that it does not name.
-fn wells(args: &Args, barcode: &str, plate: &Plate, warn: &mut dyn FnMut(String)) -> anyhow::Result<(Vec<PlannedWell>, Metadata)> {
-    let (mut wells, metadata) = match &args.of_plate.plate_map {
+/// The plate map, with the wells that have pictures and that it does not name after its own.
+fn wells(args: &Args, barcode: &str, plate: &Plate, warn: &mut dyn FnMut(String)) -> anyhow::Result<PlateMap> {
+    let mut map = match &args.of_plate.plate_map {
         Some(file) => map(file, barcode)?,
-        None => (Vec::new(), Metadata::new()),
+        None => PlateMap::default(),
     };
+    let wells = &mut map.plate_map;
     let named: BTreeSet<String> = wells.iter().map(|w| w.well.clone()).collect();
     let unnamed: Vec<&String> = plate.wells.keys().filter(|well| !named.contains(*well)).collect();
     if !named.is_empty() && !unnamed.is_empty() {
         warn(format!("the plate map does not name {} wells with pictures: {}; they are imported", unnamed.len(), first_of(&unnamed)));
     }
     wells.extend(unnamed.into_iter().map(|well| PlannedWell::new(well, args.specimen.into(), None)));
-    for well in &mut wells {
+    for well in wells {
         let of_names = plate.wells.get(&well.well).and_then(|w| w.dpf);
         if let (Some(mapped), Some(named)) = (well.dpf, of_names)
             && mapped.total_cmp(&named).is_ne()
@@ -80,10 +82,10 @@ fn wells(args: &Args, barcode: &str, plate: &Plate, warn: &mut dyn FnMut(String)
         }
         well.dpf = well.dpf.or(args.dpf).or(of_names);
     }
-    Ok((wells, metadata))
+    Ok(map)
 }
 
-fn map(file: &Path, barcode: &str) -> anyhow::Result<(Vec<PlannedWell>, Metadata)> {
+fn map(file: &Path, barcode: &str) -> anyhow::Result<PlateMap> {
     // A MIHCSME file may have several plates, of which the barcode names one.
     let map = plate_map::read(file, Some(barcode))?;
     let map = map.map_err(|mistakes| {
@@ -91,5 +93,5 @@ fn map(file: &Path, barcode: &str) -> anyhow::Result<(Vec<PlannedWell>, Metadata
         anyhow::anyhow!("--plate-map {}: {} mistakes; correct them, then import", file.display(), mistakes.len())
     })?;
     map.notes.iter().for_each(|note| note!("{}: {note}", file.display()));
-    Ok((map.plate_map, map.metadata))
+    Ok(map)
 }

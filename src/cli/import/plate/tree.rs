@@ -56,7 +56,11 @@ pub(super) fn read(named: &[PathBuf], pattern: Option<&Pattern>) -> anyhow::Resu
              after it, as A02/VAST_1_4.tiff, and name the folder above it. Pictures of one specimen are imported without --plate",
             tree.others_named()
         );
-        let expected = "expected names as W_A02_1_4.tiff (well, fish, view), or A02/VAST_1_4.tiff; give a --pattern for other names";
+        let expected = if pattern.is_some() {
+            "--pattern fits none of them. It must name every part of a name up to the extension, as in {date}_{age}dpf_{_}_W_{well}_{fish}_{view}"
+        } else {
+            "expected names as W_A02_1_4.tiff (well, fish, view), or A02/VAST_1_4.tiff; give a --pattern for other names"
+        };
         match tree.others.len() {
             0 => bail!("{of}: found no picture; {expected}"),
             n => bail!("{of}: found {n} pictures and no name that is understood, as {}; {expected}", tree.others_named()),

@@ -214,6 +214,12 @@ impl RotationAxis for VastBridge {
         }
     }
 
+    fn begin_run(&mut self) {
+        if matches!(self.in_vast, ListInVast::Asked(_)) {
+            self.in_vast = ListInVast::Unknown;
+        }
+    }
+
     fn announce(&mut self, stops: &[Steps]) -> Result<(), DeviceError> {
         self.put_list(stops)?;
         self.stops = stops.to_vec();

@@ -1,0 +1,130 @@
+//! `carved measure --out`: shards, what is left out, what is computed again, and the table of all.
+//!
+//! ```text
+//!  two runs, three beads ─┬─ measure, stored ───────────────── export table ──────────────────────┐
+//!                         └─ measure --out, shard by shard ─── export table --measurements ─── the same bytes
+//! ```
+
+use super::import_plate::{scene, shoot};
+use crate::common::{json, run, stderr};
+use hardware_sim::scene::Specimen;
+use serde_json::Value;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+struct Bench {
+    dir: tempfile::TempDir,
+    runs: [String; 2],
+}
+
+impl Bench {
+    /// Two runs of four views per well: two beads, and one bead.
+    fn new() -> Self {
+        let dir = tempfile::tempdir().unwrap();
+        let data = dir.path().join("data");
+        let plates = [("P-1", &[("A01", 400.0), ("A02", 500.0)][..]), ("P-2", &[("A01", 450.0)][..])];
+        let runs = plates.map(|(barcode, wells)| {
+            let pictures = dir.path().join(barcode);
+            for (well, diameter_um) in wells {
+                let bead = scene(Specimen::bead(*diameter_um).unwrap());
+                shoot(&bead, 4, 4, |i| pictures.join(format!("W_{well}_1_{}.tiff", i + 1)));
+            }
+            let args =
+                ["import", text(&pictures), "--plate", barcode, "--data", text(&data), "--even", "--specimen", "bead", "--voxel", "14"];
+            let output = run(&[&args[..], &["--operator", "kim"]].concat());
+            assert!(output.status.success(), "{}", stderr(&output));
+            text(&data.join("runs").join(barcode)).to_owned()
+        });
+        Self { dir, runs }
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.dir.path().join(name)
+    }
+
+    /// Measures both runs into `out`. Returns the exit code, the summary and what is said.
+    fn measure(&self, out: &str, more: &[&str]) -> (Option<i32>, Value, String) {
+        let out = self.path(out);
+        let output = run(&[&["measure", "--out", text(&out), &self.runs[1], &self.runs[0]], more].concat());
+        (output.status.code(), serde_json::from_slice(&output.stdout).unwrap_or_default(), stderr(&output))
+    }
+
+    fn counts(&self, out: &str, more: &[&str]) -> [u64; 4] {
+        let (code, summary, said) = self.measure(out, more);
+        assert_eq!(code, Some(0), "{said}");
+        ["recordings", "measured", "left_out", "failed"].map(|key| summary[key].as_u64().unwrap())
+    }
+
+    fn table(&self, more: &[&str]) -> String {
+        let output = run(&[&["export", "table", &self.runs[0], &self.runs[1]], more].concat());
+        assert!(output.status.success(), "{}", stderr(&output));
+        String::from_utf8(output.stdout).unwrap()
+    }
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+#[test]
+fn shards_give_the_table_of_a_serial_measurement_byte_by_byte() {
+    let bench = Bench::new();
+    assert_eq!(bench.counts("all", &["--shard", "1/2", "--jobs", "1"]), [2, 2, 0, 0]);
+    // The name of each result is that of its recording, whichever shard measured it.
+    assert!(bench.path("all/P-1/A01/measurement.json").is_file() && !bench.path("all/P-1/A02").exists());
+    assert_eq!(bench.counts("all", &["--shard", "2/2", "--jobs", "3"]), [1, 1, 0, 0]);
+    assert_eq!(bench.counts("all", &[]), [3, 0, 3, 0], "all of it is done");
+    for recording in ["P-1/A01", "P-1/A02", "P-2/A01"] {
+        let stored = fs::read(bench.path("data/runs").join(recording).join("measurement.json")).unwrap();
+        assert!(fs::read(bench.path("all").join(recording).join("measurement.json")).unwrap() == stored, "{recording}");
+    }
+    assert_eq!(bench.table(&["--measurements", text(&bench.path("all"))]), bench.table(&[]));
+}
+
+#[test]
+fn what_is_not_intact_or_of_another_method_is_computed_again() {
+    let bench = Bench::new();
+    assert_eq!(bench.counts("out", &[]), [3, 3, 0, 0]);
+    let result = bench.path("out/P-1/A02");
+    let sums = fs::read(result.join("SHA256SUMS")).unwrap();
+    // As a job leaves it that was killed, and as a broken disk does.
+    fs::remove_file(result.join("SHA256SUMS")).unwrap();
+    fs::write(bench.path("out/P-2/A01/measurement.json"), "{}").unwrap();
+    assert_eq!(bench.counts("out", &[]), [3, 2, 1, 0]);
+    assert_eq!(fs::read(result.join("SHA256SUMS")).unwrap().len(), sums.len());
+
+    let method = bench.path("coarse.toml");
+    fs::write(&method, "asd = 4\norder = \"sequential\"\nepsilon = 0.05\nvoxel_um = 28.0\n").unwrap();
+    assert_eq!(bench.counts("out", &["--method", text(&method)]), [3, 3, 0, 0]);
+    assert_eq!(bench.counts("out", &["--method", text(&method)]), [3, 0, 3, 0]);
+    let file = json(&result.join("measurement.json"));
+    assert_eq!(file["measurement"]["voxel_size_um"], 28.0, "{}", file["measurement"]);
+    let table = bench.table(&["--measurements", text(&bench.path("out"))]);
+    let flags = file["flags"].as_array().unwrap().iter().map(|flag| flag.as_str().unwrap()).collect::<Vec<_>>().join(";");
+    assert!(table.lines().skip(1).all(|row| row.contains(",coarse,,")), "the method of the numbers, not that of the run: {table}");
+    assert!(table.lines().nth(2).unwrap().contains(&format!(",{flags},")), "the flags of the numbers, {flags}: {table}");
+}
+
+#[test]
+fn what_cannot_be_measured_is_told_and_the_rest_is_measured() {
+    let bench = Bench::new();
+    fs::remove_dir_all(bench.path("data/runs/P-1/A01/frames")).unwrap();
+    let (code, summary, said) = bench.measure("out", &[]);
+    assert_eq!((code, &summary["measured"], &summary["failed"]), (Some(3), &2.into(), &1.into()), "{said}");
+    assert!(said.contains("P-1/A01") && said.contains("1 recording(s) could not be measured"), "{said}");
+    let table = bench.table(&["--measurements", text(&bench.path("out"))]);
+    assert_eq!(table.lines().count(), 4, "a row without numbers is there: {table}");
+
+    let twin = bench.path("copy/P-2");
+    fs::create_dir_all(&twin).unwrap();
+    fs::create_dir(twin.join("A01")).unwrap();
+    let (code, _, said) = bench.measure("out", &[text(&twin.join("A01"))]);
+    assert_eq!(code, Some(1));
+    assert!(said.contains("would both be written to P-2/A01"), "{said}");
+    fs::write(bench.path("file"), "").unwrap();
+    let (code, _, said) = bench.measure("file", &[]);
+    assert_eq!(code, Some(1), "{said}");
+    for (more, expected) in [(["--shard", "0/2"], "3/16"), (["--jobs", "0"], "--jobs")] {
+        assert!(bench.measure("out", &more).2.contains(expected), "{more:?}");
+    }
+}
