@@ -108,12 +108,16 @@ fn what_is_not_intact_or_of_another_method_is_computed_again() {
 #[test]
 fn what_cannot_be_measured_is_told_and_the_rest_is_measured() {
     let bench = Bench::new();
+    let method = bench.path("coarse.toml");
+    fs::write(&method, "asd = 4\norder = \"sequential\"\nepsilon = 0.05\nvoxel_um = 28.0\n").unwrap();
+    assert_eq!(bench.counts("out", &["--method", text(&method)]), [3, 3, 0, 0]);
     fs::remove_dir_all(bench.path("data/runs/P-1/A01/frames")).unwrap();
     let (code, summary, said) = bench.measure("out", &[]);
     assert_eq!((code, &summary["measured"], &summary["failed"]), (Some(3), &2.into(), &1.into()), "{said}");
     assert!(said.contains("P-1/A01") && said.contains("1 recording(s) could not be measured"), "{said}");
     let table = bench.table(&["--measurements", text(&bench.path("out"))]);
     assert_eq!(table.lines().count(), 4, "a row without numbers is there: {table}");
+    assert!(!table.contains(",coarse,"), "numbers of the earlier method stand for those that failed: {table}");
 
     let twin = bench.path("copy/P-2");
     fs::create_dir_all(&twin).unwrap();

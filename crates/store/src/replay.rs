@@ -102,17 +102,24 @@ impl ReplayWriter {
         })
     }
 
+    /// Removes the checksums of earlier results, so that nobody takes these for results of today.
+    ///
+    /// # Errors
+    /// They cannot be removed.
+    pub fn forget(&self) -> Result<(), StoreError> {
+        let sums = self.folder.join(sums::FILE);
+        match std::fs::remove_file(&sums) {
+            Err(source) if source.kind() != std::io::ErrorKind::NotFound => Err(StoreError::Io { what: "remove", path: sums, source }),
+            _ => Ok(()),
+        }
+    }
+
     /// Writes the results, and the checksums last. `recording_sha256`: of `recording.json`, for results outside the run.
     ///
     /// # Errors
     /// A file cannot be written.
     pub fn write(&self, method: &Method, recording_sha256: Option<String>, files: &[(&str, Vec<u8>)]) -> Result<(), StoreError> {
         durable::create_folder(&self.folder)?;
-        let sums = self.folder.join(sums::FILE);
-        match std::fs::remove_file(&sums) {
-            Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(StoreError::Io { what: "remove", path: sums, source: e }),
-            _ => {}
-        }
         let replay = Replay {
             schema: SCHEMA.into(),
             software: Software::this(),
@@ -125,6 +132,6 @@ impl ReplayWriter {
         for (name, bytes) in files {
             durable::write(&self.folder.join(name), bytes)?;
         }
-        durable::write(&sums, sums::text(&sums::of_folder(&self.folder)?).as_bytes())
+        durable::write(&self.folder.join(sums::FILE), sums::text(&sums::of_folder(&self.folder)?).as_bytes())
     }
 }

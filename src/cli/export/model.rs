@@ -132,15 +132,13 @@ pub(super) fn ends_in(file: &Path, expected: &str) -> anyhow::Result<()> {
 /// The surface of a specimen, um: the stored one, or the computed one where none is stored.
 fn mesh(reader: &RecordingReader) -> anyhow::Result<Mesh> {
     const MESH: &str = "mesh.ply";
-    match reader.file(MESH)? {
-        Some(bytes) => read_ply(&bytes).with_context(|| reader.folder().join(MESH).display().to_string()),
-        None => {
-            let mut mesh = compute_with_hull(reader, &reader.recording().method)?.mesh;
-            // As `mesh.ply` has them, so that both ways give the same bytes.
-            mesh.vertices.iter_mut().flatten().for_each(|x| *x = f64::from(*x as f32));
-            Ok(mesh)
-        }
+    if let Some(bytes) = reader.file(MESH)? {
+        return read_ply(&bytes).with_context(|| reader.folder().join(MESH).display().to_string());
     }
+    let mut mesh = compute_with_hull(reader, &reader.recording().method)?.mesh;
+    // As `mesh.ply` has them, so that both ways give the same bytes.
+    mesh.vertices.iter_mut().flatten().for_each(|x| *x = f64::from(*x as f32));
+    Ok(mesh)
 }
 
 /// What a file says about its specimen.

@@ -197,6 +197,8 @@ fn one(path: &Path, folder: &Path, other: Option<&(String, Method)>) -> anyhow::
     if writer.is_done(method, &recording_sha256) {
         return Ok(Done::LeftOut);
     }
+    // Where this fails, the numbers of an earlier method must not stand in the table.
+    writer.forget().map_err(NotWritten)?;
     let file = compute_with(&reader, method, &ProgressBar::hidden())?.file;
     let numbers = durable::json_text(Path::new(MEASUREMENT), &file)?;
     writer.write(method, Some(recording_sha256), &[(MEASUREMENT, numbers)]).map_err(NotWritten)?;

@@ -412,7 +412,7 @@ fn controller(named: &str) -> anyhow::Result<Controller> {
         let keys = vec![("address".into(), quoted(named))];
         return Ok(Controller {
             driver: "relay".into(),
-            name: format!("something listens at {named}; whether it is a relay shows when the motors move"),
+            name: format!("relay at {named}, by its port alone; the first motion shows whether it is one"),
             keys,
             homes: None,
             remark: None,
