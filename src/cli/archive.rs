@@ -2,7 +2,7 @@
 
 use super::told;
 use anyhow::{bail, ensure};
-use carved_store::{self, Pruned, StoreError};
+use carved_store::{self, Packing, Pruned, StoreError};
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
@@ -13,6 +13,9 @@ pub struct ArchiveArgs {
     /// Destination folder; each run gets a folder of its own name in it.
     #[arg(long, value_name = "DIR")]
     to: PathBuf,
+    /// Put the files of each well into one file, `A01.tar`. `measure`, `replay`, `export` and `report` read it as they read the folder.
+    #[arg(long)]
+    pack: bool,
 }
 
 #[derive(Debug, clap::Args)]
@@ -34,13 +37,15 @@ pub struct PruneArgs {
 /// # Errors
 /// At the end, every run that was not archived, with the reason.
 pub fn archive(args: &ArchiveArgs) -> anyhow::Result<()> {
+    let packing = if args.pack { Packing::PerWell } else { Packing::Files };
     let mut refused = Vec::new();
     for run in &args.runs {
-        match carved_store::archive(run, &args.to) {
+        match carved_store::archive(run, &args.to, packing) {
             Ok(receipt) => say!(
-                "{}: {} files, {:.3} GB, every hash verified at {}",
+                "{}: {} files{}, {:.3} GB, every hash verified at {}",
                 receipt.run,
                 receipt.files.len(),
+                if args.pack { format!(", those of {} recordings packed", receipt.packed.len()) } else { String::new() },
                 receipt.bytes as f64 / 1e9,
                 receipt.destination.display()
             ),

@@ -10,13 +10,13 @@ mod bulk;
 
 use super::stored::{self, Stored};
 use super::told;
-use crate::session::numbers::{self, NumbersError};
+use crate::session::numbers::{self, Computed, NumbersError};
 use anyhow::{Context, bail, ensure};
 use carved_core::surface::Mesh;
 use carved_devices::acquisition::RevolutionPlan;
 use carved_records::LedgerEntry;
 use carved_records::Method;
-use carved_store::{MEASUREMENT, MeasurementFile, RecordingReader, RunRecord, StoreError};
+use carved_store::{MEASUREMENT, MeasurementFile, RecordingFiles, RecordingReader, RunRecord, StoreError};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -24,7 +24,7 @@ use std::process::ExitCode;
 
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Recordings (`runs/RUN/A01`) or whole runs (`runs/RUN`), of which every finished recording is measured.
+    /// Recordings (`runs/RUN/A01`, packed `A01.tar`) or whole runs (`runs/RUN`), of which every finished recording is measured.
     #[arg(required = true)]
     recordings: Vec<PathBuf>,
     /// Measure with this number of the captured views, evenly spread: of 84 with 4, 7, 12, 14, 21, 28, 42 or any other divisor. The
@@ -113,7 +113,7 @@ fn line(path: &Path, asd: Option<u32>) -> anyhow::Result<(String, Option<String>
     let asd = asd.unwrap_or(captured);
     // The same as if this number of views had been planned.
     let (_, file) = compute(&reader, &Method { asd, ..recording.method.clone() })?;
-    let compared = (asd == captured).then(|| stored::compare(reader.folder(), &file)).transpose()?;
+    let compared = (asd == captured).then(|| stored::compare(reader.files(), &file)).transpose()?;
     let stored = compared.as_ref().map_or("not_compared", Stored::word);
     let (new_fields, differs) = match &compared {
         Some(same @ Stored::Same { new }) => {
@@ -149,7 +149,7 @@ pub(super) fn expand(paths: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
             let mut wells: Vec<_> = std::fs::read_dir(path)
                 .with_context(|| format!("{}: cannot list the run", path.display()))?
                 .filter_map(|e| e.ok().map(|e| e.path()))
-                .filter(|p| p.join(MEASUREMENT).is_file())
+                .filter(|p| if p.extension().is_some_and(|e| e == "tar") { was_measured(p) } else { p.join(MEASUREMENT).is_file() })
                 .collect();
             wells.sort();
             ensure!(!wells.is_empty(), "{}: no recording of this run was measured", path.display());
@@ -161,17 +161,27 @@ pub(super) fn expand(paths: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
     Ok(found)
 }
 
+/// Whether a pack has numbers. One that cannot be read counts, so that it is not left out in silence.
+fn was_measured(pack: &Path) -> bool {
+    RecordingFiles::of(pack).map_or(true, |files| files.has(MEASUREMENT))
+}
+
 /// Surface and numbers by a method, with the code of a live run: from all captured views, or from an even subset if the method asks for
 /// fewer.
 pub(super) fn compute(reader: &RecordingReader, method: &Method) -> anyhow::Result<(Mesh, MeasurementFile)> {
+    compute_with_hull(reader, method).map(|found| (found.mesh, found.file))
+}
+
+/// As [`compute`], with the voxels and the cameras that the numbers come from.
+pub(super) fn compute_with_hull(reader: &RecordingReader, method: &Method) -> anyhow::Result<Computed> {
     let bar = ProgressBar::no_length()
         .with_style(ProgressStyle::with_template("{msg} {bar:30} {pos}/{len} views")?)
         .with_message(reader.folder().display().to_string());
     compute_with(reader, method, &bar)
 }
 
-/// As [`compute`], with a bar that counts the views.
-fn compute_with(reader: &RecordingReader, method: &Method, bar: &ProgressBar) -> anyhow::Result<(Mesh, MeasurementFile)> {
+/// As [`compute_with_hull`], with a bar that counts the views.
+fn compute_with(reader: &RecordingReader, method: &Method, bar: &ProgressBar) -> anyhow::Result<Computed> {
     reader.require_finished()?;
     let recording = reader.recording();
     let captured = recording.method.asd;
@@ -182,7 +192,7 @@ fn compute_with(reader: &RecordingReader, method: &Method, bar: &ProgressBar) ->
         subset(&counted, captured, method.asd).with_context(|| format!("{} views (asd)", method.asd))?
     };
     bar.set_length(entries.len() as u64);
-    let found = numbers::of_recording(reader, method, &entries, |_, _| bar.inc(1));
+    let found = numbers::with_hull(reader, method, &entries, |_, _| bar.inc(1));
     bar.finish_and_clear();
     found.map_err(|error| match error {
         NumbersError::Store(error) => error.into(),

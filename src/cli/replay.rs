@@ -9,7 +9,7 @@ use super::stored::{self, Stored};
 use super::{measure, told};
 use crate::config::Config;
 use crate::export;
-use anyhow::{Context, bail, ensure};
+use anyhow::{Context, ensure};
 use carved_core::surface::Mesh;
 use carved_records::{Method, Mode, is_plain_name};
 use carved_store::{MEASUREMENT, RecordingReader, ReplayWriter, RunRecord, durable};
@@ -96,17 +96,11 @@ pub(super) fn method(name: &str, config: Option<&Path>) -> anyhow::Result<(Strin
 fn again(folder: &Path) -> anyhow::Result<String> {
     let reader = RecordingReader::open(folder)?;
     let (mesh, file) = measure::compute(&reader, &reader.recording().method)?;
-    let numbers = stored::compare(folder, &file)?;
-    let surface = match carved_files::read(&folder.join(MESH)) {
-        Ok(stored) => {
-            if stored == ply(&mesh, file.mode)? {
-                "identical"
-            } else {
-                DIFFERS
-            }
-        }
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => "none",
-        Err(e) => bail!("{}: cannot read it: {e}", folder.join(MESH).display()),
+    let numbers = stored::compare(reader.files(), &file)?;
+    let surface = match reader.files().read(MESH)? {
+        Some(stored) if stored == ply(&mesh, file.mode)? => "identical",
+        Some(_) => DIFFERS,
+        None => "none",
     };
     Ok(match (&numbers, surface) {
         (Stored::None, _) => "no numbers are stored to compare with".into(),
@@ -123,7 +117,7 @@ fn again(folder: &Path) -> anyhow::Result<String> {
 fn by(folder: &Path, name: &str, method: &Method) -> anyhow::Result<String> {
     let reader = RecordingReader::open(folder)?;
     let (mesh, file) = measure::compute(&reader, method)?;
-    let writer = ReplayWriter::new(folder, name);
+    let writer = ReplayWriter::new(reader.folder(), name);
     let numbers = durable::json_text(Path::new(MEASUREMENT), &file)?;
     let found = if writer.is_there(method, &numbers)? {
         "identical, bit for bit, to what is there"

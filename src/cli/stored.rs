@@ -6,7 +6,7 @@
 //!  a value that differs or is missing now ─────────────► differs
 //! ```
 
-use carved_store::{MEASUREMENT, MeasurementFile, StoreError, durable};
+use carved_store::{MEASUREMENT, MeasurementFile, RecordingFiles, durable};
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -47,18 +47,13 @@ impl std::fmt::Display for Stored {
     }
 }
 
-/// Compares these numbers with those stored in a folder.
+/// Compares these numbers with those stored in a recording.
 ///
 /// # Errors
 /// An existing file that cannot be read.
-pub(super) fn compare(folder: &Path, file: &MeasurementFile) -> anyhow::Result<Stored> {
-    let path = folder.join(MEASUREMENT);
-    let stored = match carved_files::read(&path) {
-        Ok(stored) => stored,
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(Stored::None),
-        Err(source) => return Err(StoreError::Io { what: "read", path, source }.into()),
-    };
-    let ours = durable::json_text(&path, file)?;
+pub(super) fn compare(files: &RecordingFiles, file: &MeasurementFile) -> anyhow::Result<Stored> {
+    let Some(stored) = files.read(MEASUREMENT)? else { return Ok(Stored::None) };
+    let ours = durable::json_text(Path::new(MEASUREMENT), file)?;
     if ours == stored {
         return Ok(Stored::Identical);
     }

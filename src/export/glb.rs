@@ -3,11 +3,11 @@
 //! ```text
 //!  "glTF" 2 length | length "JSON" {...} | length "BIN\0" positions f32 x 3, normals f32 x 3, indices u32
 //! ```
-//! The format's unit is the metre. These files use the mesh's own unit, which is named in `asset.extras.unit`, because viewers do not
-//! benefit from a node that is scaled by a millionth.
+//! The format's unit is the metre, and its y points up. The model of a recording is in um and in the axes of carved, y down, as the page
+//! shows it. An exported file has the unit that was asked for, and a node that turns it upright. `asset.extras.unit` names the unit.
 
 use carved_core::surface::Mesh;
-use serde_json::json;
+use serde_json::{Value, json};
 use std::io::{self, Write};
 
 const FLOAT: u32 = 5126;
@@ -15,11 +15,20 @@ const UNSIGNED_INT: u32 = 5125;
 const ARRAY_BUFFER: u32 = 34962;
 const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 
-/// Writes the mesh as GLB. `unit` is the unit of the positions.
+/// How a scene stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stand {
+    /// In the axes of the mesh: y down, z away from the camera.
+    AsMesh,
+    /// In the axes of glTF: half a turn about x, so that y points up and z to the viewer.
+    Upright,
+}
+
+/// Writes the mesh as GLB. `extras` are the facts of the file: the `unit` of the positions, and what else is known.
 ///
 /// # Errors
 /// An empty mesh, which the format cannot represent, and errors of the writer.
-pub fn write_glb(mesh: &Mesh, unit: &str, out: &mut impl Write) -> io::Result<()> {
+pub fn write_glb(mesh: &Mesh, extras: &Value, stand: Stand, out: &mut impl Write) -> io::Result<()> {
     if mesh.is_empty() {
         return Err(io::Error::new(io::ErrorKind::InvalidInput, "glTF holds no empty mesh: 0 triangles found, at least 1 expected"));
     }
@@ -46,11 +55,15 @@ pub fn write_glb(mesh: &Mesh, unit: &str, out: &mut impl Write) -> io::Result<()
 
     let view =
         |offset: usize, length: usize, target: u32| json!({"buffer": 0, "byteOffset": offset, "byteLength": length, "target": target});
+    let node = match stand {
+        Stand::AsMesh => json!({"mesh": 0}),
+        Stand::Upright => json!({"mesh": 0, "rotation": [1, 0, 0, 0]}),
+    };
     let document = json!({
-        "asset": {"version": "2.0", "generator": concat!("carved ", env!("CARGO_PKG_VERSION")), "extras": {"unit": unit}},
+        "asset": {"version": "2.0", "generator": concat!("carved ", env!("CARGO_PKG_VERSION")), "extras": extras},
         "scene": 0,
         "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0}],
+        "nodes": [node],
         "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "NORMAL": 1}, "indices": 2, "mode": 4}]}],
         "accessors": [
             {"bufferView": 0, "componentType": FLOAT, "count": vertices, "type": "VEC3", "min": min, "max": max},

@@ -2,18 +2,32 @@
 //!
 //! ```text
 //!  Mesh ── ply ── MeshLab, CloudCompare, Fiji, trimesh
-//!       ├─ glb ── three.js on the page, Blender
-//!       └─ decimate ── Mesh of fewer triangles
+//!   │   ├─ glb ── three.js on the page, Blender
+//!   │   ├─ stl ── printers
+//!   │   └─ decimate ── Mesh of fewer triangles
+//!  Voxels ── nrrd ── 3D Slicer, ITK, ParaView
+//!  frames ─┬─ ome_tiff ── Fiji, CellProfiler, QuPath, OMERO
+//!          └─ zarr ── napari and all that reads OME-Zarr
 //! ```
-//! Both formats write to any `Write`, in the unit of the mesh. The caller decides about files and whether they may be replaced.
+//! The formats write to any `Write`, in the unit of the mesh, except that NRRD is in mm. The caller decides about files and whether they may
+//! be replaced.
 
 mod decimate;
 mod glb;
+mod nrrd;
+mod ome_tiff;
 mod ply;
+mod stl;
+mod unit;
+pub mod zarr;
 
 pub use decimate::{Decimated, decimate};
-pub use glb::write_glb;
-pub use ply::write_ply;
+pub use glb::{Stand, write_glb};
+pub use nrrd::write_nrrd;
+pub use ome_tiff::{OmeTiffError, Stack, Subject, ome_tiff};
+pub use ply::{PlyError, read_ply, write_ply};
+pub use stl::write_stl;
+pub use unit::Unit;
 
 #[cfg(test)]
 mod tests {
@@ -37,12 +51,27 @@ mod tests {
         assert_eq!(body.len(), 4 * 12 + 4 * 13);
         assert_eq!(body[12..16], 10.5f32.to_le_bytes());
         assert_eq!(body[48..61], [3, 0, 0, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0]);
+        assert_eq!(read_ply(&bytes).unwrap(), tetrahedron());
+    }
+
+    #[test]
+    fn a_ply_that_was_spoiled_is_refused_with_the_reason() {
+        let mut bytes = Vec::new();
+        write_ply(&tetrahedron(), "um", &mut bytes).unwrap();
+        let expected = 4 * 12 + 4 * 13;
+        assert_eq!(read_ply(&bytes[..bytes.len() - 1]), Err(PlyError::Length { expected, found: expected - 1 }));
+        assert_eq!(read_ply(b"ply\n"), Err(PlyError::Header { missing: "end_header" }));
+        let text = String::from_utf8_lossy(&bytes).replace("element face 4", "element face 99999999999");
+        assert_eq!(read_ply(text.as_bytes()), Err(PlyError::Header { missing: "element face" }));
+        let end = bytes.len() - 1;
+        bytes[end] = 1;
+        assert_eq!(read_ply(&bytes), Err(PlyError::Face { face: 3, vertices: 4 }));
     }
 
     #[test]
     fn glb_is_a_container_of_json_and_buffer_that_agree() {
         let mut bytes = Vec::new();
-        write_glb(&tetrahedron(), "um", &mut bytes).unwrap();
+        write_glb(&tetrahedron(), &serde_json::json!({"unit": "um"}), Stand::AsMesh, &mut bytes).unwrap();
         let word = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
         assert_eq!((&bytes[..4], word(4), word(8)), (b"glTF".as_slice(), 2, bytes.len()));
         let (json_len, json_kind) = (word(12), word(16));
@@ -118,7 +147,7 @@ mod tests {
 
     #[test]
     fn an_empty_mesh_is_refused_by_glb_which_cannot_hold_one() {
-        let refused = write_glb(&Mesh::default(), "um", &mut Vec::new()).unwrap_err();
+        let refused = write_glb(&Mesh::default(), &serde_json::Value::Null, Stand::Upright, &mut Vec::new()).unwrap_err();
         assert_eq!(refused.kind(), std::io::ErrorKind::InvalidInput);
         write_ply(&Mesh::default(), "um", &mut Vec::new()).unwrap();
     }

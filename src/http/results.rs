@@ -149,7 +149,7 @@ pub(super) struct RunCopy {
 
 impl From<carved_store::Receipt> for RunCopy {
     fn from(receipt: carved_store::Receipt) -> Self {
-        let carved_store::Receipt { schema: _, software: _, run: _, archived, destination, bytes, files } = receipt;
+        let carved_store::Receipt { schema: _, software: _, run: _, archived, destination, bytes, files, packed: _ } = receipt;
         Self { archived, destination: destination.display().to_string(), bytes, files: files.len() }
     }
 }

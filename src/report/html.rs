@@ -247,7 +247,7 @@ impl Report<'_> {
                     ),
                     None => format!("No curve: {}.", response.reason.as_deref().unwrap_or("it was not fitted")),
                 };
-                figures.push((plots::response(response, unit)?, words));
+                figures.push((plots::response(response, unit)?, format!("{}. {words}", response.condition.words())));
             }
         }
         Ok(html! {

@@ -7,7 +7,6 @@ use image::codecs::jpeg::JpegEncoder;
 use image::{ImageFormat, RgbImage, imageops};
 use serde_json::Value;
 use std::io::Cursor;
-use std::path::Path;
 
 /// Colour of the outline: visible on the bright bore and on a dark larva.
 const OUTLINE: [u8; 3] = [255, 64, 160];
@@ -31,15 +30,15 @@ pub fn of(well: &StoredWell) -> Vec<Shown> {
     let Some(recording) = &well.recording else { return Vec::new() };
     let Ok(format) = serde_json::from_value::<PixelFormat>(recording["rig"]["pixel_format"].clone()) else { return Vec::new() };
     let Some(measurement) = &well.measurement else {
-        return frame(&well.folder.join("frames/detect.png"), format)
+        return frame(well, "frames/detect.png", format)
             .and_then(|picture| jpeg(&picture))
             .map(|jpeg| Shown { words: "nothing was measured".to_owned(), jpeg })
             .into_iter()
             .collect();
     };
     let shown = |(view, words): (u64, String)| {
-        let picture = frame(&well.folder.join(frame_of(recording, view)), format)?;
-        let mask = image::open(well.folder.join(format!("profiles/view_{view:03}.png"))).ok()?.to_luma8();
+        let picture = frame(well, &frame_of(recording, view), format)?;
+        let mask = image::load_from_memory(&well.files.read(&format!("profiles/view_{view:03}.png")).ok()??).ok()?.to_luma8();
         Some(Shown { words, jpeg: jpeg(&cut(picture, &mask)?)? })
     };
     views(measurement).into_iter().filter_map(shown).collect()
@@ -68,8 +67,9 @@ fn frame_of(recording: &Value, view: u64) -> String {
     }
 }
 
-fn frame(path: &Path, format: PixelFormat) -> Option<RgbImage> {
-    let picture = Picture::from_frame(&frames::decode(path, format).ok()?);
+fn frame(well: &StoredWell, name: &str, format: PixelFormat) -> Option<RgbImage> {
+    let bytes = well.files.read(name).ok()??;
+    let picture = Picture::from_frame(&frames::decode_bytes(&well.files.path(name), &bytes, format).ok()?);
     RgbImage::from_raw(picture.width() as u32, picture.height() as u32, picture.to_rgb())
 }
 

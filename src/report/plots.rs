@@ -148,10 +148,10 @@ pub fn distributions(groups: &[&WellGroup], [low, high]: [f64; 2], unit: (f64, &
     let width = (90 + 62 * groups.len()).clamp(360, 1120) as u32;
     let mut svg = String::new();
     {
-        let root = SVGBackend::with_string(&mut svg, (width, 400)).into_drawing_area();
+        let root = SVGBackend::with_string(&mut svg, (width, 450)).into_drawing_area();
         let ends = -0.5..groups.len() as f64 - 0.5;
         let mut chart =
-            ChartBuilder::on(&root).margin(8).x_label_area_size(150).y_label_area_size(64).build_cartesian_2d(ends, low..high)?;
+            ChartBuilder::on(&root).margin(8).x_label_area_size(200).y_label_area_size(64).build_cartesian_2d(ends, low..high)?;
         chart
             .configure_mesh()
             .disable_x_mesh()
@@ -195,7 +195,7 @@ fn names<X: Ranged<ValueType = f64>, Y: Ranged<ValueType = f64>>(
         let (x, y) = chart.backend_coord(&(i as f64, low));
         let style = (FONT, 11).into_font().transform(FontTransform::Rotate90).color(&BLACK).pos(Pos::new(HPos::Left, VPos::Center));
         let name = group.condition.words();
-        let short: String = if name.chars().count() > 28 { name.chars().take(27).chain(['…']).collect() } else { name };
+        let short: String = if name.chars().count() > 38 { name.chars().take(37).chain(['…']).collect() } else { name };
         root.draw(&Text::new(short, (x, y + 6), style))?;
     }
     Ok(())

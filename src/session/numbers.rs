@@ -7,7 +7,9 @@
 
 use super::live;
 use crate::export;
-use carved_core::pipeline::{Pipeline, PipelineError, SegmentedFrame};
+use carved_core::geometry::Projection;
+use carved_core::pipeline::{Finished, Pipeline, PipelineError, SegmentedFrame};
+use carved_core::reconstruction::HullModel;
 use carved_core::surface::Mesh;
 use carved_records::{LedgerEntry, Method, Mode, ReferenceStatus, SpecimenKind, SpecimenOutcome, WellStatus};
 use carved_store::{self, MEASUREMENT, MeasurementFile, Recording, RecordingReader, RecordingWriter, StoreError};
@@ -35,6 +37,31 @@ pub fn of_recording(
     entries: &[&LedgerEntry],
     looked: impl Fn(&LedgerEntry, &SegmentedFrame) + Sync,
 ) -> Result<(Mesh, MeasurementFile), NumbersError> {
+    with_hull(reader, method, entries, looked).map(|found| (found.mesh, found.file))
+}
+
+/// What a recording gives.
+pub struct Computed {
+    /// The surface, um.
+    pub mesh: Mesh,
+    /// The numbers.
+    pub file: MeasurementFile,
+    /// The voxels that were counted.
+    pub hull: HullModel,
+    /// Number and calibrated projection of each view that was carved.
+    pub projections: Vec<(u32, Projection)>,
+}
+
+/// As [`of_recording`], with the voxels and the cameras that the numbers come from.
+///
+/// # Errors
+/// As [`of_recording`].
+pub fn with_hull(
+    reader: &RecordingReader,
+    method: &Method,
+    entries: &[&LedgerEntry],
+    looked: impl Fn(&LedgerEntry, &SegmentedFrame) + Sync,
+) -> Result<Computed, NumbersError> {
     let recording = reader.recording();
     let sphere = recording.specimen.specimen == SpecimenKind::Bead;
     let settings = method.pipeline(&recording.rig.camera, sphere).map_err(PipelineError::from)?;
@@ -56,7 +83,7 @@ pub fn of_recording(
     if recording.ended_after_views.is_some() {
         pipeline.end_early()?;
     }
-    let (mesh, record) = pipeline.finish()?;
+    let Finished { mesh, record, hull, projections } = pipeline.finish_with_hull()?;
     let mut fluorescence = None;
     if let Some(second) = &recording.rig.second {
         let mut frames = Vec::new();
@@ -68,7 +95,7 @@ pub fn of_recording(
     }
     let as_if = Recording { method: method.clone(), ..recording.clone() };
     let file = MeasurementFile { fluorescence, ..MeasurementFile::new(&as_if, &reader.references()?, record) };
-    Ok((mesh, file))
+    Ok(Computed { mesh, file, hull, projections })
 }
 
 /// Writes the files of a measured specimen. Returns the model for the page.

@@ -16,7 +16,7 @@ mod specimens;
 mod stations;
 pub mod statistics;
 
-pub use columns::page;
+pub use columns::{mode, page};
 pub use row::hash_of as method_hash;
 pub use specimens::table as specimens;
 pub use stations::table as stations;

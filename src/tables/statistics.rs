@@ -271,22 +271,22 @@ impl WellCondition {
         Self { concentration: None, concentration_unit: None, ..self }
     }
 
-    /// A few words for a person: `rapamycin 10 uM`, `negative control: DMSO 0.1 %`, `larva 4 dpf`.
+    /// A few words for a person: `rapamycin 10 uM, 4 dpf`, `negative control: DMSO 0.1 %, 4 dpf`, `larva, 4 dpf, ABxTL`. Two conditions that
+    /// differ have different words.
     pub fn words(&self) -> String {
         let control = self.control.as_ref().map(|control| format!("{control} control"));
         let dose = self.concentration.map(|c| format!(" {c} {}", self.concentration_unit.as_deref().unwrap_or_default()));
         let compound = self.compound.as_ref().map(|compound| format!("{compound}{}", dose.unwrap_or_default().trim_end()));
-        match (control, compound) {
+        let treated = match (control, compound) {
             (Some(control), Some(compound)) => format!("{control}: {compound}"),
             (Some(only), None) | (None, Some(only)) => only,
-            (None, None) => {
-                [Some(self.specimen.clone()), self.dpf.map(|dpf| format!("{dpf} dpf")), self.strain.clone(), self.treatment.clone()]
-                    .into_iter()
-                    .flatten()
-                    .collect::<Vec<_>>()
-                    .join(", ")
-            }
-        }
+            (None, None) => self.specimen.clone(),
+        };
+        [Some(treated), self.dpf.map(|dpf| format!("{dpf} dpf")), self.strain.clone(), self.treatment.clone()]
+            .into_iter()
+            .flatten()
+            .collect::<Vec<_>>()
+            .join(", ")
     }
 }
 

@@ -12,6 +12,7 @@ mod camera_command;
 mod config;
 mod config_keys;
 mod doctor;
+mod files;
 mod import;
 mod import_plate;
 mod output_command;

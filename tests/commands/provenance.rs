@@ -121,7 +121,7 @@ fn a_report_has_everything_inside_and_escapes_what_plate_maps_say() {
         "<!DOCTYPE html>",
         "Simulated: the frames were rendered",
         "Plate P-1, run r1",
-        "negative control: DMSO, &quot;&lt;dry&gt;&quot; 0.1 % v/v",
+        "negative control: DMSO, &quot;&lt;dry&gt;&quot; 0.1 % v/v, 4 dpf, ABxTL, none",
         "<h2>Beads</h2>",
         "method.voxel_um",
         &format!("{volume:.0} ± "),

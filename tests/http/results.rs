@@ -294,7 +294,7 @@ fn the_copies_of_a_run_are_named_with_it() {
     store.save_run(&run).unwrap();
     assert_eq!(rig.get("/v1/runs/r1").json()["copies"], json!([]));
     let to = tempfile::tempdir().unwrap();
-    let receipt = carved_store::archive(&store.run_folder("r1"), to.path()).unwrap();
+    let receipt = carved_store::archive(&store.run_folder("r1"), to.path(), carved_store::Packing::Files).unwrap();
     let copies = rig.get("/v1/runs/r1").json()["copies"].clone();
     let destination = to.path().canonicalize().unwrap().join("r1");
     let expected = json!([{

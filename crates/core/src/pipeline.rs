@@ -11,7 +11,7 @@ use crate::calibration::{Calibration, PoseOffset, ViewState};
 use crate::carver::Leaves;
 use crate::fins::Fin;
 use crate::frame::RawFrame;
-use crate::geometry::{Camera, GridError, VoxelGrid};
+use crate::geometry::{Camera, GridError, Projection, VoxelGrid};
 use crate::measure::Measurement;
 use crate::measure::facing::Facing;
 use crate::measure::shape::Shape;
@@ -24,8 +24,8 @@ use crate::quality::{
     add_raised, flags, spoiled, views_needed,
 };
 use crate::reconstruction::{
-    Calibrated, CalibrationRecord, Judged, LiveVolume, Model, NotCalibrated, Reconstruction, ReconstructionError, ReconstructionSettings,
-    TurnModel,
+    Calibrated, CalibrationRecord, HullModel, Judged, LiveVolume, Model, NotCalibrated, Reconstruction, ReconstructionError,
+    ReconstructionSettings, TurnModel,
 };
 use crate::surface::Mesh;
 use serde::{Deserialize, Serialize};
@@ -245,6 +245,19 @@ impl PipelineError {
 struct ClosureProfile {
     mask: Mask,
     edge: Vec<Polygon>,
+}
+
+/// A measured specimen with all that its numbers come from.
+#[derive(Debug, Clone)]
+pub struct Finished {
+    /// The surface at the sub-pixel outlines, um.
+    pub mesh: Mesh,
+    /// The numbers.
+    pub record: SpecimenRecord,
+    /// The voxels that were counted.
+    pub hull: HullModel,
+    /// Number of each view that was carved, and its projection with the calibration of the turn, if there is one.
+    pub projections: Vec<(u32, Projection)>,
 }
 
 /// A specimen under reconstruction. Its numbers depend only on the newest take of each view and of the closure view, not on how
@@ -477,7 +490,16 @@ impl Pipeline {
     ///
     /// [`PipelineError::TooFewViews`] where too few views have a profile, and [`PipelineError::Reconstruction`] where they
     /// leave no model.
-    pub fn finish(mut self) -> Result<(Mesh, SpecimenRecord), PipelineError> {
+    pub fn finish(self) -> Result<(Mesh, SpecimenRecord), PipelineError> {
+        self.finish_with_hull().map(|finished| (finished.mesh, finished.record))
+    }
+
+    /// As [`Self::finish`], with the voxels and the cameras that the numbers come from.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::finish`].
+    pub fn finish_with_hull(mut self) -> Result<Finished, PipelineError> {
         self.views.sort_by_key(|v| v.index);
         compare_areas(&mut self.views);
         let used = self.reconstruction.hull().live().views;
@@ -490,7 +512,7 @@ impl Pipeline {
         if let (Some(last), Some(first)) = (&self.closure, self.carved.iter().position(|view| *view == 0)) {
             self.reconstruction.observe_closure(&last.mask, &last.edge, first);
         }
-        let TurnModel { model, calibration, projections, reprojected_areas, closure: pose_offset, fins, .. } = {
+        let TurnModel { model, hull, calibration, projections, reprojected_areas, closure: pose_offset, fins } = {
             let calibrated = self.calibrated.take().unwrap_or_else(|| self.reconstruction.calibrate());
             self.reconstruction.measure(calibrated, self.settings.sphere)?
         };
@@ -524,7 +546,8 @@ impl Pipeline {
             quality: Some(quality),
             flags,
         };
-        Ok((model.mesh, record))
+        let projections = self.carved.iter().copied().zip(projections).collect();
+        Ok(Finished { mesh: model.mesh, record, hull, projections })
     }
 
     /// Compares the turn with the method's limits.

@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! archive: runs/RUN ── each file ──> DIR/RUN, written and synced ── read again, hashed ──> receipt in both
+//!          packed: the files of A01 ──> DIR/RUN/A01.tar (see `pack`)
 //! prune:   receipt ── each file of the copy is a separate file, hashed again ── the run equals its copy ──> frames removed
 //!          --all: runs/RUN ── renamed ──> runs/.RUN.pruned ── all but the receipts removed ── receipts and folder removed
 //! ```
@@ -9,6 +10,7 @@
 //! rest.
 
 use super::index;
+use super::pack::{self, Pack};
 use super::{RunRecord, Software, StoreError, disk, durable, run, schema, sums};
 use carved_records::{is_plain_name, sha256_hex};
 use nix::fcntl::{PosixFadviseAdvice, posix_fadvise};
@@ -35,8 +37,20 @@ pub struct Receipt {
     /// The copy's folder.
     pub destination: PathBuf,
     pub bytes: u64,
-    /// SHA-256 of each file, by its name in the folder.
+    /// SHA-256 of each file, by its name in the run's folder.
     pub files: BTreeMap<PathBuf, String>,
+    /// The recordings of which the copy has one file, `A01.tar` for the folder `A01`.
+    #[serde(default, skip_serializing_if = "BTreeSet::is_empty")]
+    pub packed: BTreeSet<String>,
+}
+
+/// How a copy keeps the files of a recording.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Packing {
+    /// As they are.
+    Files,
+    /// All in one tar.
+    PerWell,
 }
 
 /// The result of a prune.
@@ -140,7 +154,7 @@ impl Own {
 }
 
 /// Whether a file name stays inside its folder.
-fn is_below(name: &Path) -> bool {
+pub(super) fn is_below(name: &Path) -> bool {
     name.components().all(|part| matches!(part, Component::Normal(_)))
 }
 
@@ -150,7 +164,12 @@ impl Receipt {
     /// # Errors
     /// The first file that fails.
     fn verify(&self, own: &Own) -> Result<(), StoreError> {
-        for (name, expected) in &self.files {
+        for recording in &self.packed {
+            let path = pack::pack_of(&self.destination.join(recording));
+            own.is_apart(&path)?;
+            self.verify_pack(recording, &path)?;
+        }
+        for (name, expected) in self.files.iter().filter(|(name, _)| !self.is_packed(name)) {
             let path = self.destination.join(name);
             let found = hash_on_disk(&path)?;
             own.is_apart(&path)?;
@@ -158,14 +177,69 @@ impl Receipt {
         }
         Ok(())
     }
+
+    /// Writes the files that the copy does not have yet.
+    fn copy(&self, from: &Path, own: &Own) -> Result<(), StoreError> {
+        durable::create_folder(&self.destination)?;
+        for recording in &self.packed {
+            let copy = pack::pack_of(&self.destination.join(recording));
+            if copy.exists() {
+                own.is_apart(&copy)?;
+                self.verify_pack(recording, &copy).map_err(|error| match error {
+                    StoreError::Altered { .. } | StoreError::Vanished { .. } | StoreError::Format { .. } => {
+                        StoreError::Exists { path: copy }
+                    }
+                    error => error,
+                })?;
+            } else {
+                let files = self.files.iter().filter(|(name, _)| pack::recording_of(name) == Some(recording.as_str()));
+                durable::write(&copy, &pack::pack(from, files)?)?;
+            }
+        }
+        for (name, expected) in self.files.iter().filter(|(name, _)| !self.is_packed(name)) {
+            let (path, copy) = (from.join(name), self.destination.join(name));
+            if copy.exists() {
+                own.is_apart(&copy)?;
+                if hash_on_disk(&copy)? != *expected {
+                    return Err(StoreError::Exists { path: copy });
+                }
+                continue;
+            }
+            let bytes = carved_files::read(&path).map_err(StoreError::io("read", &path))?;
+            sums::same(&path, expected, &sha256_hex(&bytes))?;
+            durable::create_folder(durable::folder_of(&copy))?;
+            durable::write(&copy, &bytes)?;
+        }
+        Ok(())
+    }
+
+    /// Whether the copy of this file is in a pack.
+    fn is_packed(&self, name: &Path) -> bool {
+        pack::recording_of(name).is_some_and(|recording| self.packed.contains(recording))
+    }
+
+    /// Reads a pack again: it must have every file of the recording, with its hash.
+    fn verify_pack(&self, recording: &str, path: &Path) -> Result<(), StoreError> {
+        let file = carved_files::open(path).map_err(StoreError::io("open", path))?;
+        posix_fadvise(&file, 0, 0, PosixFadviseAdvice::POSIX_FADV_DONTNEED).map_err(|e| StoreError::io("read", path)(e.into()))?;
+        let pack = Pack::open(path)?;
+        for (name, expected) in self.files.iter().filter(|(name, _)| pack::recording_of(name) == Some(recording)) {
+            let inside = path.with_extension("").join(name.strip_prefix(recording).unwrap_or(name));
+            match pack.read(name.strip_prefix(recording).unwrap_or(name))? {
+                Some(bytes) => sums::same(&inside, expected, &sha256_hex(&bytes))?,
+                None => return Err(StoreError::Vanished { path: inside }),
+            }
+        }
+        Ok(())
+    }
 }
 
-/// Copies a run that has ended to `to/RUN`. Verifies every file of the copy, then writes a receipt in both folders. Completes an
-/// interrupted copy.
+/// Copies a run that has ended to `to/RUN`, its recordings as they are or packed. Verifies every file of the copy, then writes a receipt in
+/// both folders. Completes an interrupted copy.
 ///
 /// # Errors
 /// The run has not ended, its files are altered, the destination has other files, or the copy reads back differently.
-pub fn archive(folder: &Path, to: &Path) -> Result<Receipt, StoreError> {
+pub fn archive(folder: &Path, to: &Path, packing: Packing) -> Result<Receipt, StoreError> {
     let record = ended(folder)?;
     let whole = |path: &Path| path.canonicalize().map_err(StoreError::io("find", path));
     let from = whole(folder)?;
@@ -179,34 +253,25 @@ pub fn archive(folder: &Path, to: &Path) -> Result<Receipt, StoreError> {
     }
     let files = contents(&from)?;
     unaltered(&from, &files)?;
-    let mut total = 0;
-    for (name, expected) in &files {
-        let (path, copy) = (from.join(name), destination.join(name));
-        let bytes = carved_files::read(&path).map_err(StoreError::io("read", &path))?;
-        sums::same(&path, expected, &sha256_hex(&bytes))?;
-        total += bytes.len() as u64;
-        if copy.exists() {
-            own.is_apart(&copy)?;
-            if hash_on_disk(&copy)? != *expected {
-                return Err(StoreError::Exists { path: copy });
-            }
-        } else {
-            durable::create_folder(durable::folder_of(&copy))?;
-            durable::write(&copy, &bytes)?;
-        }
-    }
+    let packed: BTreeSet<String> = match packing {
+        Packing::Files => BTreeSet::new(),
+        Packing::PerWell => files.keys().filter_map(|name| pack::recording_of(name)).map(str::to_owned).collect(),
+    };
     let now = jiff::Timestamp::now();
+    let total = bytes_of(&from, &files);
     let receipt = Receipt {
         schema: SCHEMA.into(),
         software: Software::this(),
         run: record.id,
         archived: now.to_string(),
-        destination: destination.clone(),
+        destination,
         bytes: total,
         files,
+        packed,
     };
+    receipt.copy(&from, &own)?;
     receipt.verify(&own)?;
-    durable::write_json(&destination.join(RECEIPT), &receipt)?;
+    durable::write_json(&receipt.destination.join(RECEIPT), &receipt)?;
     durable::create_folder(&from.join(RECEIPTS))?;
     durable::write_json(&from.join(RECEIPTS).join(format!("{}.json", now.as_microsecond())), &receipt)?;
     Ok(receipt)
@@ -240,8 +305,16 @@ pub(super) fn gone(recording: &Path, name: &str) -> StoreError {
         let well = Path::new(whole.file_name()?);
         // Unreadable receipts count as none.
         let receipt = receipts(whole.parent()?).ok()?.into_iter().find(|receipt| receipt.files.contains_key(&well.join(name)))?;
-        let copy = receipt.destination.join(well);
-        Some(StoreError::ArchivedFrame { path: path.clone(), is_there: copy.join(name).is_file(), copy, archived: receipt.archived })
+        let folder = receipt.destination.join(well);
+        let (copy, is_there) = if receipt.is_packed(&well.join(name)) {
+            let copy = pack::pack_of(&folder);
+            let is_there = Pack::open(&copy).is_ok_and(|pack| pack.names().any(|found| found == Path::new(name)));
+            (copy, is_there)
+        } else {
+            let is_there = folder.join(name).is_file();
+            (folder, is_there)
+        };
+        Some(StoreError::ArchivedFrame { path: path.clone(), is_there, copy, archived: receipt.archived })
     };
     copied().unwrap_or(StoreError::MissingFrame { path })
 }

@@ -24,9 +24,14 @@ pub(super) fn well_of(folder: &str) -> &str {
 /// Numbers of the earlier attempts at a well, in ascending order.
 pub(super) fn earlier(run: &Path, well: &str) -> Vec<u32> {
     let entries = std::fs::read_dir(run).into_iter().flatten().flatten();
-    let number = |name: String| name.strip_prefix(well)?.strip_prefix(MARK)?.parse().ok().filter(|n| *n > 0);
+    let number = |name: String| {
+        let attempt = name.strip_prefix(well)?.strip_prefix(MARK)?;
+        attempt.strip_suffix(".tar").unwrap_or(attempt).parse().ok().filter(|n| *n > 0)
+    };
     let mut found: Vec<u32> = entries.filter_map(|e| number(e.file_name().into_string().ok()?)).collect();
     found.sort_unstable();
+    // Results of a replay may lie in a folder beside a packed attempt.
+    found.dedup();
     found
 }
 

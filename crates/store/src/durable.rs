@@ -83,6 +83,10 @@ pub fn write_json<T: serde::Serialize>(path: &Path, value: &T) -> Result<(), Sto
 
 /// Reads a value from JSON. The error names the file and the line.
 pub fn read_json<T: serde::de::DeserializeOwned>(path: &Path, expected: &'static str) -> Result<T, StoreError> {
-    let text = carved_files::read(path).map_err(|source| StoreError::Io { what: "read", path: path.to_owned(), source })?;
-    serde_json::from_slice(&text).map_err(|e| StoreError::Format { path: path.to_owned(), expected, found: e.to_string() })
+    parse_json(path, &carved_files::read(path).map_err(StoreError::io("read", path))?, expected)
+}
+
+/// The same of the bytes of the file `path`.
+pub fn parse_json<T: serde::de::DeserializeOwned>(path: &Path, text: &[u8], expected: &'static str) -> Result<T, StoreError> {
+    serde_json::from_slice(text).map_err(|e| StoreError::Format { path: path.to_owned(), expected, found: e.to_string() })
 }

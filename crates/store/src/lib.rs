@@ -8,6 +8,7 @@
 //! DATA/runs/RUN/events.jsonl      the events of this run, as in the journal
 //! DATA/runs/RUN/A01/              a recording with its results (see `recording`)
 //! DATA/runs/RUN/A01.attempt-1/    an earlier attempt (see `attempts`)
+//! ARCHIVE/RUN/A01.tar             a recording of a packed copy, in one file (see `pack`)
 //! ```
 
 mod archive;
@@ -22,6 +23,7 @@ pub mod gates;
 mod index;
 mod journal;
 mod lines;
+mod pack;
 #[cfg(test)]
 mod power_loss;
 mod reader;
@@ -36,13 +38,14 @@ mod sums;
 #[cfg(any(test, feature = "testing"))]
 pub mod testing;
 
-pub use archive::{Pruned, Receipt, archive, cut_short, end_prune, prune, run_names};
+pub use archive::{Packing, Pruned, Receipt, archive, cut_short, end_prune, prune, run_names};
 pub use attempts::set_aside;
 pub use budget::{Budget, bytes_per_specimen, size};
 pub use error::StoreError;
 pub use index::{Cursor, EventsAfter, Found, RunRow, RunsQuery, Unreadable, follow_run};
 use journal::Repaired;
 pub use journal::{Journal, now};
+pub use pack::{Pack, RecordingFiles};
 pub use reader::{SpecimenFile, StoreReader, StoredFile, StoredSpecimen};
 pub use recording::{MEASUREMENT, MeasurementFile, Recording, RecordingReader, RecordingWriter, RigRecord, SecondRecord, fluorescence};
 pub use replay::{ReplayWriter, Replayed};

@@ -16,7 +16,7 @@
 //!              SHA256SUMS              checksums of all of the above, once the recording is closed
 //! ```
 
-use super::{Software, StoreError, archive, durable, frames, schema, sums};
+use super::{RecordingFiles, Software, StoreError, archive, durable, frames, schema, sums};
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::geometry::{Camera, SecondOptics};
 use carved_core::measure::Measurement;
@@ -369,27 +369,37 @@ impl RecordingWriter {
 
 /// Reads a recording. Each frame is verified against its recorded hash.
 pub struct RecordingReader {
+    files: RecordingFiles,
     folder: PathBuf,
     recording: Recording,
 }
 
 impl RecordingReader {
-    /// Opens a recording. `path` is its folder or its `recording.json`.
+    /// Opens a recording. `path` is its folder, its `recording.json`, or its pack (`A01.tar`).
+    ///
+    /// # Errors
+    /// There is no recording, or it cannot be read, was altered, or is of a newer carved.
     pub fn open(path: &Path) -> Result<Self, StoreError> {
-        let folder = if path.is_file() { durable::folder_of(path).to_owned() } else { path.to_owned() };
-        let file = folder.join(RECORDING);
-        let recording: Recording = schema::read(&file, SCHEMA)?;
+        let files = RecordingFiles::of(path)?;
+        let file = files.path(RECORDING);
+        let recording: Recording = schema::parse(&file, &files.require(RECORDING)?, SCHEMA)?;
         recording.check(&file)?;
-        super::sums::check_one(&folder, RECORDING)?;
-        Ok(Self { folder, recording })
+        files.verified(RECORDING)?;
+        Ok(Self { folder: files.folder(), files, recording })
     }
 
+    /// The recording's folder. Of a pack `A01.tar` it is `A01` beside it, which need not exist.
     pub fn folder(&self) -> &Path {
         &self.folder
     }
 
     pub fn recording(&self) -> &Recording {
         &self.recording
+    }
+
+    /// Its files.
+    pub fn files(&self) -> &RecordingFiles {
+        &self.files
     }
 
     /// Returns an error with the number of views, unless the turn is complete.
@@ -409,7 +419,7 @@ impl RecordingReader {
 
     /// The numbers of a closed recording. `None` if they are not computed yet.
     pub fn closed_numbers(&self) -> Option<MeasurementFile> {
-        let closed = [super::sums::FILE, MEASUREMENT].iter().all(|name| self.folder.join(name).is_file());
+        let closed = [super::sums::FILE, MEASUREMENT].iter().all(|name| self.files.has(name));
         self.measurement().ok().filter(|_| closed)
     }
 
@@ -432,26 +442,33 @@ impl RecordingReader {
 
     /// A raw frame. If it was pruned, the error says where its copy is.
     fn raw(&self, name: &str, format: PixelFormat, expected: &str) -> Result<RawFrame, StoreError> {
-        let path = self.folder.join(name);
-        if !path.exists() {
-            return Err(archive::gone(&self.folder, name));
-        }
-        let frame = frames::decode(&path, format)?;
+        let path = self.files.path(name);
+        let Some(bytes) = self.files.read(name)? else { return Err(archive::gone(&self.folder, name)) };
+        let frame = frames::decode_bytes(&path, &bytes, format)?;
         sums::same(&path, expected, &sha256_hex(frame.bytes()))?;
         Ok(frame)
     }
 
+    /// The bytes of a file of the recording, verified against its checksums. `None` if it is not there.
+    ///
+    /// # Errors
+    /// The file cannot be read, is not listed in the checksums, or was altered.
+    pub fn file(&self, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
+        self.files.verified(name)
+    }
+
     /// The stored numbers.
     pub fn measurement(&self) -> Result<MeasurementFile, StoreError> {
-        super::sums::check_one(&self.folder, MEASUREMENT)?;
-        durable::read_json(&self.folder.join(MEASUREMENT), "the numbers of a specimen")
+        let bytes = self.files.verified(MEASUREMENT)?.map_or_else(|| self.files.require(MEASUREMENT), Ok)?;
+        durable::parse_json(&self.files.path(MEASUREMENT), &bytes, "the numbers of a specimen")
     }
 
     /// The references of the larva. Empty for a bead, or for a larva of unknown age.
     pub fn references(&self) -> Result<Vec<References>, StoreError> {
         let Some(expected) = &self.recording.references_sha256 else { return Ok(Vec::new()) };
-        let path = self.folder.join(REFERENCES);
-        sums::same(&path, expected, &sha256_hex(&carved_files::read(&path).map_err(StoreError::io("read", &path))?))?;
-        durable::read_json(&path, "references (carved.references/1)")
+        let path = self.files.path(REFERENCES);
+        let bytes = self.files.require(REFERENCES)?;
+        sums::same(&path, expected, &sha256_hex(&bytes))?;
+        durable::parse_json(&path, &bytes, "references (carved.references/1)")
     }
 }

@@ -82,7 +82,7 @@ impl RunFiles {
     }
 }
 
-fn header(bytes: u64, changed_s: u64) -> tar::Header {
+pub(super) fn header(bytes: u64, changed_s: u64) -> tar::Header {
     let mut header = tar::Header::new_gnu();
     header.set_size(bytes);
     header.set_mode(0o644);

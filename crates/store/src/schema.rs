@@ -20,9 +20,13 @@ struct Writer {
 
 /// Reads a file of the format `known`, the newest known version of its kind.
 pub(super) fn read<T: DeserializeOwned>(path: &Path, known: &'static str) -> Result<T, StoreError> {
-    let text = carved_files::read(path).map_err(StoreError::io("read", path))?;
+    parse(path, &carved_files::read(path).map_err(StoreError::io("read", path))?, known)
+}
+
+/// The same of the bytes of the file `path`.
+pub(super) fn parse<T: DeserializeOwned>(path: &Path, text: &[u8], known: &'static str) -> Result<T, StoreError> {
     let format = |found: String| StoreError::Format { path: path.to_owned(), expected: known, found };
-    let stamp: Stamp = serde_json::from_slice(&text).map_err(|e| format(e.to_string()))?;
+    let stamp: Stamp = serde_json::from_slice(text).map_err(|e| format(e.to_string()))?;
     if stamp.schema != known {
         let newer = split(&stamp.schema).zip(split(known)).is_some_and(|((kind, found), (of, known))| kind == of && found > known);
         let writer = stamp.software.map(|w| w.version);
@@ -32,12 +36,7 @@ pub(super) fn read<T: DeserializeOwned>(path: &Path, known: &'static str) -> Res
             format(stamp.schema)
         });
     }
-    serde_json::from_slice(&text).map_err(|e| format(e.to_string()))
-}
-
-/// Checks that a file is of the format `known`.
-pub(super) fn known(path: &Path, known: &'static str) -> Result<(), StoreError> {
-    read::<serde::de::IgnoredAny>(path, known).map(|_| ())
+    serde_json::from_slice(text).map_err(|e| format(e.to_string()))
 }
 
 /// Kind and version.

@@ -11,7 +11,7 @@
 
 use super::recording::{MEASUREMENT, RECORDING};
 use super::replay::Replayed;
-use super::{RunRecord, StoreError, StoreReader, attempts, recording, schema, sums};
+use super::{RecordingFiles, RunRecord, StoreError, StoreReader, attempts, recording, schema};
 use carved_records::{PlannedWell, WellStatus, sha256_hex};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -36,8 +36,8 @@ pub struct StoredWell {
     pub status: Option<WellStatus>,
     /// Number of attempts before this one.
     pub earlier_attempts: usize,
-    /// Folder of the recording, whether or not it is there.
-    pub folder: PathBuf,
+    /// Files of the recording, whether or not there are any.
+    pub files: RecordingFiles,
     /// `recording.json`. `None` where nothing was recorded.
     pub recording: Option<Value>,
     /// `measurement.json`. `None` where nothing was measured.
@@ -86,11 +86,12 @@ impl StoredRun {
     pub fn well(&self, planned: &PlannedWell) -> Result<StoredWell, StoreError> {
         let well = &planned.well;
         let folder = self.folder.join(attempts::folder_name(well, 0));
-        let recording = json(&folder, RECORDING)?;
+        let files = RecordingFiles::of(&folder)?;
+        let recording = json(&files, RECORDING)?;
         if recording.is_some() {
-            schema::known(&folder.join(RECORDING), recording::SCHEMA)?;
+            schema::parse::<serde::de::IgnoredAny>(&files.path(RECORDING), &files.require(RECORDING)?, recording::SCHEMA)?;
         }
-        let (measurement, measurement_sha256) = json(&folder, MEASUREMENT)?.unzip();
+        let (measurement, measurement_sha256) = json(&files, MEASUREMENT)?.unzip();
         let well = StoredWell {
             planned: planned.clone(),
             status: self.record.wells.iter().find(|status| status.well == *well).cloned(),
@@ -98,9 +99,9 @@ impl StoredRun {
             recording: recording.map(|(value, _)| value),
             measurement,
             measurement_sha256,
-            timings: json(&folder, TIMINGS)?.map(|(value, _)| value),
+            timings: json(&files, TIMINGS)?.map(|(value, _)| value),
             measured_by: None,
-            folder,
+            files,
         };
         match &self.measurements {
             None => Ok(well),
@@ -145,8 +146,7 @@ impl StoredWell {
     /// # Errors
     /// Sums that cannot be read.
     pub fn sums(&self) -> Result<Vec<(String, String)>, StoreError> {
-        let file = self.folder.join(sums::FILE);
-        if file.is_file() { sums::read(&file) } else { Ok(Vec::new()) }
+        Ok(self.files.sums()?.unwrap_or_default())
     }
 }
 
@@ -177,17 +177,8 @@ fn flags(measurement: Option<&Value>) -> Vec<String> {
 }
 
 /// A JSON file of a recording and the hash of its bytes. `None` where it is not there.
-fn json(folder: &Path, name: &str) -> Result<Option<(Value, String)>, StoreError> {
-    let path = folder.join(name);
-    let bytes = match carved_files::read(&path) {
-        Ok(bytes) => bytes,
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-        Err(source) => return Err(StoreError::Io { what: "read", path, source }),
-    };
-    let found = sha256_hex(&bytes);
-    if let Some(expected) = sums::expected(folder, name)? {
-        sums::same(&path, &expected, &found)?;
-    }
-    let value = serde_json::from_slice(&bytes).map_err(|e| StoreError::Format { path, expected: "JSON", found: e.to_string() })?;
-    Ok(Some((value, found)))
+fn json(files: &RecordingFiles, name: &str) -> Result<Option<(Value, String)>, StoreError> {
+    let Some(bytes) = files.verified(name)? else { return Ok(None) };
+    let value = super::durable::parse_json(&files.path(name), &bytes, "JSON")?;
+    Ok(Some((value, sha256_hex(&bytes))))
 }

@@ -75,8 +75,12 @@ pub fn text(sums: &BTreeMap<PathBuf, String>) -> String {
 
 /// The names and hashes of a `SHA256SUMS`.
 pub fn read(sums: &Path) -> Result<Vec<(String, String)>, StoreError> {
-    let text = carved_files::read_to_string(sums).map_err(StoreError::io("read", sums))?;
-    Ok(text.lines().filter_map(|l| l.split_once("  ")).map(|(hash, name)| (name.to_owned(), hash.to_owned())).collect())
+    Ok(parse(&carved_files::read_to_string(sums).map_err(StoreError::io("read", sums))?))
+}
+
+/// The names and hashes of the text of a `SHA256SUMS`.
+pub fn parse(text: &str) -> Vec<(String, String)> {
+    text.lines().filter_map(|l| l.split_once("  ")).map(|(hash, name)| (name.to_owned(), hash.to_owned())).collect()
 }
 
 /// The recorded hash of a file. `None` if the folder has no checksums, as in an interrupted recording.

@@ -1,8 +1,12 @@
 //! `carved export`: stored runs in the formats of other programs.
 
+mod model;
+mod ome_tiff;
+mod ome_zarr;
 mod provenance;
 mod statistics;
 mod table;
+mod views;
 
 use anyhow::{Context, ensure};
 use carved_store::{StoredRun, durable};
@@ -21,6 +25,16 @@ pub enum Command {
     Methods(provenance::MethodsArgs),
     /// Make a run's folder an RO-Crate: files with their hashes, and what made them.
     Rocrate(provenance::CrateArgs),
+    /// Write the voxel model of a specimen as NRRD, for 3D Slicer, ITK and ParaView.
+    Nrrd(model::NrrdArgs),
+    /// Write the surface of a specimen as binary STL, for printers.
+    Stl(model::StlArgs),
+    /// Write the surface of a specimen as GLB (glTF 2.0), for Blender and viewers.
+    Glb(model::GlbArgs),
+    /// Write the views of a specimen as OME-TIFF, for Fiji, CellProfiler, QuPath and OMERO.
+    OmeTiff(ome_tiff::Args),
+    /// Write the views of a run as an OME-Zarr 0.5 plate, for napari and all that reads OME-Zarr.
+    OmeZarr(ome_zarr::Args),
 }
 
 /// Runs the named export.
@@ -33,6 +47,11 @@ pub fn run(command: &Command) -> anyhow::Result<()> {
         Command::Statistics(args) => statistics::run(args),
         Command::Methods(args) => provenance::methods(args),
         Command::Rocrate(args) => provenance::rocrate(args),
+        Command::Nrrd(args) => model::nrrd(args),
+        Command::Stl(args) => model::stl(args),
+        Command::Glb(args) => model::glb(args),
+        Command::OmeTiff(args) => ome_tiff::run(args),
+        Command::OmeZarr(args) => ome_zarr::run(args),
         Command::Columns => {
             say!("{}", crate::tables::page().trim_end());
             Ok(())

@@ -4,6 +4,7 @@ use super::{read, write};
 use crate::report::methods::Methods;
 use crate::report::rocrate::{FILE, Given, metadata};
 use anyhow::{Context, ensure};
+use carved_store::RecordingFiles;
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
@@ -58,6 +59,13 @@ pub fn rocrate(args: &CrateArgs) -> anyhow::Result<()> {
     let runs = read(std::slice::from_ref(&args.run))?;
     let run = runs.first().context("one run is named")?;
     ensure!(run.record().outcome.is_some(), "{}: the run has not ended; wait for its end", args.run.display());
+    for planned in &run.record().plan.plate_map {
+        ensure!(
+            !matches!(run.well(planned)?.files, RecordingFiles::Pack(_)),
+            "{}: its recordings are packed, and a crate lists single files; make the crate in the run's own folder, then archive it",
+            args.run.display()
+        );
+    }
     let given = Given { orcid: args.orcid.clone(), license: args.license.clone() };
     let path = args.run.join(FILE);
     write(&path, &serde_json::to_vec_pretty(&metadata(run, &given)?).context("the metadata cannot be written as JSON")?)?;

@@ -172,7 +172,9 @@ fn named(paths: &[PathBuf]) -> anyhow::Result<(BTreeMap<String, PathBuf>, Vec<St
             }
         };
         let part = |path: Option<&Path>| path.and_then(Path::file_name).unwrap_or_default().to_string_lossy().into_owned();
-        let name = format!("{}/{}", part(whole.parent()), part(Some(&whole)));
+        // A pack stands for the folder of its recording.
+        let folder = if whole.extension().is_some_and(|e| e == "tar") { whole.with_extension("") } else { whole.clone() };
+        let name = format!("{}/{}", part(folder.parent()), part(Some(&folder)));
         if let Some(other) = named.insert(name.clone(), whole.clone()) {
             ensure!(
                 other == whole,
@@ -188,8 +190,7 @@ fn named(paths: &[PathBuf]) -> anyhow::Result<(BTreeMap<String, PathBuf>, Vec<St
 /// Measures a recording, unless its numbers are there.
 fn one(path: &Path, folder: &Path, other: Option<&(String, Method)>) -> anyhow::Result<Done> {
     let reader = RecordingReader::open(path)?;
-    let record = path.join("recording.json");
-    let recording_sha256 = sha256_hex(&carved_files::read(&record).with_context(|| format!("{}: cannot be read", record.display()))?);
+    let recording_sha256 = sha256_hex(&reader.files().require("recording.json")?);
     let recorded = &reader.recording().method;
     let (name, method) = other.map_or((None, recorded), |(name, method)| (Some(name.as_str()), method));
     let writer = ReplayWriter::outside(folder.to_owned(), name);
@@ -198,7 +199,7 @@ fn one(path: &Path, folder: &Path, other: Option<&(String, Method)>) -> anyhow::
     }
     // Where this fails, the numbers of an earlier method must not stand in the table.
     writer.forget().map_err(NotWritten)?;
-    let (_, file) = compute_with(&reader, method, &ProgressBar::hidden())?;
+    let file = compute_with(&reader, method, &ProgressBar::hidden())?.file;
     let numbers = durable::json_text(Path::new(MEASUREMENT), &file)?;
     writer.write(method, Some(recording_sha256), &[(MEASUREMENT, numbers)]).map_err(NotWritten)?;
     Ok(Done::Measured)

@@ -31,8 +31,8 @@ pub fn of_recording(path: &Path, config: &mut Config) -> anyhow::Result<Before> 
     );
     stands_as_planned(recording).with_context(|| reader.folder().display().to_string())?;
     let stored = reader.folder().join(MEASUREMENT);
-    let (recorded, name) = if stored.is_file() {
-        let file: MeasurementFile = durable::read_json(&stored, "a measurement of this version")?;
+    let (recorded, name) = if let Some(bytes) = reader.files().read(MEASUREMENT)? {
+        let file: MeasurementFile = durable::parse_json(&stored, &bytes, "a measurement of this version")?;
         (file.record, stored.display().to_string())
     } else {
         (measure::compute(&reader, &recording.method)?.1.record, format!("`carved measure` of {}", reader.folder().display()))

@@ -23,6 +23,7 @@ mod misses;
 mod residual;
 mod runs;
 mod tile;
+mod voxels;
 
 #[cfg(test)]
 pub(crate) mod tests;
@@ -30,6 +31,7 @@ pub(crate) mod tests;
 pub use definition::Leaves;
 pub use residual::ResidualVolume;
 pub use runs::Runs;
+pub use voxels::Voxels;
 
 use crate::geometry::{Projection, VoxelGrid};
 use crate::parallel::prelude::*;

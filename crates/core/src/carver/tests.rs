@@ -325,6 +325,32 @@ fn the_bias_of_few_directions_is_the_theory() {
 }
 
 #[test]
+fn the_voxels_are_the_live_ones_at_their_places_with_a_dead_border() {
+    let camera = camera(60_000.0);
+    let grid = VoxelGrid::new(BoxUm { min: [-300.0, -280.0, -290.0], max: [310.0, 270.0, 300.0] }, 21.0).unwrap();
+    let mut carver = Carver::new(grid, 4, 0.0).unwrap();
+    assert_eq!(carver.voxels().unwrap().counts, grid.counts().map(|n| n + 2), "nothing is carved yet");
+    for view in 0..4 {
+        let omega = std::f64::consts::FRAC_PI_4 * f64::from(view);
+        let projection = camera.projection(omega);
+        carver.observe(&ball(&camera, omega, [40.0, -20.0, 10.0], 120.0), &projection, Leaves::default()).unwrap();
+    }
+    let voxels = carver.voxels().unwrap();
+    assert_eq!(voxels.inside.iter().map(|&v| u64::from(v)).sum::<u64>(), carver.live_voxels());
+    let [nx, ny, nz] = voxels.counts;
+    let first: [usize; 3] = std::array::from_fn(|a| ((voxels.origin[a] - grid.centre(a, 0)) / grid.size()).round() as usize);
+    let mut at_the_border = 0;
+    for (z, y, x) in (0..nz).flat_map(|z| (0..ny).flat_map(move |y| (0..nx).map(move |x| (z, y, x)))) {
+        let inside = voxels.inside[x + nx * (y + ny * z)] == 1;
+        assert_eq!(inside, is_live(&carver, [first[0] + x, first[1] + y, first[2] + z]), "{x} {y} {z}");
+        let is_outermost = |n: usize, count: usize| n == 0 || n + 1 == count;
+        assert!(!inside || !(is_outermost(x, nx) || is_outermost(y, ny) || is_outermost(z, nz)), "{x} {y} {z} is at the border");
+        at_the_border += usize::from(inside && x == 1);
+    }
+    assert!(at_the_border > 0, "the border is one voxel wide");
+}
+
+#[test]
 fn what_cannot_be_carved_is_refused_with_its_numbers() {
     let grid = VoxelGrid::new(BoxUm { min: [0.0; 3], max: [10.0; 3] }, 1.0).unwrap();
     assert_eq!(Carver::new(grid, 0, 0.05).unwrap_err(), CarveError::NoViews);

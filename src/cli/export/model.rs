@@ -1,0 +1,158 @@
+//! `carved export nrrd`, `stl` and `glb`: the model of a specimen in the formats of other programs.
+//!
+//! ```text
+//!  RECORDING ─┬─ mesh.ply, or computed where there is none ── stl, glb
+//!             └─ frames ── measure::compute_with_hull ── voxels ── nrrd        compared with the stored numbers
+//! ```
+
+use super::write;
+use crate::cli::measure::compute_with_hull;
+use crate::cli::stored::{self, Stored};
+use crate::export::{Stand, Unit, read_ply, write_glb, write_nrrd, write_stl};
+use anyhow::{Context, ensure};
+use carved_core::surface::Mesh;
+use carved_records::Mode;
+use carved_store::{Recording, RecordingReader};
+use serde_json::json;
+use std::path::{Path, PathBuf};
+
+#[derive(Debug, clap::Args)]
+pub struct NrrdArgs {
+    /// A recording (`DATA/runs/RUN/WELL`, or its pack `WELL.tar`).
+    recording: PathBuf,
+    /// File for the voxels (`.nrrd`), in mm.
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct StlArgs {
+    /// A recording (`DATA/runs/RUN/WELL`, or its pack `WELL.tar`).
+    recording: PathBuf,
+    /// File for the surface (`.stl`).
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// Unit of the coordinates. The format has none; printers take mm.
+    #[arg(long, value_enum, default_value_t = Unit::Mm)]
+    unit: Unit,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct GlbArgs {
+    /// A recording (`DATA/runs/RUN/WELL`, or its pack `WELL.tar`).
+    recording: PathBuf,
+    /// File for the surface (`.glb`).
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// Unit of the coordinates. The unit of the format is m.
+    #[arg(long, value_enum, default_value_t = Unit::M)]
+    unit: Unit,
+}
+
+/// Writes the voxels.
+///
+/// # Errors
+/// A recording that cannot be read or measured, or a file that cannot be written.
+pub fn nrrd(args: &NrrdArgs) -> anyhow::Result<()> {
+    ends_in(&args.out, "nrrd")?;
+    let reader = RecordingReader::open(&args.recording)?;
+    let found = compute_with_hull(&reader, &reader.recording().method)?;
+    let compared = stored::compare(reader.files(), &found.file)?;
+    if let Stored::Differs { at } = &compared {
+        note!(
+            "carved: {}: the numbers that belong to these voxels differ from the stored ones at {at}. The file has them",
+            args.recording.display()
+        );
+    }
+    let carver = found.hull.carver();
+    let voxels = carver.voxels().with_context(|| format!("{}: no voxel is left", args.recording.display()))?;
+    let mut facts = facts(reader.recording());
+    facts.push(("labels", "1 is inside the specimen".into()));
+    facts.push(("voxels", carver.live_voxels().to_string()));
+    facts.push(("volume_um3", carver.volume_um3().to_string()));
+    facts.push(("stored_numbers", compared.to_string()));
+    let mut bytes = Vec::new();
+    write_nrrd(&voxels, &facts, &mut bytes)?;
+    write(&args.out, &bytes)?;
+    let [nx, ny, nz] = voxels.counts;
+    note!("carved: {}: {nx} x {ny} x {nz} voxels of {} um, in mm", args.out.display(), voxels.size);
+    Ok(())
+}
+
+/// Writes the surface as STL.
+///
+/// # Errors
+/// A recording that cannot be read, or a file that cannot be written.
+pub fn stl(args: &StlArgs) -> anyhow::Result<()> {
+    ends_in(&args.out, "stl")?;
+    let reader = RecordingReader::open(&args.recording)?;
+    let mesh = args.unit.mesh(&mesh(&reader)?);
+    let recording = reader.recording();
+    let words = format!("unit {} {} {} {}", args.unit.symbol(), mode(recording.mode), recording.specimen.well, recording.run);
+    let mut bytes = Vec::new();
+    write_stl(&mesh, &words, &mut bytes)?;
+    write(&args.out, &bytes)?;
+    told(&args.out, &mesh, args.unit);
+    Ok(())
+}
+
+/// Writes the surface as GLB.
+///
+/// # Errors
+/// A recording that cannot be read, or a file that cannot be written.
+pub fn glb(args: &GlbArgs) -> anyhow::Result<()> {
+    ends_in(&args.out, "glb")?;
+    let reader = RecordingReader::open(&args.recording)?;
+    let mesh = args.unit.mesh(&mesh(&reader)?);
+    let mut extras = json!({"unit": args.unit.symbol()});
+    for (key, value) in facts(reader.recording()) {
+        extras[key] = value.into();
+    }
+    let mut bytes = Vec::new();
+    write_glb(&mesh, &extras, Stand::Upright, &mut bytes)?;
+    write(&args.out, &bytes)?;
+    told(&args.out, &mesh, args.unit);
+    Ok(())
+}
+
+fn told(out: &Path, mesh: &Mesh, unit: Unit) {
+    note!("carved: {}: {} triangles, in {}", out.display(), mesh.triangles.len(), unit.symbol());
+}
+
+/// Checks the ending of a file's name.
+///
+/// # Errors
+/// It is another one.
+pub(super) fn ends_in(file: &Path, expected: &str) -> anyhow::Result<()> {
+    let is = file.extension().is_some_and(|e| e.eq_ignore_ascii_case(expected));
+    ensure!(is, "{}: the name of this file ends in .{expected}", file.display());
+    Ok(())
+}
+
+/// The surface of a specimen, um: the stored one, or the computed one where none is stored.
+fn mesh(reader: &RecordingReader) -> anyhow::Result<Mesh> {
+    const MESH: &str = "mesh.ply";
+    if let Some(bytes) = reader.file(MESH)? {
+        return read_ply(&bytes).with_context(|| reader.folder().join(MESH).display().to_string());
+    }
+    let mut mesh = compute_with_hull(reader, &reader.recording().method)?.mesh;
+    // As `mesh.ply` has them, so that both ways give the same bytes.
+    mesh.vertices.iter_mut().flatten().for_each(|x| *x = f64::from(*x as f32));
+    Ok(mesh)
+}
+
+/// What a file says about its specimen.
+pub(super) fn facts(recording: &Recording) -> Vec<(&'static str, String)> {
+    vec![
+        ("mode", mode(recording.mode).into()),
+        ("run", recording.run.clone()),
+        ("well", recording.specimen.well.clone()),
+        ("method", recording.method_name.clone()),
+        ("recorded_by", recording.software.words()),
+        ("axes", "x along the capillary to the right, y down, z away from the camera; the origin is on the axis of rotation".into()),
+    ]
+}
+
+pub(super) fn mode(mode: Mode) -> &'static str {
+    crate::tables::mode(mode)
+}

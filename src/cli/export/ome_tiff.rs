@@ -1,0 +1,81 @@
+//! `carved export ome-tiff`: the views of a specimen as one file.
+
+use super::model::{ends_in, facts};
+use super::{views, write};
+use crate::export::{Stack, Subject, ome_tiff};
+use anyhow::ensure;
+use carved_core::frame::PixelFormat;
+use carved_core::geometry::Camera;
+use carved_records::LedgerEntry;
+use carved_store::{Recording, RecordingReader, StoreError};
+use std::path::PathBuf;
+
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// A recording (`DATA/runs/RUN/WELL`, or its pack `WELL.tar`).
+    recording: PathBuf,
+    /// File for the views (`.ome.tiff` or `.ome.tif`).
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+}
+
+/// Writes the views.
+///
+/// # Errors
+/// A recording that cannot be read or has no view, or a file that cannot be written.
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    let is_tiff = ends_in(&args.out, "tiff").or_else(|_| ends_in(&args.out, "tif")).is_ok();
+    let is_ome = args.out.file_stem().is_some_and(|stem| stem.to_string_lossy().to_lowercase().ends_with(".ome"));
+    ensure!(is_tiff && is_ome, "{}: the name of this file ends in .ome.tiff", args.out.display());
+    let reader = RecordingReader::open(&args.recording)?;
+    let recording = reader.recording();
+    let entries = views::by_number(&reader);
+    ensure!(!entries.is_empty(), "{}: 0 views are recorded; a file needs at least 1", args.recording.display());
+    let mut stacks = vec![stack("bright field", &recording.rig.camera, recording.rig.pixel_format, &entries)];
+    let of_second: Vec<&LedgerEntry> = entries.iter().copied().filter(|entry| entry.second.is_some()).collect();
+    if let Some(second) = recording.rig.second.as_ref().filter(|_| !of_second.is_empty()) {
+        stacks.push(stack("second camera", &second.optics.camera, PixelFormat::Mono8, &of_second));
+    }
+    let picture = |camera: usize, view: usize| -> Result<Vec<u8>, StoreError> {
+        let frame = if camera == 0 { reader.frame(entries[view]) } else { views::second(&reader, of_second[view]) };
+        frame.map(|frame| views::interleaved(&frame))
+    };
+    let bytes = ome_tiff(&subject(recording)?, &stacks, picture)?;
+    write(&args.out, &bytes)?;
+    note!("carved: {}: {} view(s), {:.1} MB", args.out.display(), entries.len(), bytes.len() as f64 / 1e6);
+    Ok(())
+}
+
+fn stack(channel: &str, camera: &Camera, format: PixelFormat, entries: &[&LedgerEntry]) -> Stack {
+    Stack {
+        channel: channel.into(),
+        size: [camera.width, camera.height],
+        samples: views::samples(format),
+        pixel_um: [1.0 / camera.kx, 1.0 / camera.ky],
+        views: entries.iter().map(|entry| (entry.view, entry.omega.to_degrees())).collect(),
+    }
+}
+
+fn subject(recording: &Recording) -> anyhow::Result<Subject> {
+    let specimen = &recording.specimen;
+    let (place, plate) = views::place(&specimen.well)?;
+    let mut facts = facts(recording);
+    if recording.rig.pixel_format == PixelFormat::BayerRG8 {
+        facts.push(("colours", "interpolated from the camera's Bayer mosaic".into()));
+    }
+    if let Some(dpf) = specimen.dpf {
+        facts.push(("dpf", dpf.to_string()));
+    }
+    let words = [("compound", &specimen.compound), ("strain", &specimen.strain), ("treatment", &specimen.treatment)];
+    facts.extend(words.into_iter().filter_map(|(key, word)| Some((key, word.clone()?))));
+    if let Some(concentration) = specimen.concentration {
+        let unit = specimen.concentration_unit.map_or("", |unit| unit.symbol());
+        facts.push(("concentration", format!("{concentration} {unit}").trim_end().into()));
+    }
+    Ok(Subject { run: recording.run.clone(), well: specimen.well.clone(), place, plate, started: seconds(&recording.started), facts })
+}
+
+/// A time to whole seconds: readers differ in how many decimals they take.
+fn seconds(time: &str) -> String {
+    time.parse::<jiff::Timestamp>().map_or_else(|_| time.to_owned(), |t| t.strftime("%Y-%m-%dT%H:%M:%SZ").to_string())
+}
