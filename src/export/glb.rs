@@ -1,7 +1,7 @@
 //! glTF 2.0 in its binary container: one mesh with positions, normals and indices.
 //!
 //! ```text
-//!  "glTF" 2 length | length "JSON" {...} | length "BIN\0" positions f32 x 3, normals f32 x 3, indices u32
+//!  "glTF" 2 length | length "JSON" {...} | length "BIN\0" positions f32 x 3, normals f32 x 3, indices u32, colours f32 x 3
 //! ```
 //! The format's unit is the metre, and its y points up. The model of a recording is in um and in the axes of carved, y down, as the page
 //! shows it. An exported file has the unit that was asked for, and a node that turns it upright. `asset.extras.unit` names the unit.
@@ -24,11 +24,12 @@ pub enum Stand {
     Upright,
 }
 
-/// Writes the mesh as GLB. `extras` are the facts of the file: the `unit` of the positions, and what else is known.
+/// Writes the mesh as GLB. `colours` are those of the vertices, red, green and blue from 0 to 255 in sRGB; viewers show them as they are,
+/// without a light. `extras` are the facts of the file: the `unit` of the positions, and what else is known.
 ///
 /// # Errors
 /// An empty mesh, which the format cannot represent, and errors of the writer.
-pub fn write_glb(mesh: &Mesh, extras: &Value, stand: Stand, out: &mut impl Write) -> io::Result<()> {
+pub fn write_glb(mesh: &Mesh, colours: Option<&[[f64; 3]]>, extras: &Value, stand: Stand, out: &mut impl Write) -> io::Result<()> {
     if mesh.is_empty() {
         return Err(io::Error::new(io::ErrorKind::InvalidInput, "glTF holds no empty mesh: 0 triangles found, at least 1 expected"));
     }
@@ -53,13 +54,20 @@ pub fn write_glb(mesh: &Mesh, extras: &Value, stand: Stand, out: &mut impl Write
         buffer.extend_from_slice(&v.to_le_bytes());
     }
 
+    let indices_end = buffer.len();
+    for colour in colours.unwrap_or_default() {
+        for x in colour.map(linear) {
+            buffer.extend_from_slice(&(x as f32).to_le_bytes());
+        }
+    }
+
     let view =
         |offset: usize, length: usize, target: u32| json!({"buffer": 0, "byteOffset": offset, "byteLength": length, "target": target});
     let node = match stand {
         Stand::AsMesh => json!({"mesh": 0}),
         Stand::Upright => json!({"mesh": 0, "rotation": [1, 0, 0, 0]}),
     };
-    let document = json!({
+    let mut document = json!({
         "asset": {"version": "2.0", "generator": concat!("carved ", env!("CARGO_PKG_VERSION")), "extras": extras},
         "scene": 0,
         "scenes": [{"nodes": [0]}],
@@ -77,6 +85,18 @@ pub fn write_glb(mesh: &Mesh, extras: &Value, stand: Stand, out: &mut impl Write
         ],
         "buffers": [{"byteLength": buffer.len()}],
     });
+    if let Some(colours) = colours {
+        let accessor = json!({"bufferView": 3, "componentType": FLOAT, "count": colours.len(), "type": "VEC3"});
+        append(&mut document["accessors"], accessor);
+        append(&mut document["bufferViews"], view(indices_end, 12 * colours.len(), ARRAY_BUFFER));
+        document["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = 3.into();
+        document["meshes"][0]["primitives"][0]["material"] = 0.into();
+        document["materials"] = json!([{
+            "pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 1.0},
+            "extensions": {"KHR_materials_unlit": {}},
+        }]);
+        document["extensionsUsed"] = json!(["KHR_materials_unlit"]);
+    }
     let mut text = document.to_string().into_bytes();
     text.resize(text.len().next_multiple_of(4), b' ');
 
@@ -93,4 +113,16 @@ pub fn write_glb(mesh: &Mesh, extras: &Value, stand: Stand, out: &mut impl Write
     out.write_all(&length(buffer.len())?)?;
     out.write_all(b"BIN\0")?;
     out.write_all(&buffer)
+}
+
+fn append(list: &mut Value, entry: Value) {
+    if let Value::Array(entries) = list {
+        entries.push(entry);
+    }
+}
+
+/// The intensity, 0 to 1, of an sRGB value from 0 to 255 (IEC 61966-2-1), in which glTF states the colours of vertices.
+fn linear(srgb: f64) -> f64 {
+    let x = (srgb / 255.0).clamp(0.0, 1.0);
+    if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
 }

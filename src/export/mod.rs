@@ -71,7 +71,7 @@ mod tests {
     #[test]
     fn glb_is_a_container_of_json_and_buffer_that_agree() {
         let mut bytes = Vec::new();
-        write_glb(&tetrahedron(), &serde_json::json!({"unit": "um"}), Stand::AsMesh, &mut bytes).unwrap();
+        write_glb(&tetrahedron(), None, &serde_json::json!({"unit": "um"}), Stand::AsMesh, &mut bytes).unwrap();
         let word = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
         assert_eq!((&bytes[..4], word(4), word(8)), (b"glTF".as_slice(), 2, bytes.len()));
         let (json_len, json_kind) = (word(12), word(16));
@@ -147,7 +147,7 @@ mod tests {
 
     #[test]
     fn an_empty_mesh_is_refused_by_glb_which_cannot_hold_one() {
-        let refused = write_glb(&Mesh::default(), &serde_json::Value::Null, Stand::Upright, &mut Vec::new()).unwrap_err();
+        let refused = write_glb(&Mesh::default(), None, &serde_json::Value::Null, Stand::Upright, &mut Vec::new()).unwrap_err();
         assert_eq!(refused.kind(), std::io::ErrorKind::InvalidInput);
         write_ply(&Mesh::default(), "um", &mut Vec::new()).unwrap();
     }

@@ -34,7 +34,7 @@ fn glb(mesh: &Mesh) -> Option<Arc<Vec<u8>>> {
     if mesh.triangles.is_empty() {
         return None;
     }
-    export::write_glb(mesh, &serde_json::json!({"unit": "um"}), export::Stand::AsMesh, &mut out)
+    export::write_glb(mesh, None, &serde_json::json!({"unit": "um"}), export::Stand::AsMesh, &mut out)
         .inspect_err(|error| tracing::warn!(%error, "the model was not encoded"))
         .ok()
         .map(|()| Arc::new(out))

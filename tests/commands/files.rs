@@ -88,7 +88,8 @@ fn nrrd_stl_and_glb_have_the_size_and_the_place_of_the_model() {
         for unit in ["m", "mm", "um"] {
             done(&export("glb", &recording, &files.join(format!("{unit}.glb")), &["--unit", unit]));
         }
-        if !read("read_models.py", &[&files]) {
+        done(&export("glb", &recording, &files.join("texture.glb"), &["--texture"]));
+        if !read("read_models.py", &[&files, &recording]) {
             return;
         }
     }

@@ -1,6 +1,8 @@
 """Opens the exported models of a specimen with pynrrd, SimpleITK and trimesh, and compares them with its numbers.
 
-    read_models.py FOLDER      A02 (a ball) or B03 (a larva) with measurement.json, mesh.ply, model.nrrd, model.stl and m.glb, mm.glb, um.glb
+    read_models.py FOLDER RECORDING
+
+FOLDER is A02 (a ball) or B03 (a larva) with measurement.json, mesh.ply, model.nrrd, model.stl, texture.glb and m.glb, mm.glb, um.glb.
 """
 
 import json
@@ -11,9 +13,11 @@ import nrrd
 import numpy as np
 import SimpleITK as sitk
 import trimesh
+from PIL import Image
 
 folder = Path(sys.argv[1])
-numbers = json.loads((folder / "measurement.json").read_text())["measurement"]
+measured = json.loads((folder / "measurement.json").read_text())
+numbers = measured["measurement"]
 voxel_um = numbers["voxel_size_um"]
 
 
@@ -59,4 +63,52 @@ for unit, um in {"m": 1e6, "mm": 1e3, "um": 1.0}.items():
     raw = (folder / f"{unit}.glb").read_bytes()
     extras = json.loads(raw[20 : 20 + int.from_bytes(raw[12:16], "little")])["asset"]["extras"]
     assert (extras["unit"], extras["mode"]) == (unit, "imported"), extras
+
+# The colours: the frames at the places of the vertices, blended by the fourth power of the cosine between normal and view.
+recording = json.loads((Path(sys.argv[2]) / "recording.json").read_text())
+calibration = measured.get("calibration") or {"psi": recording["rig"]["camera"], "rho": 1.0}
+psi = calibration["psi"]
+coloured = trimesh.load(folder / "texture.glb", process=False, skip_materials=True).to_mesh()
+vertices = coloured.vertices * [1e6, -1e6, -1e6]
+corners = vertices[coloured.faces]
+of_faces = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+normals = np.zeros_like(vertices)
+for corner in coloured.faces.T:
+    np.add.at(normals, corner, of_faces)
+normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+near("textured GLB, place", [vertices.min(axis=0), vertices.max(axis=0)], ply.bounds, 1e-3)
+linear = coloured.visual.vertex_colors[:, :3] / 255
+
+
+def turned(points, omega):
+    """R_Y(alpha) R_Z(gamma) R_X(omega) of points."""
+    a, g = psi["alpha"], psi["gamma"]
+    y = np.array([[np.cos(a), 0, np.sin(a)], [0, 1, 0], [-np.sin(a), 0, np.cos(a)]])
+    z = np.array([[np.cos(g), -np.sin(g), 0], [np.sin(g), np.cos(g), 0], [0, 0, 1]])
+    x = np.array([[1, 0, 0], [0, np.cos(omega), -np.sin(omega)], [0, np.sin(omega), np.cos(omega)]])
+    return points @ (y @ z @ x).T
+
+
+k = np.array([[psi["f"] * psi["kx"], psi.get("s", 0), psi["ux"]], [0, psi["f"] * psi["ky"], psi["uy"]], [0, 0, 1]])
+sums, weights = np.zeros_like(vertices), np.zeros((len(vertices), 1))
+for entry in recording["ledger"]:
+    if entry["closure"]:
+        continue
+    omega = calibration["rho"] * entry["omega"]
+    eye = psi["f"] * np.array([0, np.cos(psi["phi"]), np.sin(psi["phi"])])
+    u, v, w = k @ (turned(vertices, omega) + eye).T
+    frame = np.asarray(Image.open(Path(sys.argv[2]) / f"frames/view_{entry['view']:03}.png"), float)
+    u, v = u / w, v / w
+    x, y = u.astype(int), v.astype(int)
+    du, dv = (u - x)[:, None], (v - y)[:, None]
+    above = (1 - du) * frame[y, x] + du * frame[y, x + 1]
+    below = (1 - du) * frame[y + 1, x] + du * frame[y + 1, x + 1]
+    weight = np.clip(-turned(normals, omega)[:, 2:], 0.1, 1) ** 4
+    sums += weight * ((1 - dv) * above + dv * below)
+    weights += weight
+# The reader rounds intensities to 8 bits.
+expected = sums / weights / 255
+expected = np.where(expected <= 0.04045, expected / 12.92, ((expected + 0.055) / 1.055) ** 2.4)
+near("colours", linear, expected, 2 / 255)
+assert np.ptp(linear) > 0.3, "the frames have contrast"
 print("read")

@@ -2,15 +2,18 @@
 //!
 //! ```text
 //!  RECORDING ─┬─ mesh.ply, or computed where there is none ── stl, glb
-//!             └─ frames ── measure::compute_with_hull ── voxels ── nrrd        compared with the stored numbers
+//!             └─ frames ── measure::compute_with_hull ─┬─ voxels ── nrrd       compared with the stored numbers
+//!                                                      └─ surface with the colours of the frames ── glb --texture
 //! ```
 
-use super::write;
+use super::{views, write};
 use crate::cli::measure::compute_with_hull;
 use crate::cli::stored::{self, Stored};
 use crate::export::{Stand, Unit, read_ply, write_glb, write_nrrd, write_stl};
+use crate::session::numbers::Computed;
 use anyhow::{Context, ensure};
-use carved_core::surface::Mesh;
+use carved_core::profile::Picture;
+use carved_core::surface::{Colours, Mesh};
 use carved_records::Mode;
 use carved_store::{Recording, RecordingReader};
 use serde_json::json;
@@ -47,6 +50,9 @@ pub struct GlbArgs {
     /// Unit of the coordinates. The unit of the format is m.
     #[arg(long, value_enum, default_value_t = Unit::M)]
     unit: Unit,
+    /// Colour the surface with the frames of its views. The surface is computed from them again.
+    #[arg(long)]
+    texture: bool,
 }
 
 /// Writes the voxels.
@@ -56,21 +62,13 @@ pub struct GlbArgs {
 pub fn nrrd(args: &NrrdArgs) -> anyhow::Result<()> {
     ends_in(&args.out, "nrrd")?;
     let reader = RecordingReader::open(&args.recording)?;
-    let found = compute_with_hull(&reader, &reader.recording().method)?;
-    let compared = stored::compare(reader.files(), &found.file)?;
-    if let Stored::Differs { at } = &compared {
-        note!(
-            "carved: {}: the numbers that belong to these voxels differ from the stored ones at {at}. The file has them",
-            args.recording.display()
-        );
-    }
+    let mut facts = facts(reader.recording());
+    let found = computed(&reader, &mut facts)?;
     let carver = found.hull.carver();
     let voxels = carver.voxels().with_context(|| format!("{}: no voxel is left", args.recording.display()))?;
-    let mut facts = facts(reader.recording());
     facts.push(("labels", "1 is inside the specimen".into()));
     facts.push(("voxels", carver.live_voxels().to_string()));
     facts.push(("volume_um3", carver.volume_um3().to_string()));
-    facts.push(("stored_numbers", compared.to_string()));
     let mut bytes = Vec::new();
     write_nrrd(&voxels, &facts, &mut bytes)?;
     write(&args.out, &bytes)?;
@@ -103,13 +101,21 @@ pub fn stl(args: &StlArgs) -> anyhow::Result<()> {
 pub fn glb(args: &GlbArgs) -> anyhow::Result<()> {
     ends_in(&args.out, "glb")?;
     let reader = RecordingReader::open(&args.recording)?;
-    let mesh = args.unit.mesh(&mesh(&reader)?);
+    let mut facts = facts(reader.recording());
+    let (mesh, colours) = if args.texture {
+        let found = computed(&reader, &mut facts)?;
+        let colours = colours(&reader, &found)?;
+        (found.mesh, Some(colours))
+    } else {
+        (mesh(&reader)?, None)
+    };
+    let mesh = args.unit.mesh(&mesh);
     let mut extras = json!({"unit": args.unit.symbol()});
-    for (key, value) in facts(reader.recording()) {
+    for (key, value) in facts {
         extras[key] = value.into();
     }
     let mut bytes = Vec::new();
-    write_glb(&mesh, &extras, Stand::Upright, &mut bytes)?;
+    write_glb(&mesh, colours.as_deref(), &extras, Stand::Upright, &mut bytes)?;
     write(&args.out, &bytes)?;
     told(&args.out, &mesh, args.unit);
     Ok(())
@@ -139,6 +145,28 @@ fn mesh(reader: &RecordingReader) -> anyhow::Result<Mesh> {
     // As `mesh.ply` has them, so that both ways give the same bytes.
     mesh.vertices.iter_mut().flatten().for_each(|x| *x = f64::from(*x as f32));
     Ok(mesh)
+}
+
+/// The specimen measured again from its frames. How its numbers compare with the stored ones becomes one of the facts.
+fn computed(reader: &RecordingReader, facts: &mut Vec<(&'static str, String)>) -> anyhow::Result<Computed> {
+    let found = compute_with_hull(reader, &reader.recording().method)?;
+    let compared = stored::compare(reader.files(), &found.file)?;
+    if let Stored::Differs { at } = &compared {
+        note!("carved: {}: the numbers of this model differ from the stored ones at {at}", reader.folder().display());
+    }
+    facts.push(("stored_numbers", compared.to_string()));
+    Ok(found)
+}
+
+/// The colour of each vertex, blended from the frames of the views that were carved. Grey for a vertex that no frame shows.
+fn colours(reader: &RecordingReader, found: &Computed) -> anyhow::Result<Vec<[f64; 3]>> {
+    let mut colours = Colours::new(&found.mesh);
+    for entry in views::by_number(reader) {
+        if let Some((_, projection)) = found.projections.iter().find(|(view, _)| *view == entry.view) {
+            colours.add(projection, &Picture::from_frame(&reader.frame(entry)?));
+        }
+    }
+    Ok(colours.finish().into_iter().map(|colour| colour.unwrap_or([128.0; 3])).collect())
 }
 
 /// What a file says about its specimen.
