@@ -6,6 +6,26 @@ use carved_records::ViewOrder;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
+/// Which instrument this is.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize, ToSchema)]
+pub struct InstrumentIdentity {
+    /// By its configuration.
+    pub name: String,
+    /// By its configuration; `null` where it has none.
+    pub serial: Option<String>,
+    /// Where it stands, by its configuration; `null` where it does not say.
+    pub location: Option<String>,
+    /// Of its data folder. It stays the same when the name or the place changes.
+    pub uuid: String,
+}
+
+impl From<records::InstrumentIdentity> for InstrumentIdentity {
+    fn from(from: records::InstrumentIdentity) -> Self {
+        let records::InstrumentIdentity { name, serial, location, uuid } = from;
+        Self { name, serial, location, uuid }
+    }
+}
+
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct Fault {
     /// Its number; numbers rise and last across restarts.

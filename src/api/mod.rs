@@ -15,7 +15,9 @@ mod status;
 mod words;
 
 pub use event::Event;
-pub use instrument::{CalibrationStatus, Check, Fault, FaultCode, GateStatus, Handoff, HandoffNeeds, Light, MethodOffer};
+pub use instrument::{
+    CalibrationStatus, Check, Fault, FaultCode, GateStatus, Handoff, HandoffNeeds, InstrumentIdentity, Light, MethodOffer,
+};
 pub use run::{Eta, Mistake, PlaceStatus, PlannedWell, PlateMap, ReferenceStatus, RunPlan, WellCounts, WellStatus};
 pub use status::{
     CameraStatus, HardwareStatus, Hold, NextCommand, OutputState, OutputStatus, Pending, Plate, RotationStatus, RunStatus, SpecimenStatus,

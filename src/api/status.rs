@@ -4,7 +4,7 @@
 //! and the `faults`. Clocks (`server_time`, `uptime_s`, the calibration's `age_s`) are filled in when a snapshot is read and do not
 //! change its revision; `eta_s` is told anew with each well that is done.
 
-use super::{CalibrationStatus, Eta, Fault, Light, Mode, Phase, RunOutcome, WellCounts, WellStatus};
+use super::{CalibrationStatus, Eta, Fault, InstrumentIdentity, Light, Mode, Phase, RunOutcome, WellCounts, WellStatus};
 use carved_core::units::Steps;
 use carved_devices::{Position, outputs};
 use carved_records::LiveEstimate;
@@ -352,6 +352,8 @@ pub struct Status {
     pub server_time: String,
     pub uptime_s: f64,
     pub version: String,
+    #[serde(default)]
+    pub instrument: InstrumentIdentity,
     pub mode: Mode,
     pub ready: bool,
     /// Why the instrument would not start a run now.

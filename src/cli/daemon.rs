@@ -2,7 +2,7 @@
 
 use super::notify;
 use super::signals::Signals;
-use crate::api::MethodOffer;
+use crate::api::{MethodOffer, Status};
 use crate::config::Config;
 use crate::session::{self, Driver, Heartbeat, Instrument, SessionHandle};
 use anyhow::Context;
@@ -35,13 +35,24 @@ impl Daemon {
             tokio::runtime::Builder::new_multi_thread().enable_all().thread_name("carved").build().context("cannot start the runtime")?;
         let Self { claim, config, mode, instrument, interlock, listener, greeting } = self;
         let listen = listener.local_addr().context("the address that is served")?;
+        let identity = config.identity(claim.instrument_uuid()?);
         let (store, journal, events) = Store::open(claim)?;
         let reader = store.reader().with_calibrations(&config.calibrations());
-        let (handle, mailbox, publisher) = session::channel(Driver::first_status(mode, boot_id()?), events);
+        let first = Status { instrument: identity.clone().into(), ..Driver::first_status(mode, boot_id()?) };
+        let (handle, mailbox, publisher) = session::channel(first, events);
         let handle = handle.offering(config.methods.iter().map(|(name, method)| MethodOffer::new(name, method)));
         let heartbeat = Heartbeat::default();
-        let driver =
-            Driver { config: config.clone(), mode, store, journal, publisher, instrument, interlock, heartbeat: heartbeat.clone() };
+        let driver = Driver {
+            config: config.clone(),
+            mode,
+            store,
+            journal,
+            publisher,
+            instrument,
+            identity,
+            interlock,
+            heartbeat: heartbeat.clone(),
+        };
         let (stop_in, stop) = watch::channel(false);
         // The driver syncs to disk. It has a thread of its own, so that no request waits for the disk.
         let driving = {

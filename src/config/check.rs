@@ -12,7 +12,7 @@ use carved_core::range::{OutOfRange, Ranged};
 use carved_core::units::StepsPerRevolution;
 use carved_devices::acquisition::{AcquisitionSettings, RevolutionPlan};
 use carved_devices::rotation::{GrblPin, TranslationSettings};
-use carved_records::{Method, ViewOrder};
+use carved_records::{InstrumentIdentity, Method, ViewOrder};
 use carved_store::frames;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -25,6 +25,10 @@ pub struct Config {
     pub store: StoreConfig,
     pub calibration: CalibrationConfig,
     pub rig_name: String,
+    /// Serial number of the instrument. `None` if it is not configured.
+    pub serial: Option<String>,
+    /// Where the instrument stands. `None` if it is not configured.
+    pub location: Option<String>,
     pub steps_per_revolution: StepsPerRevolution,
     /// Every stop is approached from the same side by at least this many motor steps.
     pub backlash_steps: u32,
@@ -86,6 +90,11 @@ impl Config {
             RotationDriver::Folder(settings) => settings.repeats_first,
             _ => true,
         }
+    }
+
+    /// The identity of the instrument. `uuid` is that of its data folder.
+    pub fn identity(&self, uuid: String) -> InstrumentIdentity {
+        InstrumentIdentity { name: self.rig_name.clone(), serial: self.serial.clone(), location: self.location.clone(), uuid }
     }
 
     /// The folder of the rig's calibrations.
@@ -180,6 +189,8 @@ impl Config {
             store: StoreConfig { data_dir: raw.store.data_dir, budget_gb: raw.store.budget_gb },
             calibration: raw.calibration,
             rig_name: raw.rig.name,
+            serial: raw.rig.serial,
+            location: raw.rig.location,
             steps_per_revolution: raw.rig.steps_per_revolution,
             backlash_steps: raw.rig.backlash_steps,
             acquisition: raw.acquisition,

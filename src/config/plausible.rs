@@ -42,6 +42,9 @@ pub(super) struct Implausible {
 pub(super) fn implausible(raw: &Raw, drivers: &Drivers, in_range: impl Fn(&str) -> bool) -> Implausible {
     let mut found = Implausible::default();
     found.store(&raw.store.data_dir);
+    found.label("rig.name", Some(&raw.rig.name));
+    found.label("rig.serial", raw.rig.serial.as_deref());
+    found.label("rig.location", raw.rig.location.as_deref());
     if in_range("rig") {
         let [steps, turns] = <[u32; 2]>::from(raw.rig.steps_per_revolution);
         found.backlash(raw.rig.backlash_steps, f64::from(steps) / f64::from(turns));
@@ -101,6 +104,16 @@ struct View {
 impl Implausible {
     fn wrong(&mut self, text: &str) {
         self.breaches.push(format!("  {text}"));
+    }
+
+    /// Checks a text that becomes a cell of tables and a label of metrics.
+    fn label(&mut self, key: &str, text: Option<&str>) {
+        const LONGEST: usize = 100;
+        let Some(text) = text else { return };
+        let is_printable = !text.trim().is_empty() && !text.chars().any(char::is_control);
+        if !is_printable || text.chars().count() > LONGEST {
+            self.breaches.push(format!("  {key} = {text:?}; expected one line of 1 to {LONGEST} characters"));
+        }
     }
 
     fn store(&mut self, data_dir: &Path) {

@@ -131,8 +131,14 @@ impl Ranged for CalibrationConfig {
 #[serde(deny_unknown_fields)]
 #[schemars(transform = in_schema::<Self>)]
 pub(super) struct RawRig {
-    /// Name of the instrument. It is written into every recording.
+    /// Name of the instrument. It is written into every record, and it is the label `instrument` of every metric.
     pub name: String,
+    /// Serial number of the instrument. It is written into every record.
+    #[serde(default)]
+    pub serial: Option<String>,
+    /// Where the instrument stands, such as a building and a room. It is written into every record.
+    #[serde(default)]
+    pub location: Option<String>,
     /// Motor steps of one turn of the capillary as an exact ratio `[steps, turns]` (microsteps times gear): `[500, 1]` is 0.72 deg per
     /// step.
     pub steps_per_revolution: StepsPerRevolution,

@@ -121,7 +121,13 @@ impl<'r> Graph<'r> {
         let text = |key: &str| recording["rig"][key].as_str().unwrap_or("not known");
         let name = text("name");
         let description = format!("Camera {}, rotation axis {}", text("camera_identity"), text("rotation_identity"));
-        let rig = json!({"@id": format!("#rig-{name}"), "@type": "IndividualProduct", "name": name, "description": description});
+        let mut rig = json!({"@id": format!("#rig-{name}"), "@type": "IndividualProduct", "name": name, "description": description});
+        if let Some(uuid) = recording["instrument"]["uuid"].as_str() {
+            rig["identifier"] = uuid.into();
+        }
+        if let Some(serial) = recording["instrument"]["serial"].as_str() {
+            rig["serialNumber"] = serial.into();
+        }
         let rig = self.once(rig);
         if !self.actions.contains(&rig) {
             self.actions.push(rig);

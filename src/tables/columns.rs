@@ -2,7 +2,7 @@
 
 use super::row::{Row, hash_of};
 use super::{Cell, Kind};
-use carved_records::{Mode, SpecimenKind};
+use carved_records::{InstrumentIdentity, Mode, SpecimenKind};
 
 /// Where a value is.
 #[derive(Clone, Copy)]
@@ -58,6 +58,15 @@ pub const BEFORE: &[Column] = &[
     col("plate_barcode", Text, Made(|r| r.run.record.plan.plate_barcode.as_str().into()), "barcode of the plate"),
     col("operator", Text, Made(|r| r.run.record.plan.operator.as_str().into()), "who started the run"),
     col("mode", Text, Made(|r| mode(r.run.record.mode).into()), "`hardware`, `simulated` or `imported`: where the frames come from"),
+    col("instrument", Text, Made(instrument), "name of the instrument in its configuration"),
+    col("instrument_serial", Text, Made(|r| identity(r).and_then(|i| i.serial.clone()).into()), "serial number of the instrument"),
+    col("instrument_location", Text, Made(|r| identity(r).and_then(|i| i.location.clone()).into()), "where the instrument stands"),
+    col(
+        "instrument_uuid",
+        Text,
+        Made(|r| identity(r).map(|i| i.uuid.as_str()).into()),
+        "uuid of the instrument; it stays the same when the name changes",
+    ),
     col("well", Text, Made(|r| r.well.planned.well.as_str().into()), "`A01` to `AF48`"),
     col("plate_row", Text, Made(|r| parted(r).map(|(row, _)| row).into()), "letters of the well"),
     col("plate_column", Integer, Made(|r| parted(r).and_then(|(_, column)| column.parse::<u32>().ok()).into()), "number of the well"),
@@ -77,6 +86,17 @@ pub const BEFORE: &[Column] = &[
     col("control", Text, Made(control), "`positive`, `negative`, or empty for no control"),
     col("replicate", Integer, Made(|r| r.well.planned.replicate.into()), "number of the repetition, from 1"),
 ];
+
+/// The instrument of the run. Runs of earlier versions and imported runs have none.
+fn identity<'r>(row: &Row<'r>) -> Option<&'r InstrumentIdentity> {
+    row.run.record.instrument.as_ref()
+}
+
+/// The name of the instrument. Recordings of earlier versions have it as the name of the rig.
+fn instrument(row: &Row) -> Cell {
+    let recorded = || row.recorded("/rig/name").and_then(serde_json::Value::as_str);
+    identity(row).map(|i| i.name.as_str()).or_else(recorded).into()
+}
 
 /// Row and column of the well: a name ends in two digits.
 fn parted<'r>(row: &Row<'r>) -> Option<(&'r str, &'r str)> {
@@ -255,7 +275,6 @@ pub const AFTER: &[Column] = &[
     col("devices_s", Number, Timed("/devices_s"), "time of motors, exposures and of loading and unloading"),
     col("own_s", Number, Timed("/own_s"), "time of carved itself"),
     // By what.
-    col("rig", Text, Recorded("/rig/name"), "name of the rig in its configuration"),
     col("rotation_identity", Text, Recorded("/rig/rotation_identity"), "what the rotation axis reports"),
     col("camera_identity", Text, Recorded("/rig/camera_identity"), "what the camera reports"),
     col(

@@ -6,7 +6,7 @@
 use crate::common::{carved, json, stderr, strict, venv};
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::profile::Mask;
-use carved_records::{Mode, RunOutcome, SpecimenOutcome, sha256_hex};
+use carved_records::{InstrumentIdentity, Mode, RunOutcome, SpecimenOutcome, sha256_hex};
 use carved_store::{Claim, MEASUREMENT, MeasurementFile, Recording, RecordingWriter, RunRecord, Store, frames};
 use rusqlite::types::ValueRef::{Blob, Integer, Null, Real, Text};
 use serde_json::{Value, json};
@@ -25,6 +25,15 @@ fn wells() -> impl Iterator<Item = String> {
 
 /// A run: A01 a larva and A02 a bead with numbers, A03 and the further wells skipped.
 pub fn plate(data: &Path, id: &str, barcode: &str, size: usize) -> PathBuf {
+    plate_of(data, id, barcode, size, Some(instrument("vast-1", "0fb2c0de-93b2-4ed9-8f27-0a4f3f2a9c11")))
+}
+
+fn instrument(name: &str, uuid: &str) -> InstrumentIdentity {
+    InstrumentIdentity { name: name.into(), serial: Some("0042".into()), location: Some("room 2.17".into()), uuid: uuid.into() }
+}
+
+/// A run of this instrument. `None`: as a version wrote it that did not write the instrument.
+fn plate_of(data: &Path, id: &str, barcode: &str, size: usize, instrument: Option<InstrumentIdentity>) -> PathBuf {
     let mut map: Vec<Value> = wells().take(size).map(|well| json!({"well": well, "dpf": 4})).collect();
     map[0] = json!({"well": "A01", "dpf": 4, "compound": "DMSO, \"<dry>\"", "concentration": 0.1, "concentration_unit": "% v/v",
         "strain": "ABxTL", "treatment": "none", "control": "negative", "replicate": 2});
@@ -34,7 +43,7 @@ pub fn plate(data: &Path, id: &str, barcode: &str, size: usize) -> PathBuf {
     let method = json!({"asd": 21, "order": "sequential", "epsilon": 0.05, "voxel_um": 6.93, "version": "2"});
     let (plan, method) = (serde_json::from_value(plan).unwrap(), serde_json::from_value(method).unwrap());
     let (store, _journal, _) = Claim::on(data).and_then(Store::open).unwrap();
-    let mut record = RunRecord::new(id, plan, method, Mode::Simulated, None);
+    let mut record = RunRecord { instrument, ..RunRecord::new(id, plan, method, Mode::Simulated, None) };
     for (well, file) in [(0, "larva.json"), (1, "bead.json")] {
         measured(&store, &record, well, &example(file));
         record.wells[well].end(SpecimenOutcome::Succeeded, None);
@@ -123,6 +132,10 @@ fn a_row_has_the_plate_map_the_numbers_and_where_they_come_from() {
         ("external_id", "lims-7"),
         ("plate_barcode", "0017"),
         ("mode", "simulated"),
+        ("instrument", "vast-1"),
+        ("instrument_serial", "0042"),
+        ("instrument_location", "room 2.17"),
+        ("instrument_uuid", "0fb2c0de-93b2-4ed9-8f27-0a4f3f2a9c11"),
         ("well", "A01"),
         ("compound", "DMSO, \"<dry>\""),
         ("concentration", "0.1"),
@@ -181,6 +194,21 @@ fn every_column_has_a_value_somewhere() {
     let empty: BTreeSet<&str> =
         rows[0].keys().filter(|column| rows.iter().all(|row| row[*column].is_empty())).map(String::as_str).collect();
     assert_eq!(empty, BTreeSet::from(NEVER_HERE));
+}
+
+#[test]
+fn instruments_are_told_apart_and_runs_without_one_are_read() {
+    let dir = tempfile::tempdir().unwrap();
+    let data = dir.path().join("data");
+    let (first, second) = ("0fb2c0de-93b2-4ed9-8f27-0a4f3f2a9c11", "8d5b1c5e-3c5f-4f6e-9a57-52d6a2f3b7aa");
+    let of = [Some(instrument("vast-1", first)), Some(instrument("vast-1", second)), Some(instrument("renamed", second)), None];
+    let runs: Vec<PathBuf> = (1..).zip(of).map(|(i, of)| plate_of(&data, &format!("r{i}"), "P-1", 2, of)).collect();
+    let out = dir.path().join("table.csv");
+    done(&carved().args(["export", "table", "--out"]).arg(&out).args(&runs).output().unwrap());
+    let found: Vec<(String, String)> =
+        rows(&out).iter().step_by(2).map(|row| (row["instrument"].clone(), row["instrument_uuid"].clone())).collect();
+    let expected = [("vast-1", first), ("vast-1", second), ("renamed", second), ("rig", "")];
+    assert_eq!(found, expected.map(|(name, uuid)| (name.to_owned(), uuid.to_owned())));
 }
 
 #[test]

@@ -133,6 +133,8 @@ fn a_killed_daemon_goes_on_at_the_right_well_and_measures_nothing_twice() {
     daemon.ended();
     let sums = std::fs::read(data.join("runs/r1/A01/SHA256SUMS")).unwrap();
     let begun = json(&data.join("runs/r1/A02/recording.json"));
+    let instrument = begun["instrument"].clone();
+    assert_eq!((&instrument["name"], instrument["uuid"].as_str().map(str::len)), (&json!("emulated"), Some(36)), "{instrument}");
 
     let daemon = start(&data);
     let status = wait(&daemon, "the end", |s| s["run"]["id"] == "r1" && s["state"] == "Complete");
@@ -148,6 +150,10 @@ fn a_killed_daemon_goes_on_at_the_right_well_and_measures_nothing_twice() {
     assert_eq!((kinds(&data, "run.ended"), kinds(&data, "specimen.done"), kinds(&data, "run.accepted")), (1, 3, 1));
     assert_eq!((kinds(&data, "run.resumed"), kinds(&data, "specimen.interrupted")), (1, 1));
     assert!(status["run"]["eta_s"].is_null(), "{status}");
+    let recorded = ["run.json", "A01/recording.json", "A02/recording.json"].map(|file| json(&data.join("runs/r1").join(file)));
+    for found in [&status].into_iter().chain(&recorded) {
+        assert_eq!(found["instrument"], instrument, "the same instrument after the restart");
+    }
 }
 
 #[test]

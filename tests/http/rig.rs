@@ -1,7 +1,7 @@
 //! A running server, and the driver at its other end, which the tests control.
 
 use crate::wire::{self, Answer};
-use carved::api::{Check, HandoffNeeds, HardwareStatus, MethodOffer, Mode, Pending, Plate, State, Status};
+use carved::api::{Check, HandoffNeeds, HardwareStatus, InstrumentIdentity, MethodOffer, Mode, Pending, Plate, State, Status};
 use carved::config::HttpSettings;
 use carved::http::{HttpError, bind, serve};
 use carved::session::{Accepted, Command, Publisher, Refusal, channel};
@@ -47,6 +47,11 @@ pub fn status() -> Status {
         server_time: String::new(),
         uptime_s: 0.0,
         version: "1.2.3".into(),
+        instrument: InstrumentIdentity {
+            name: "vast-1".into(),
+            uuid: "0fb2c0de-93b2-4ed9-8f27-0a4f3f2a9c11".into(),
+            ..InstrumentIdentity::default()
+        },
         mode: Mode::Simulated,
         ready: true,
         not_ready_reason: None,

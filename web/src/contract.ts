@@ -214,6 +214,13 @@ export interface Hold {
   times: number;
 }
 
+export interface InstrumentIdentity {
+  location: string | null;
+  name: string;
+  serial: string | null;
+  uuid: string;
+}
+
 export interface Interval {
   high: number;
   low: number;
@@ -522,6 +529,7 @@ export interface Status {
   doing: string;
   faults: Fault[];
   hardware: HardwareStatus;
+  instrument: InstrumentIdentity;
   mode: Mode;
   not_ready_reason: string | null;
   pending: Pending;

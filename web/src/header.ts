@@ -9,14 +9,16 @@ import type { Status } from "./status.ts";
 export class HeaderView {
   readonly #stamp: HTMLElement;
   readonly #version: HTMLElement;
+  readonly #instrument: HTMLElement;
   readonly #link: HTMLElement;
   readonly #lost: HTMLElement;
   #state: Link = { kind: "connecting" };
   #received: { at: number; serverTime: string } | null = null;
 
-  constructor(root: { stamp: HTMLElement; version: HTMLElement; link: HTMLElement; lost: HTMLElement }) {
+  constructor(root: Record<"stamp" | "version" | "instrument" | "link" | "lost", HTMLElement>) {
     this.#stamp = root.stamp;
     this.#version = root.version;
+    this.#instrument = root.instrument;
     this.#link = root.link;
     this.#lost = root.lost;
     setInterval(() => this.#say(), 1000);
@@ -25,7 +27,10 @@ export class HeaderView {
   status(status: Status): void {
     show(this.#stamp, status.mode === "simulated");
     setText(this.#version, status.version);
-    document.title = `${status.mode === "simulated" ? "SIMULATED " : ""}${STATES[status.state]} – carved`;
+    const { name, serial, location, uuid } = status.instrument;
+    setText(this.#instrument, location === null ? name : `${name}, ${location}`);
+    this.#instrument.title = `${serial === null ? "" : `Serial number ${serial}, `}uuid ${uuid}`;
+    document.title = `${status.mode === "simulated" ? "SIMULATED " : ""}${STATES[status.state]} – ${name} – carved`;
     this.#received = { at: performance.now(), serverTime: status.server_time };
     this.#say();
   }

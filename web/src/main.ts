@@ -53,6 +53,7 @@ const emergency = new EmergencyStop(byId("emergency-stop"), byId("emergency-answ
 const header = new HeaderView({
   stamp: byId("stamp"),
   version: byId("version"),
+  instrument: byId("instrument"),
   link: byId("link"),
   lost: byId("lost"),
 });

@@ -15,6 +15,7 @@ mod event;
 mod fault;
 mod handover;
 mod hash;
+mod instrument;
 mod ledger;
 mod light;
 mod method;
@@ -39,6 +40,7 @@ pub use fault::table::{self as fault_table, ALL as FAULT_CODES, Category, FaultC
 pub use fault::{Device, Fault, FaultEnd, RunUnderFault};
 pub use handover::{Handoff, HandoffEnd, HandoffIntent};
 pub use hash::sha256_hex;
+pub use instrument::InstrumentIdentity;
 pub use ledger::{Ledger, LedgerEntry, LedgerError, SecondEntry};
 pub use light::Light;
 pub use method::{CameraTooNear, Method, ViewOrder};

@@ -39,6 +39,13 @@ pub enum StoreError {
     Vanished { path: PathBuf },
     #[error("{}: it was not closed within {waited_s:.0} s: the disk hangs. Look after it; what is there of the record is kept", path.display())]
     Unclosed { path: PathBuf, waited_s: f64 },
+    #[error(
+        "{}: the uuid of the instrument cannot be read: {why}. Nothing was changed. Restore the file from a backup, or write \
+         {{\"schema\": \"carved.instrument/1\", \"uuid\": \"UUID\"}} into it, with the instrument.uuid of an earlier run.json of this \
+         instrument. If there is no earlier run, remove the file: the next start makes a new uuid",
+        path.display()
+    )]
+    Identity { path: PathBuf, why: String },
     #[error("{}: another carved uses this folder; stop that one first, or name another folder (--data, or data_dir of [store])", path.display())]
     Locked { path: PathBuf },
     #[error(

@@ -3,6 +3,7 @@
 //! ```text
 //! DATA/events.jsonl               append-only, synced line by line
 //! DATA/index.sqlite               for lookups; rebuilt from the rest if it is missing (see `index`)
+//! DATA/instrument.json            the uuid of the instrument (see `instrument`)
 //! DATA/calibrations/              calibrations of the rig (see `calibrations`)
 //! DATA/runs/RUN/run.json          plan, method, outcome, one entry per well
 //! DATA/runs/RUN/events.jsonl      the events of this run, as in the journal
@@ -21,6 +22,7 @@ mod error;
 pub mod frames;
 pub mod gates;
 mod index;
+mod instrument;
 mod journal;
 mod lines;
 mod pack;
@@ -96,6 +98,14 @@ impl Claim {
             Err(std::fs::TryLockError::WouldBlock) => Err(StoreError::Locked { path: root.to_owned() }),
             Err(std::fs::TryLockError::Error(e)) => Err(StoreError::io("lock", &path)(e)),
         }
+    }
+
+    /// The uuid of the instrument that has this folder. The first call makes it.
+    ///
+    /// # Errors
+    /// The file of the uuid is damaged, or it cannot be read or written. A damaged file is not changed.
+    pub fn instrument_uuid(&self) -> Result<String, StoreError> {
+        instrument::uuid(&self.root)
     }
 }
 

@@ -26,7 +26,7 @@ use carved_core::pipeline::SpecimenRecord;
 use carved_core::profile::Mask;
 use carved_core::surface::Mesh;
 use carved_core::units::{Sense, StepsPerRevolution};
-use carved_records::{Ledger, LedgerEntry, Method, Mode, PlannedWell, is_plain_name, is_well, sha256_hex};
+use carved_records::{InstrumentIdentity, Ledger, LedgerEntry, Method, Mode, PlannedWell, is_plain_name, is_well, sha256_hex};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -142,6 +142,9 @@ pub struct Recording {
     pub schema: String,
     pub software: Software,
     pub mode: Mode,
+    /// The instrument that took the frames. `None` for imported pictures and in files of versions that did not write it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub instrument: Option<InstrumentIdentity>,
     pub run: String,
     pub specimen: PlannedWell,
     /// RFC 3339, UTC.
@@ -173,6 +176,7 @@ impl Recording {
             schema: SCHEMA.into(),
             software: Software::this(),
             mode,
+            instrument: None,
             run: run.into(),
             specimen,
             started: jiff::Timestamp::now().to_string(),

@@ -3,7 +3,8 @@
 use super::{Software, StoreError, schema};
 use carved_core::frame::RawFrame;
 use carved_records::{
-    CalibrationStatus, Method, Mode, RunOutcome, RunPlan, SpecimenOutcome, WellStatus, is_plain_name, is_well, sha256_hex,
+    CalibrationStatus, InstrumentIdentity, Method, Mode, RunOutcome, RunPlan, SpecimenOutcome, WellStatus, is_plain_name, is_well,
+    sha256_hex,
 };
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -19,6 +20,9 @@ pub struct RunRecord {
     pub id: String,
     pub software: Software,
     pub mode: Mode,
+    /// The instrument that made the run. `None` for imported pictures and in files of versions that did not write it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub instrument: Option<InstrumentIdentity>,
     pub plan: RunPlan,
     pub method: Method,
     /// SHA-256 of the empty-capillary picture, as in every `recording.json`.
@@ -42,6 +46,7 @@ impl RunRecord {
             id: id.into(),
             software: Software::this(),
             mode,
+            instrument: None,
             plan,
             method,
             empty_capillary_sha256: empty.map(|frame| sha256_hex(frame.bytes())),

@@ -1,6 +1,6 @@
 //! The status as text.
 
-use crate::api::{Fault, Mode, RunStatus, SpecimenKind, Status, WellStatus};
+use crate::api::{Fault, InstrumentIdentity, Mode, RunStatus, SpecimenKind, Status, WellStatus};
 
 use serde::Serialize;
 
@@ -58,8 +58,15 @@ pub fn end(run: &RunStatus, mode: Mode) -> String {
     format!("run {}{} has ended: {}; {}", run.id, made(mode), run.outcome.map(word).unwrap_or_default(), counts(run))
 }
 
+/// The name of the instrument, with its serial number and place if they are known.
+fn instrument(instrument: &InstrumentIdentity) -> String {
+    let serial = instrument.serial.as_ref().map(|serial| format!(", serial number {serial}"));
+    let location = instrument.location.as_ref().map(|location| format!(", {location}"));
+    format!("{}{}{}", instrument.name, serial.unwrap_or_default(), location.unwrap_or_default())
+}
+
 pub fn status(status: &Status) -> String {
-    let mut text = format!("{} ({}){}\n", status.doing, word(status.state), made(status.mode));
+    let mut text = format!("{}: {} ({}){}\n", instrument(&status.instrument), status.doing, word(status.state), made(status.mode));
     if let (false, Some(why)) = (status.ready, &status.not_ready_reason) {
         text += &format!("not ready: {why}\n");
     }

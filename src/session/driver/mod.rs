@@ -53,6 +53,7 @@ use super::heartbeat::{self, Heartbeat};
 use super::state::Trigger;
 use super::worker::Instrument;
 use super::{Plate, State, Status, search};
+use crate::api::InstrumentIdentity;
 use crate::config::Config;
 use carved_devices::sampler::LoaderInterlock;
 use carved_records::Mode;
@@ -71,6 +72,7 @@ pub struct Driver {
     pub journal: Journal,
     pub publisher: Publisher,
     pub instrument: Instrument,
+    pub identity: carved_records::InstrumentIdentity,
     /// Receives the loader's message, on a rig that a plate-loader fills.
     pub interlock: LoaderInterlock,
     pub heartbeat: Heartbeat,
@@ -105,6 +107,7 @@ impl Driver {
             server_time: String::new(),
             uptime_s: 0.0,
             version: env!("CARGO_PKG_VERSION").into(),
+            instrument: InstrumentIdentity::default(),
             mode: mode.into(),
             ready: false,
             not_ready_reason: Some("starting".into()),

@@ -36,9 +36,9 @@ use carved_devices::cancel::CancelToken;
 use carved_records::Method;
 use carved_records::{
     AttemptFailed, CalibrationStatus, Capillary, DaemonStarted, Device, EndRequest, Event, EventData, Fault, FaultsCleared, Handoff,
-    HandoffEnd, HeldBy, InstrumentState, LoadedBy, Mode, Phase, PhaseEntered, PlannedWell, RecoveryBegun, ResumedBy, RunAccepted, RunEnded,
-    RunHeld, RunInterrupted, RunPlan, RunResumed, RunState, SpecimenDone, SpecimenInterrupted, ViewTaken, WellCounts, WellStatus,
-    WellTimes, fault_table,
+    HandoffEnd, HeldBy, InstrumentIdentity, InstrumentState, LoadedBy, Mode, Phase, PhaseEntered, PlannedWell, RecoveryBegun, ResumedBy,
+    RunAccepted, RunEnded, RunHeld, RunInterrupted, RunPlan, RunResumed, RunState, SpecimenDone, SpecimenInterrupted, ViewTaken,
+    WellCounts, WellStatus, WellTimes, fault_table,
 };
 use carved_store::{RunRecord, StoreError};
 use std::collections::VecDeque;
@@ -48,6 +48,7 @@ use tokio::sync::oneshot;
 /// The parts of the driver.
 pub(super) struct Running {
     pub(super) config: Arc<Config>,
+    identity: InstrumentIdentity,
     mode: Mode,
     pub(super) publisher: Publisher,
     pub(super) outbox: Outbox,
@@ -68,7 +69,7 @@ fn reply<T>(answer: oneshot::Sender<Result<T, Refusal>>, result: Result<T, Refus
 // Start, heartbeat and end of the daemon.
 impl Running {
     pub fn new(driver: Driver) -> Self {
-        let Driver { config, mode, store, journal, publisher, instrument, interlock, heartbeat: _ } = driver;
+        let Driver { config, mode, store, journal, publisher, instrument, identity, interlock, heartbeat: _ } = driver;
         publisher.halt().aim(instrument.rig.rotation.stop_handle(), CancelToken::default());
         // The tail of the journal is not enough: most events are views, and after some dozen wells it no longer names the plate.
         let remembered = store.remembered().unwrap_or_else(|error| {
@@ -80,6 +81,7 @@ impl Running {
             loader: Loader::new(interlock, instrument.sampler.as_ref()),
             devices: Devices::new(instrument),
             config,
+            identity,
             mode,
             publisher,
             room: DiskRoom::default(),
@@ -784,6 +786,7 @@ impl Running {
     fn start(&mut self, id: &str, plan: RunPlan, method: Method) -> Result<(), StoreError> {
         let calibration = gate::calibration(&self.config, self.mode);
         let record = RunRecord {
+            instrument: Some(self.identity.clone()),
             calibration: calibration.clone(),
             ..RunRecord::new(id, plan, method, self.mode, self.config.empty_capillary.as_deref())
         };
@@ -836,6 +839,7 @@ impl Running {
         let record = run.record();
         let work = Work::begin(instrument, self.loader.cleared_interlock(), self.publisher.halt(), |cancel, pause, progress| RunContext {
             config: self.config.clone(),
+            identity: self.identity.clone(),
             mode: self.mode,
             run: record.id.clone(),
             plate: record.plan.plate_barcode.clone(),

@@ -33,7 +33,9 @@ use carved_devices::cancel::CancelToken;
 use carved_devices::outputs;
 use carved_devices::sampler::{Expected, NextWell, Sampler, Upcoming};
 use carved_devices::{Camera, DeviceError, Position, Rig, StreamCounters};
-use carved_records::{Light, LiveEstimate, Method, Mode, Phase, PlannedWell, SpecimenKind, SpecimenOutcome, WellStatus, WellTimes};
+use carved_records::{
+    InstrumentIdentity, Light, LiveEstimate, Method, Mode, Phase, PlannedWell, SpecimenKind, SpecimenOutcome, WellStatus, WellTimes,
+};
 use carved_store::{Recording, RigRecord, SecondRecord, StoreError};
 use science::Science;
 use std::ops::ControlFlow;
@@ -143,6 +145,7 @@ pub enum RunError {
 #[derive(Clone)]
 pub struct RunContext {
     pub config: Arc<Config>,
+    pub identity: InstrumentIdentity,
     pub mode: Mode,
     pub run: String,
     /// Barcode of the plate.
@@ -390,7 +393,8 @@ impl RunContext {
             second: second
                 .map(|(camera, configured)| SecondRecord { optics: configured.optics.clone(), identity: camera.identity().to_owned() }),
         };
-        Recording::new(&self.run, planned.clone(), self.mode, rig, &self.method_name, self.method.clone())
+        let recording = Recording::new(&self.run, planned.clone(), self.mode, rig, &self.method_name, self.method.clone());
+        Recording { instrument: Some(self.identity.clone()), ..recording }
     }
 
     /// How far to move the capillary along its axis to show more of the specimen, um. `None` if this is not possible or not necessary.

@@ -163,6 +163,7 @@ mod tests {
     fn a_record_that_a_hanging_disk_keeps_open_is_not_waited_for_for_ever() {
         let config = Config::parse(include_str!("../../../config/simulated.toml"), Path::new("simulated.toml")).unwrap();
         let context = RunContext {
+            identity: config.identity(String::new()),
             mode: Mode::Simulated,
             run: "r1".into(),
             plate: "P1".into(),

@@ -517,6 +517,8 @@ test("a page of another version is read anew", async () => {
   server.publish(running(9));
   await page.goto(server.url);
   await until("version", /\d/);
+  await until("instrument", /^vast-1, room 2\.17$/);
+  assert.match((await page.locator("#instrument").getAttribute("title")) ?? "", /0042.*0fb2c0de/);
   await page.evaluate(() => (document.body.dataset["page"] = "old"));
   server.publish({ ...running(9), version: "99.0.0" });
   await until("version", /^99\.0\.0$/);

@@ -118,6 +118,12 @@ export function status(change: Partial<Status> = {}): Status {
     server_time: "2026-03-05T09:31:20Z",
     uptime_s: 754,
     version: "0.1.0",
+    instrument: {
+      name: "vast-1",
+      serial: "0042",
+      location: "room 2.17",
+      uuid: "0fb2c0de-93b2-4ed9-8f27-0a4f3f2a9c11",
+    },
     mode: "simulated",
     ready: true,
     not_ready_reason: null,

@@ -50,6 +50,17 @@ class Fault:
 
 
 @dataclass(frozen=True)
+class InstrumentIdentity:
+    """Which instrument it is."""
+
+    name: str = ""
+    serial: str | None = None
+    location: str | None = None
+    #: It stays the same when the name or the place changes.
+    uuid: str = ""
+
+
+@dataclass(frozen=True)
 class Pending:
     """Accepted commands that are still under way."""
 
@@ -200,6 +211,7 @@ class Status:
     #: Axes, camera and disk, in the format of the daemon.
     hardware: dict[str, Any]
     faults: tuple[Fault, ...] = ()
+    instrument: InstrumentIdentity = InstrumentIdentity()
 
     def run_named(self, run_id: str) -> RunStatus | None:
         """The run, if the status shows it."""

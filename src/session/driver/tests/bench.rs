@@ -115,6 +115,7 @@ fn driver_of(root: &Path, instrument: Instrument) -> (Driver, SessionHandle, mps
     let (store, journal, events) = Claim::on(root).and_then(Store::open).unwrap();
     let (handle, mailbox, publisher) = channel(Driver::first_status(Mode::Simulated, "boot".into()), events);
     let driver = Driver {
+        identity: config.identity("0fb2c0de-93b2-4ed9-8f27-0a4f3f2a9c11".into()),
         config: Arc::new(config),
         mode: Mode::Simulated,
         store,
