@@ -1,0 +1,152 @@
+"""The table of `docs/reliability.md`, made from the newest result of each row."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import shutil
+from collections.abc import Sequence
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+from .kit.row import Observed, Row
+
+_HEAD = """# Reliability
+
+This page is written by `make qa` ([how](#how-it-is-measured)). Each row attacks the release program from outside, or runs the
+named Rust tests. A row that missed its goal says so. Nothing here was measured on a real instrument: motor and camera are
+emulated, and the protocols are those of the real parts.
+
+The column "size" has the size of the newest run and that of the full form. **A small size is no substitute for the full form.**
+Times were taken on a machine that did other work too: "load" is the number of processes that wanted a processor at the start.
+
+"""
+
+_HOW = """
+## How it is measured
+
+```sh
+make qa                          # all rows, default sizes
+make qa ROW=R13                  # one row
+make qa ROW="R1 R9" SCALE=full   # the full form
+make qa CONTROL=1                # breaks what each row names: every row must report a miss
+```
+
+The rows are Python modules in [tests/reliability](../tests/reliability), standard library only. They need a C compiler for the
+fault shim, and R2, R5, R6 and R8 need cargo. `python3 -m tests.reliability --list` prints the sizes. Seeds are fixed; `--seed`
+changes them. The results behind this page are in [reliability/results.json](reliability/results.json); a row that is not run
+keeps its newest result.
+
+- **What was heard is held against the disk.** A reader of the event stream stays connected over all deaths of the daemon.
+  An event that it heard was acknowledged, so it must be in the journals, and its view must be in the ledger with the pixels that
+  the ledger names.
+- **Faults of disk and clock** come from [a preloaded shim](../tests/reliability/kit/shim.c): writes, syncs and renames fail from
+  a chosen one on, the wall clock jumps, and the reading of the monotonic clock fails in one thread, which Rust answers with a panic.
+  The shim also writes down when a stop byte was written to the motor's wire.
+- **kill -9 is no power cut**: unsynced writes survive it. R2 is held by a file layer in the tests of `carved-store`, which drops or
+  tears what was not synced, and by B2, which damages finished folders.
+
+## Each row was seen failing
+
+A control run breaks something on purpose and must report a miss. `make qa CONTROL=1` repeats all of them.
+
+"""
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|").replace("\n", " ")
+
+
+class Results:
+    """The newest result and control of each row, in a folder, and the page made of them."""
+
+    def __init__(self, folder: Path, page: Path, rows: Sequence[Row]) -> None:
+        self._folder, self._page, self._order = folder, page, rows
+        self._rows: dict[str, dict[str, Any]] = {}
+
+    def take(self, row: Row, observed: Observed, count: int, seconds: float, day: date, machine: str, plot: Path) -> None:
+        """Takes the result of a row and writes the page."""
+        self._folder.mkdir(parents=True, exist_ok=True)
+        if plot.exists():
+            shutil.copy(plot, self._folder / plot.name)
+        result = {
+            "count": count,
+            "done": observed.done,
+            "figures": [figure for figure in observed.figures if figure],
+            "misses": len(observed.misses),
+            "first_misses": observed.misses[:5],
+            "not_judged": observed.not_judged,
+            "seconds": round(seconds),
+            "date": day.isoformat(),
+            "machine": machine,
+            "timed": observed.machine_load,
+        }
+        self._write(row, "result", result)
+
+    def take_control(self, row: Row, observed: Observed, day: date) -> None:
+        """Takes what a control run reported and writes the page."""
+        first = observed.misses[0] if observed.misses else None
+        self._write(row, "control", {"date": day.isoformat(), "misses": len(observed.misses), "first_miss": first})
+
+    def _write(self, row: Row, part: str, value: dict[str, Any]) -> None:
+        """Adds to what is there now: another process may write the result of another row."""
+        self._folder.mkdir(parents=True, exist_ok=True)
+        path = self._folder / "results.json"
+        with open(path, "a+") as file:
+            fcntl.flock(file, fcntl.LOCK_EX)
+            file.seek(0)
+            text = file.read()
+            self._rows = json.loads(text) if text else {}
+            self._rows.setdefault(row.id, {})[part] = value
+            ordered = {known.id: self._rows[known.id] for known in self._order if known.id in self._rows}
+            file.truncate(0)
+            file.write(json.dumps(ordered, indent=1, ensure_ascii=False) + "\n")
+            rows = self._order
+            self._page.write_text(_HEAD + self._table(rows) + self._misses(rows) + self._plot() + _HOW + self._controls(rows))
+
+    def _table(self, rows: Sequence[Row]) -> str:
+        lines = [
+            "| row | fault | what was done | figures | goal | verdict | size | date, machine |",
+            "|---|---|---|---|---|---|---|---|",
+        ]
+        for row in rows:
+            result = self._rows.get(row.id, {}).get("result")
+            if result is None:
+                lines.append(f"| {row.id} | {row.fault} | | | {_cell(row.goal)} | **not run** | 0 of {row.sizes[2]} {row.unit} | |")
+                continue
+            verdict = f"**missed** ({result['misses']})" if result["misses"] else "met"
+            if result["not_judged"]:
+                verdict += f"; **not judged**: {_cell('; '.join(result['not_judged']))}"
+            size = f"{result['count']} of {row.sizes[2]} {row.unit}" if row.sizes[2] > 1 else "full"
+            where = f"{result['date']}, {result['seconds']} s; {result['machine']}"
+            cells = [row.id, row.fault, result["done"], "; ".join(result["figures"]), row.goal, verdict, size, where]
+            lines.append(f"| {' | '.join(_cell(cell) for cell in cells)} |")
+        return "\n".join(lines) + "\n"
+
+    def _misses(self, rows: Sequence[Row]) -> str:
+        missed = [(row, self._rows[row.id]["result"]) for row in rows if self._rows.get(row.id, {}).get("result", {}).get("misses")]
+        if not missed:
+            return ""
+        lines = ["\n## What was missed\n"]
+        for row, result in missed:
+            lines += [f"- **{row.id}**: {_cell(miss)}" for miss in result["first_misses"]]
+            if result["misses"] > len(result["first_misses"]):
+                lines.append(f"- **{row.id}**: and {result['misses'] - len(result['first_misses'])} more")
+        return "\n".join(lines) + "\n"
+
+    def _plot(self) -> str:
+        if not (self._folder / "soak.svg").exists():
+            return ""
+        picture = "![Memory, descriptors, threads and time per well of the soak](reliability/soak.svg)"
+        return f"\n{picture}\n\n*R18: what the daemon used after each larva.*\n"
+
+    def _controls(self, rows: Sequence[Row]) -> str:
+        lines = ["| row | what was broken | what the row reported | date |", "|---|---|---|---|"]
+        for row in rows:
+            control = self._rows.get(row.id, {}).get("control")
+            said, day = (
+                ("**not run**", "") if control is None else (control["first_miss"] or "**nothing: the row cannot fail**", control["date"])
+            )
+            lines.append(f"| {row.id} | {_cell(row.control)} | {_cell(said)} | {day} |")
+        return "\n".join(lines) + "\n"

@@ -1,0 +1,80 @@
+"""R2, R5, R6 and R8: rows that the Rust tests hold, because the faults are injected below or beside the program."""
+
+from __future__ import annotations
+
+from ..kit.row import Context, Observed, Row
+from ..kit.rust_tests import Tests, run_tests
+
+
+def _row(row_id: str, fault: str, goal: str, what: str, groups: list[Tests], control: str = "a filter that selects no test") -> Row:
+    def run(context: Context) -> Observed:
+        chosen = [Tests(groups[0].arguments, ("no_such_test",))] if context.control else groups
+        return run_tests(context, chosen, what)
+
+    return Row(row_id, fault, goal, (1, 1, 1), "run of the tests", control, run)
+
+
+R2 = _row(
+    "R2",
+    "power loss at any write",
+    "0 acknowledged lost, no torn view or record accepted",
+    "a file layer that drops or tears what was not synced after every operation of a short run, and one that fails at each "
+    "operation (`power_loss`, `lines`, `full_disk`)",
+    [
+        Tests("-p carved-store --lib", ("power_loss::", "lines::")),
+        Tests("-p carved --lib", ("full_disk::", "what_the_driver_believes_is_what_its_journal_says")),
+    ],
+)
+
+R5 = _row(
+    "R5",
+    "garbage, truncated, duplicated, late replies",
+    "0 panics, 0 double moves, 0 values in the wrong field; parsers fuzzed",
+    "emulated Grbl, TMCL, Zaber, bridge and relay with a fault at each byte or answer",
+    [
+        Tests(
+            "-p carved --test devices",
+            (
+                "a_bit_that_changes_in_any_byte",
+                "late_answer",
+                "answers_that_come_twice",
+                "noise",
+                "stray_bytes",
+                "a_flipped_bit_that_parses",
+                "missing_or_late",
+                "split_and_merged",
+                "an_answer_that_is_none",
+            ),
+        ),
+    ],
+)
+
+R6 = _row(
+    "R6",
+    "stall, missed steps, reset without alarm",
+    "no view kept at a wrong angle beyond tolerance: encoder or stall where there is one, closure check where not",
+    "emulated axes that stall, lose steps or restart in mid-turn",
+    [
+        Tests(
+            "-p carved --test devices",
+            (
+                "lost_steps_are_a_miss",
+                "stalls_limits_and_hands",
+                "a_stall_is_named",
+                "steps_that_one_motor_lost",
+                "a_restart",
+                "a_reset_in_the_middle",
+                "one_stalled_motor",
+            ),
+        ),
+        Tests("-p carved --test daemon", ("steps_lost_in_a_revolution",)),
+    ],
+)
+
+R8 = _row(
+    "R8",
+    "1 % and 5 % packet loss, reorder, duplicates",
+    "0 incomplete frames reach the carver, every view there, time +10 % / +50 % at most",
+    "revolutions of the emulated GigE Vision camera with lost, doubled and swapped packets, pixels held against the scene",
+    [Tests("-p carved --test devices", ("five_percent_lost_packets", "packets", "camera::"))],
+)

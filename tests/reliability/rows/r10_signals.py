@@ -1,0 +1,92 @@
+"""R10: SIGTERM, SIGINT and SIGHUP at random moments, and second signals."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import time
+
+from ..kit.daemon import Daemon, free_port, panics, plan
+from ..kit.disk import files_that_differ, journal, read_json
+from ..kit.row import Context, Observed, Row, percentile
+from ..kit.sse import Listener
+
+SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
+
+
+def _check_record(context: Context, run_id: str, observed: Observed, name: str, orderly: bool) -> None:
+    folder = context.work / "data/runs" / run_id
+    record = read_json(folder / "run.json")
+    if orderly:
+        observed.expect(record["outcome"] is not None, f"{name}: the run has no outcome")
+        for well in record["wells"]:
+            observed.expect(well["outcome"] is not None, f"{name}: {well['well']} has no outcome")
+    for sums in folder.glob("*/SHA256SUMS"):
+        differ = files_that_differ(sums.parent)
+        observed.expect(not differ, f"{name}: {differ} differ from SHA256SUMS")
+
+
+def run(context: Context) -> Observed:
+    """Ends `count` daemons by a signal; every third gets a second one."""
+    data, log, port = context.work / "data", context.work / "daemon.log", free_port()
+    observed, moments = Observed("", machine_load=True), set[str]()
+    first: list[float] = []
+    second: list[float] = []
+    for n in range(context.count):
+        with Daemon(context.binary, data, port, "--time-scale", "10", log=log) as daemon:
+            listener = Listener(port)
+            run_id, sent = f"s{n:04d}", SIGNALS[n % 3]
+            status = daemon.wait_started()
+            if (open_run := status["run"]) and open_run["outcome"] is None:
+                daemon.http("POST", f"/v1/runs/{open_run['id']}/abort")
+                daemon.wait_ended(open_run["id"], 60)
+            daemon.start(run_id, plan(2, "bead"))
+            time.sleep(context.random.uniform(0, 9))
+            status = daemon.status()
+            moments.add((status["specimen"] or {}).get("phase") or status["state"])
+            name = f"{sent.name} {n + 1} in {(status['specimen'] or {}).get('phase')}"
+            twice = n % 3 == 2 and not context.control
+            began = time.monotonic()
+            if context.control:
+                daemon.process.send_signal(signal.SIGSTOP)
+            daemon.process.send_signal(sent)
+            try:
+                if twice:
+                    time.sleep(context.random.uniform(0, 0.1))
+                    began = time.monotonic()
+                    daemon.process.send_signal(SIGNALS[(n // 3) % 3])
+                code: int | None = daemon.process.wait(12)
+            except subprocess.TimeoutExpired:
+                code = None
+            took = time.monotonic() - began
+            (second if twice else first).append(took)
+            observed.expect(code is not None, f"{name}: still there after 12 s")
+            if not twice:
+                observed.expect(code in (0, None), f"{name}: exit code {code}")
+        time.sleep(0.1)
+        listener.end()
+        written = {event["id"]: event for event in journal(data / "events.jsonl")}
+        lost = [e["id"] for e in listener.events() if written.get(e["id"]) != e]
+        observed.expect(not lost, f"{name}: acknowledged events are lost: {lost}")
+        if not context.control:
+            _check_record(context, run_id, observed, name, orderly=not twice)
+        context.say(f"{name}: {took:.2f} s, code {code}")
+    observed.misses += panics(log)
+    observed.done = (
+        f"{len(first)} signals (SIGTERM, SIGINT, SIGHUP in turn) and {len(second)} pairs of signals in {', '.join(sorted(moments))}"
+    )
+    observed.at_most("controlled end, slowest", percentile(first, 1), 5, "s")
+    if second:
+        observed.at_most("after a second signal, slowest", percentile(second, 1), 1, "s")
+    return observed
+
+
+ROW = Row(
+    "R10",
+    "SIGTERM, SIGINT, SIGHUP at random moments",
+    "controlled stop, exit within 5 s, after a second signal within 1 s, nothing lost",
+    (3, 18, 1000),
+    "signals",
+    "the process is stopped (SIGSTOP) before the signal",
+    run,
+)

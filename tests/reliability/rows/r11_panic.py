@@ -1,0 +1,202 @@
+"""R11: a panic in any thread of the daemon, and a daemon that hangs, under a supervisor that does what systemd does.
+
+The preloaded shim makes one thread's reading of the monotonic clock fail, which Rust answers with a panic. The supervisor
+speaks sd_notify: it kills a daemon whose watchdog pings stop, and starts it again one second after a failure, as the unit says.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import time
+from pathlib import Path
+
+from ..kit.daemon import Daemon, DaemonError, free_port, panics, plan
+from ..kit.disk import read_json
+from ..kit.row import Context, Observed, Row
+from ..kit.shim import Shim
+
+_WATCHDOG_S = 5.0
+_RESTART_S = 1.0
+
+
+class Supervisor:
+    """Starts the daemon as `systemd/carved.service` says, and starts it again."""
+
+    def __init__(self, context: Context, shim: Shim) -> None:
+        self._context, self._shim, self._port = context, shim, free_port()
+        self.log = context.work / "daemon.log"
+        self._path = context.work / "notify"
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self._socket.bind(str(self._path))
+        self._socket.settimeout(0.1)
+        self.daemon = self._start()
+
+    def _start(self) -> Daemon:
+        environment = {
+            **self._shim.environment,
+            "NOTIFY_SOCKET": str(self._path),
+            "WATCHDOG_USEC": str(int(_WATCHDOG_S * 1e6)),
+        }
+        self.pinged = time.monotonic()
+        self.ready = False
+        data = self._context.work / "data"
+        return Daemon(self._context.binary, data, self._port, "--time-scale", "10", log=self.log, environment=environment, wait_s=None)
+
+    def turn(self) -> bool:
+        """Reads what the daemon says, and ends and starts it where the unit does. Whether it was started again."""
+        try:
+            said = self._socket.recv(4096).decode()
+            self.ready = self.ready or "READY=1" in said
+            if "WATCHDOG=1" in said or "READY=1" in said:
+                self.pinged = time.monotonic()
+        except TimeoutError:
+            pass
+        hangs = self.ready and time.monotonic() - self.pinged > _WATCHDOG_S
+        if hangs:
+            self.daemon.kill()
+        if self.daemon.process.poll() is None or self.daemon.process.returncode == 0:
+            return False
+        if self._context.control:
+            return False
+        time.sleep(_RESTART_S)
+        self.daemon = self._start()
+        return True
+
+    def start_run(self, run: str) -> bool:
+        """Waits until the daemon is ready, starts a run and waits for its first views."""
+        end = time.monotonic() + 60
+        while time.monotonic() < end:
+            self.turn()
+            try:
+                if self.ready and self.daemon.status(1)["ready"]:
+                    self.daemon.start(run, plan(2, "bead"))
+                    return self.wait_views(run, 60)
+            except OSError:
+                continue
+        return False
+
+    def wait_views(self, run: str, patience_s: float) -> bool:
+        """Waits until a view is taken in the run, or the run has ended, and starts the daemon again meanwhile."""
+        end = time.monotonic() + patience_s
+        while time.monotonic() < end:
+            self.turn()
+            try:
+                status = self.daemon.status(1)
+            except OSError:
+                continue
+            if not self.ready or status["run"] is None or status["run"]["id"] != run:
+                continue
+            if status["run"]["outcome"] is not None or (status["specimen"] or {}).get("view", 0) > 0:
+                return True
+            if status["state"] == "Held" and not status["run"]["goes_on_by_itself"]:
+                # A panic that the daemon outlives is `internal_error`, which a person acknowledges.
+                self.daemon.continue_run()
+        return False
+
+    def end(self) -> None:
+        """Ends the daemon."""
+        self.daemon.end()
+        self._socket.close()
+
+
+def _threads(pid: int) -> dict[int, str]:
+    """The daemon's own threads. Those of the emulated rig are not the product, and Aravis' are not written in Rust."""
+    found = {}
+    for task in Path(f"/proc/{pid}/task").iterdir():
+        try:
+            name = (task / "comm").read_text().strip()
+        except OSError:
+            continue
+        if not name.startswith(("sim-", "arv_", "gmain", "gdbus")):
+            found[int(task.name)] = name
+    return found
+
+
+def run(context: Context) -> Observed:
+    """Lets `count` threads panic, one run each, and hangs the whole daemon once."""
+    observed = Observed("", machine_load=True)
+    shim = Shim(context.work)
+    supervisor = Supervisor(context, shim)
+    due_names, back_s, survived, stops, panicked = [], [], 0, 0, 0
+    for n in range(context.count + 1):
+        run_id, hang = f"p{n:03d}", n == context.count
+        if not supervisor.start_run(run_id):
+            observed.misses.append(f"{run_id} could not be started")
+            break
+        began = time.clock_gettime_ns(time.CLOCK_MONOTONIC)
+        pid = supervisor.daemon.pid
+        if hang:
+            name = "the whole process"
+            os.kill(pid, signal.SIGSTOP)
+        else:
+            threads = _threads(pid)
+            # Each name in turn, so that the single driver is hit as often as the many workers.
+            names = sorted(set(threads.values()))
+            name = names[n % len(names)]
+            chosen = context.random.choice([t for t, called in threads.items() if called == name])
+            shim.panic(chosen)
+            end = time.monotonic() + 3
+            while shim.panic_is_due and time.monotonic() < end:
+                supervisor.turn()
+            if shim.panic_is_due:
+                shim.panic(0)
+                name += " (does not read the clock: no panic)"
+            else:
+                panicked += 1
+        due_names.append(name)
+        if not supervisor.wait_views(run_id, 40):
+            observed.misses.append(f"panic in {name}: no view and no end within 40 s")
+            break
+        took = (time.clock_gettime_ns(time.CLOCK_MONOTONIC) - began) / 1e9
+        if supervisor.daemon.pid == pid:
+            survived += not name.endswith("no panic)")
+            stops += bool(shim.stops(began))
+        else:
+            back_s.append(took)
+        context.say(f"{name}: taking views after {took:.1f} s, restarted: {supervisor.daemon.pid != pid}")
+        try:
+            end = time.monotonic() + 200
+            while time.monotonic() < end:
+                supervisor.turn()
+                try:
+                    status = supervisor.daemon.status(1)
+                except OSError:
+                    continue
+                if status["run"]["outcome"] is not None:
+                    break
+                if status["state"] == "Held" and not status["run"]["goes_on_by_itself"]:
+                    supervisor.daemon.continue_run()
+                time.sleep(0.1)
+            outcomes = [result["outcome"] for result in status["run"]["results"]]
+            observed.expect(all(o == "succeeded" for o in outcomes), f"panic in {name}: the wells ended as {outcomes}")
+        except DaemonError as error:
+            observed.misses.append(f"panic in {name}: {error}")
+            break
+    supervisor.end()
+    for path in (context.work / "data").glob("runs/*/*/recording.json"):
+        epochs = {entry["epoch"] for entry in read_json(path)["ledger"]}
+        observed.expect(len(epochs) <= 1, f"{path.parent}: views of {len(epochs)} references in one recording")
+    told = len(panics(supervisor.log))
+    observed.expect(panicked > 0, "no thread panicked")
+    observed.done = (
+        f"{panicked} panics in {', '.join(sorted(set(due_names)))}, one of them a hang (SIGSTOP), under a supervisor that speaks "
+        "sd_notify; on a booted systemd: `make deb-test`"
+    )
+    observed.figures.append(
+        f"{told} panics in the log, {len(back_s)} restarts, {survived} outlived by the daemon, {stops} of them with a stop on the wire"
+    )
+    observed.at_most("from the panic or hang to the next view after a restart, slowest", max(back_s, default=None), 10 + _WATCHDOG_S, "s")
+    return observed
+
+
+ROW = Row(
+    "R11",
+    "panic in any task",
+    "motors safe, watchdog restart, resume within 10 s (a hang is seen 5 s later, by the watchdog)",
+    (1, 6, 100),
+    "panics",
+    "the supervisor starts nothing again",
+    run,
+)
