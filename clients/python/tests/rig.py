@@ -6,7 +6,12 @@ import os
 import signal
 import subprocess
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Protocol
+
+import pytest
 
 from carved_client import CarvedClient, PlannedWell, RunPlan
 
@@ -65,3 +70,32 @@ class Daemon:
         client = CarvedClient(self.url)
         client.wait_for(lambda status: status.ready, "readiness", PATIENCE_S)
         return client
+
+
+class Starter(Protocol):
+    """Starts a daemon with the given arguments."""
+
+    def __call__(self, *arguments: str, time_scale: int = 20) -> Daemon: ...
+
+
+@contextmanager
+def starter(folder: Path) -> Iterator[Starter]:
+    """Starts daemons with their data in this folder, and ends them. Without a binary the test is skipped, or fails."""
+    if not BINARY.is_file():
+        reason = f"there is no daemon at {BINARY}: `cargo build --bin carved`, or set CARVED_BIN"
+        if os.environ.get("CARVED_STRICT") == "1":
+            pytest.fail(reason)
+        pytest.skip(reason)
+    started: list[Daemon] = []
+
+    def start(*arguments: str, time_scale: int = 20) -> Daemon:
+        data = folder / f"daemon-{len(started)}"
+        data.mkdir()
+        started.append(Daemon(data, *arguments, time_scale=time_scale))
+        return started[-1]
+
+    try:
+        yield start
+    finally:
+        for daemon in started:
+            daemon.end()

@@ -88,22 +88,33 @@ class CarvedClient(Results):
         """Follows the status until `done` returns true. `what` describes the condition in the timeout error."""
         return polling.first(self.follow(timeout_s), done, what, timeout_s)
 
-    def wait_for_outcome(self, run_id: str, timeout_s: float | None = None) -> Status:
-        """Follows the status until the run has ended. Its `outcome` is the result. An unknown end is not one.
+    def follow_run(self, run_id: str, timeout_s: float | None = None) -> Iterator[Status]:
+        """Yields every change of the status until the run has ended. The last status has its outcome.
 
-        If the status shows another run, or none, the stored run is read: it may have ended while nobody could ask,
-        during a restart of the daemon. The returned status shows the run in either case.
+        Each status shows this run (see `with_run`), if the daemon knows it.
         """
-        with_run = (self._with_kept(status, run_id) for status in self.follow(timeout_s))
+        for status in self.follow(timeout_s):
+            status = self.with_run(status, run_id)
+            yield status
+            run = status.run_named(run_id)
+            if run is not None and run.outcome is not None:
+                return
+
+    def wait_for_outcome(self, run_id: str, timeout_s: float | None = None) -> Status:
+        """Waits until the run has ended. Its `outcome` is the result. An unknown end is not one."""
 
         def ended(status: Status) -> bool:
             run = status.run_named(run_id)
             return run is not None and run.outcome is not None
 
-        return polling.first(with_run, ended, f"the outcome of run {run_id}", timeout_s)
+        return polling.first(self.follow_run(run_id, timeout_s), ended, f"the outcome of run {run_id}", timeout_s)
 
-    def _with_kept(self, status: Status, run_id: str) -> Status:
-        """The status with the stored run, if the status shows another run and the store knows this one."""
+    def with_run(self, status: Status, run_id: str) -> Status:
+        """The status with this run in it, if the daemon knows the run.
+
+        If the status shows another run, or none, the stored run is read: it may have ended while nobody could ask,
+        during a restart of the daemon.
+        """
         if status.run_named(run_id) is not None:
             return status
         try:
