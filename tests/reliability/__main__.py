@@ -11,6 +11,7 @@ import traceback
 from datetime import date
 from pathlib import Path
 
+from .kit.daemon import DaemonError
 from .kit.row import SCALES, CannotRun, Context, Observed, Row, machine
 from .report import Results
 from .rows import ROWS
@@ -38,11 +39,8 @@ def _run(row: Row, context: Context) -> Observed:
     context.work.mkdir(parents=True)
     try:
         return row.run(context)
-    except CannotRun:
-        raise
-    except Exception as error:  # A row that breaks has not met its goal.
-        traceback.print_exc()
-        return Observed("the row broke off", misses=[f"{type(error).__name__}: {error}"[:500]])
+    except DaemonError as error:
+        return Observed("the row broke off", misses=[str(error)[:500]])
 
 
 def main() -> int:
@@ -75,6 +73,11 @@ def main() -> int:
             observed = _run(row, context)
         except CannotRun as reason:
             print(f"{row.id}: cannot run: {reason}", flush=True)
+            wrong.append(row.id)
+            continue
+        except Exception:
+            # Not the daemon's: nothing is written.
+            traceback.print_exc()
             wrong.append(row.id)
             continue
         seconds = time.monotonic() - began

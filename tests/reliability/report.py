@@ -14,12 +14,13 @@ from .kit.row import Observed, Row
 
 _HEAD = """# Reliability
 
-This page is written by `make qa` ([how](#how-it-is-measured)). Each row attacks the release program from outside, or runs the
-named Rust tests. A row that missed its goal says so. Nothing here was measured on a real instrument: motor and camera are
-emulated, and the protocols are those of the real parts.
+`make qa` writes this page ([how](#how-it-is-measured)). Each row attacks the release program from outside, or runs the
+named Rust tests. A row that missed its goal says so. Nothing here was measured on a real instrument: motor and camera
+are emulated, and the protocols are those of the real parts.
 
-The column "size" has the size of the newest run and that of the full form. **A small size is no substitute for the full form.**
-Times were taken on a machine that did other work too: "load" is the number of processes that wanted a processor at the start.
+The column "size" has the size of the newest run and that of the full form. **A small size is no substitute for the full
+form.** "load" is the number of processes that wanted a processor when the row began. Times of a machine with more load
+than cores are not those of an instrument's computer, which does nothing else.
 
 """
 
@@ -33,19 +34,19 @@ make qa ROW="R1 R9" SCALE=full   # the full form
 make qa CONTROL=1                # breaks what each row names: every row must report a miss
 ```
 
-The rows are Python modules in [tests/reliability](../tests/reliability), standard library only. They need a C compiler for the
-fault shim, and R2, R5, R6 and R8 need cargo. `python3 -m tests.reliability --list` prints the sizes. Seeds are fixed; `--seed`
-changes them. The results behind this page are in [reliability/results.json](reliability/results.json); a row that is not run
-keeps its newest result.
+The rows are Python modules in [tests/reliability](../tests/reliability), standard library only. They need a C compiler
+for the fault shim, and R2, R5, R6 and R8 need cargo. `python3 -m tests.reliability --list` prints the sizes. Seeds are
+fixed; `--seed` changes them. The results behind this page are in [reliability/results.json](reliability/results.json).
+A row that is not run keeps its newest result.
 
-- **What was heard is held against the disk.** A reader of the event stream stays connected over all deaths of the daemon.
-  An event that it heard was acknowledged, so it must be in the journals, and its view must be in the ledger with the pixels that
-  the ledger names.
-- **Faults of disk and clock** come from [a preloaded shim](../tests/reliability/kit/shim.c): writes, syncs and renames fail from
-  a chosen one on, the wall clock jumps, and the reading of the monotonic clock fails in one thread, which Rust answers with a panic.
-  The shim also writes down when a stop byte was written to the motor's wire.
-- **kill -9 is no power cut**: unsynced writes survive it. R2 is held by a file layer in the tests of `carved-store`, which drops or
-  tears what was not synced, and by B2, which damages finished folders.
+- **What was heard is compared with the disk.** A reader of the event stream stays connected over all deaths of the
+  daemon. An event that it heard was acknowledged, so it must be in the journals. Its view must be in the ledger with
+  the pixels that the ledger names.
+- **Faults of disk and clock** come from [a preloaded shim](../tests/reliability/kit/shim.c): writes, syncs and renames
+  fail from a chosen one on, the wall clock jumps, and the reading of the monotonic clock fails in one thread, which
+  Rust answers with a panic. The shim also records when a stop byte was written to the motor's wire.
+- **kill -9 is no power cut**: unsynced writes survive it. R2 is tested by a file layer in the tests of `carved-store`,
+  which drops or tears what was not synced, and by B2, which damages finished folders.
 
 ## Each row was seen failing
 
@@ -56,6 +57,13 @@ A control run breaks something on purpose and must report a miss. `make qa CONTR
 
 def _cell(text: str) -> str:
     return text.replace("|", "\\|").replace("\n", " ")
+
+
+def _replace(path: Path, text: str) -> None:
+    """Writes a file whole or not at all, so that a full disk costs no earlier result."""
+    beside = path.with_suffix(".new")
+    beside.write_text(text)
+    beside.replace(path)
 
 
 class Results:
@@ -93,17 +101,14 @@ class Results:
         """Adds to what is there now: another process may write the result of another row."""
         self._folder.mkdir(parents=True, exist_ok=True)
         path = self._folder / "results.json"
-        with open(path, "a+") as file:
-            fcntl.flock(file, fcntl.LOCK_EX)
-            file.seek(0)
-            text = file.read()
-            self._rows = json.loads(text) if text else {}
+        with open(self._folder / ".lock", "w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            self._rows = json.loads(path.read_text()) if path.exists() else {}
             self._rows.setdefault(row.id, {})[part] = value
             ordered = {known.id: self._rows[known.id] for known in self._order if known.id in self._rows}
-            file.truncate(0)
-            file.write(json.dumps(ordered, indent=1, ensure_ascii=False) + "\n")
+            _replace(path, json.dumps(ordered, indent=1, ensure_ascii=False) + "\n")
             rows = self._order
-            self._page.write_text(_HEAD + self._table(rows) + self._misses(rows) + self._plot() + _HOW + self._controls(rows))
+            _replace(self._page, _HEAD + self._table(rows) + self._misses(rows) + self._plot() + _HOW + self._controls(rows))
 
     def _table(self, rows: Sequence[Row]) -> str:
         lines = [
@@ -119,7 +124,7 @@ class Results:
             if result["not_judged"]:
                 verdict += f"; **not judged**: {_cell('; '.join(result['not_judged']))}"
             size = f"{result['count']} of {row.sizes[2]} {row.unit}" if row.sizes[2] > 1 else "full"
-            where = f"{result['date']}, {result['seconds']} s; {result['machine']}"
+            where = f"{result['date']}, {result['seconds']} s; {result['machine']}{'; times depend on the load' if result['timed'] else ''}"
             cells = [row.id, row.fault, result["done"], "; ".join(result["figures"]), row.goal, verdict, size, where]
             lines.append(f"| {' | '.join(_cell(cell) for cell in cells)} |")
         return "\n".join(lines) + "\n"
@@ -131,6 +136,7 @@ class Results:
         lines = ["\n## What was missed\n"]
         for row, result in missed:
             lines += [f"- **{row.id}**: {_cell(miss)}" for miss in result["first_misses"]]
+            lines += [f"- **{row.id}**, why: {row.note}"] if row.note else []
             if result["misses"] > len(result["first_misses"]):
                 lines.append(f"- **{row.id}**: and {result['misses'] - len(result['first_misses'])} more")
         return "\n".join(lines) + "\n"

@@ -160,6 +160,21 @@ class Daemon:
             patience_s,
         )
 
+    def wait_ended_over_faults(self, run: str, patience_s: float = 600) -> Status:
+        """Waits for the outcome of a run, and continues it where a fault holds it."""
+        end = time.monotonic() + patience_s
+        while True:
+            status = self.wait(
+                f"end or hold of {run}", lambda s: s["run"] and (s["run"]["outcome"] is not None or s["state"] == "Held"), patience_s
+            )
+            if status["run"]["outcome"] is not None:
+                return status
+            if time.monotonic() > end:
+                raise DaemonError(f"{run} is held again and again: {status['doing']}")
+            if not status["run"]["goes_on_by_itself"]:
+                self.continue_run()
+            time.sleep(0.2)
+
     def wait_phase(self, phases: Sequence[str], patience_s: float = 120) -> Status:
         """Waits until a specimen is in one of these phases."""
         return self.wait(f"phase {phases}", lambda s: (s["specimen"] or {}).get("phase") in phases, patience_s, 0.02)

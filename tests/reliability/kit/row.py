@@ -72,6 +72,8 @@ class Row:
     control: str
     """What a control run breaks, so that the row must report a miss."""
     run: Callable[[Context], Observed]
+    note: str = ""
+    """What explains a known miss."""
 
 
 SCALES = ("short", "default", "full")

@@ -263,4 +263,6 @@ R17 = Row(
     "wrong tokens",
     "a start that must be refused gets a token, so it starts",
     run_exposure,
+    "there is no lock-out. A token has at least 32 characters, so guessing is hopeless at any pace, and a lock-out would let a program "
+    "with an old token keep the loader of the same computer out.",
 )

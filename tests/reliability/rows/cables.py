@@ -33,7 +33,7 @@ def _pull(context: Context, option: str, n: int, out_s: float, device: str, obse
     noticed = None
     with Daemon(context.binary, data, free_port(), "--time-scale", "10", *options, log=log) as daemon:
         daemon.start("a", plan(1 if context.control else 6, "bead"))
-        deadline = time.monotonic() + 240
+        deadline = time.monotonic() + 900
         while time.monotonic() < deadline:
             status = daemon.status()
             gone = status["faults"] or not status["hardware"][device]["connected"]
@@ -115,6 +115,8 @@ R4 = Row(
     "unplugs",
     "the cable is not pulled",
     run_axis,
+    "the daemon notices a hang-up when it next exchanges something with the controller. Within a move that is at once; between moves it "
+    "can take seconds.",
 )
 
 R7 = Row(

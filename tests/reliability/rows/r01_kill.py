@@ -212,13 +212,13 @@ def run(context: Context) -> Observed:
         with life() as daemon:
             _check_wells_done(daemon, listener.events(), observed, "last start")
             number = _resume(daemon, number)
-            daemon.wait_ended(f"r{number:03d}", 900)
+            daemon.wait_ended_over_faults(f"r{number:03d}", 900)
             # The sums of the last well are written after the end of the run.
             daemon.end()
         disk.check("at the end")
         recordings = disk.check_end(lives)
         attempts = len(list(data.glob("runs/*/*.attempt-*")))
-        observed.figures += [f"{recordings} recordings, of which {attempts} attempts that a kill ended"]
+        observed.figures += [f"{recordings} recordings, of which {attempts} attempts that a kill or a fault ended"]
     _check_order(listener.events(), observed)
     observed.expect(disk.events_checked > 0, "no event was heard")
     observed.expect(not listener.conflicts, f"events were sent twice with other contents: {listener.conflicts[:5]}")
