@@ -61,6 +61,18 @@ class PlateMap:
     #: Number of wells of the plate, if the file names it.
     plate_format: int | None = None
 
+    def plan(self, plate_barcode: str, method: str, operator: str, *, external_id: str | None = None) -> RunPlan:
+        """The plan of a run of these wells, with everything that the file says about the plate."""
+        return RunPlan(
+            plate_barcode=plate_barcode,
+            method=method,
+            operator=operator,
+            plate_map=self.plate_map,
+            external_id=external_id,
+            plate_format=self.plate_format,
+            metadata=self.metadata,
+        )
+
 
 def _known(fields: dict[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in fields.items() if value is not None}

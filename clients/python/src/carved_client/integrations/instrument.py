@@ -8,7 +8,6 @@ from typing import Any
 from ..client import CarvedClient
 from ..errors import CarvedError, ProblemError, TimedOut
 from ..models import Fault, HandoffIntent, RunStatus, Status
-from ..plan import RunPlan
 from ..transport import Retry
 
 #: States of a run that waits for somebody to let it continue.
@@ -23,19 +22,6 @@ def connect(url: str, token_file: str | Path | None = None, *, quick: bool = Fal
     if quick:
         return CarvedClient(url, token=token, timeout_s=3.0, retry=Retry(attempts=1))
     return CarvedClient(url, token=token)
-
-
-def plan_of(client: CarvedClient, plate_map: str, barcode: str, method: str, operator: str, *, json: bool) -> RunPlan:
-    """The plan of a run whose plate map is the text of a file, CSV or JSON. The daemon reads the plate map."""
-    read = client.check_plate_map(plate_map, "application/json" if json else "text/csv")
-    return RunPlan(
-        plate_barcode=barcode,
-        method=method,
-        operator=operator,
-        plate_map=read.plate_map,
-        plate_format=read.plate_format,
-        metadata=read.metadata,
-    )
 
 
 def rows(run: RunStatus) -> list[dict[str, Any]]:

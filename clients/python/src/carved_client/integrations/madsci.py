@@ -81,8 +81,10 @@ class CarvedNode(RestNode):
         run_id = action.action_id
         self._started.add(run_id)
         try:
-            text, json = plate_map.read_text(encoding="utf-8-sig"), plate_map.suffix.lower() == ".json"
-            plan = instrument.plan_of(self._carved, text, plate_barcode, method, operator, json=json)
+            kind: Literal["text/csv", "application/json"]
+            kind = "application/json" if plate_map.suffix.lower() == ".json" else "text/csv"
+            wells = self._carved.check_plate_map(plate_map.read_text(encoding="utf-8-sig"), kind)
+            plan = wells.plan(plate_barcode, method, operator)
             self._carved.put_run(run_id, plan)
             reported = None
             for status in self._carved.follow_run(run_id):
@@ -211,6 +213,7 @@ class CarvedNode(RestNode):
             "doing": status.doing,
             "not_ready_reason": status.not_ready_reason,
             "mode": status.mode,
+            "instrument": vars(status.instrument),
             "plate": vars(status.plate),
             "run": None if status.run is None else {"id": status.run.id, "wells": vars(status.run.wells)},
             "specimen": None
@@ -281,7 +284,13 @@ def _result(action_id: str, status: Status, run: RunStatus) -> ActionResult:
     else:
         state = ActionStatus.CANCELLED if run.outcome == "aborted" else ActionStatus.FAILED
         errors = [Error(message=instrument.why_ended(status, run), error_type=run.outcome)]
-    told = {"run": run.id, "outcome": run.outcome, "mode": status.mode, "wells": instrument.rows(run)}
+    told = {
+        "run": run.id,
+        "outcome": run.outcome,
+        "mode": status.mode,
+        "instrument": status.instrument.name,
+        "wells": instrument.rows(run),
+    }
     return ActionResult(action_id=action_id, status=state, errors=errors, json_result=told)
 
 

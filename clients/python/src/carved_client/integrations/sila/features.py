@@ -83,9 +83,8 @@ class PlateMeasurement(Implementation):
         **_: Any,
     ) -> Answer:
         """Starts the run and reports it until it has ended."""
-        plan = await self.ask(
-            instrument.plan_of, self.client, PlateMap, PlateBarcode, Method, Operator, json=False, refused="InvalidPlan"
-        )
+        wells = await self.ask(self.client.check_plate_map, PlateMap, refused="InvalidPlan")
+        plan = wells.plan(PlateBarcode, Method, Operator)
         try:
             await asyncio.to_thread(self.client.put_run, RunName, plan)
         except CarvedError as error:
@@ -253,6 +252,7 @@ def _status(shown: Shown) -> Answer:
         "NotReadyReason": "" if status is None else status.not_ready_reason or "",
         "Activity": "" if status is None else status.doing,
         "Mode": "" if status is None else status.mode,
+        "Instrument": "" if status is None else status.instrument.name,
         "RunName": "" if run is None else run.id,
         "RunOutcome": "" if run is None else run.outcome or "",
         "PlateBarcode": "" if status is None else status.plate.barcode or "",
