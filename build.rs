@@ -15,7 +15,8 @@ fn main() {
     println!("cargo::rerun-if-changed=tests/common/needs.rs");
     let program = |name, cfg| Need::Program { name, cfg };
     let (systemd, r) = (program("systemd-analyze", "has_systemd_analyze"), program("Rscript", "has_rscript"));
-    needs::tell(&[Need::Shared, Need::Python, systemd, r, Need::Root]);
+    let promtool = program("promtool", "has_promtool");
+    needs::tell(&[Need::Shared, Need::Python, systemd, r, promtool, Need::Root]);
     commit();
     // Cargo reruns the script in every build if a watched path does not exist, so each path is watched only if it exists. Before the page
     // is built, a change in the folder of its sources shows that it was.

@@ -14,6 +14,7 @@ pub mod cli;
 pub mod config;
 pub mod export;
 pub mod http;
+pub mod notify;
 pub mod report;
 pub mod session;
 pub mod tables;

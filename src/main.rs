@@ -18,6 +18,8 @@ fn main() -> ExitCode {
         .with_writer(std::io::stderr)
         // The subscriber would tell standard error that standard error cannot be written, and panic in the thread that drives the motors.
         .log_internal_errors(false);
+    // It would write addresses and headers, in which receivers of notices have their secrets.
+    let filter = filter.with_targets(["ureq", "ureq_proto"].map(|client| (client, LevelFilter::WARN)));
     tracing_subscriber::registry().with(filter).with(lines).init();
     if let Some(warning) = warning {
         tracing::warn!("{warning}");

@@ -14,12 +14,14 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("config", &[]),
     // Made of records and of what devices report.
     ("api", &[]),
+    // Messages to people, made of the status.
+    ("notify", &["api", "config"]),
     // It builds its snapshots of API types, and does not know `http`, which serves them.
-    ("session", &["api", "export", "config"]),
+    ("session", &["api", "export", "config", "notify"]),
     // Stored runs as tables, for the API and the commands.
     ("tables", &[]),
     ("report", &["tables"]),
-    ("http", &["api", "config", "session", "tables"]),
+    ("http", &["api", "config", "notify", "session", "tables"]),
 ];
 
 /// Crates with the crates of this workspace that they may depend on.
@@ -174,6 +176,7 @@ fn a_strict_run_leaves_no_test_out() {
         (cfg!(has_shared) || std::env::var_os("CARVED_SHARED").is_none(), "CARVED_SHARED does not name a folder of shared data"),
         (cfg!(has_python), "no Python 3 with venv: apt-get install python3-venv"),
         (cfg!(has_rscript), "no Rscript: apt-get install r-base-core"),
+        (cfg!(has_promtool), "no promtool: apt-get install prometheus"),
         (cfg!(has_systemd_analyze), "no systemd-analyze: apt-get install systemd"),
         (cfg!(has_root), "not built as root: mounting a small file system needs it"),
         (cfg!(feature = "aravis"), "built without the feature aravis"),

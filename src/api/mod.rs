@@ -20,8 +20,8 @@ pub use instrument::{
 };
 pub use run::{Eta, Mistake, PlaceStatus, PlannedWell, PlateMap, ReferenceStatus, RunPlan, WellCounts, WellStatus};
 pub use status::{
-    CameraStatus, HardwareStatus, Hold, NextCommand, OutputState, OutputStatus, Pending, Plate, RotationStatus, RunStatus, SpecimenStatus,
-    State, Status, TranslationStatus, VolumeEstimate, VolumeWait,
+    CameraStatus, HardwareStatus, Hold, NextCommand, NoticesStatus, OutputState, OutputStatus, Pending, Plate, RotationStatus, RunStatus,
+    SpecimenStatus, State, Status, TranslationStatus, VolumeEstimate, VolumeWait,
 };
 pub use words::{
     Category, ConcentrationUnit, Control, HandoffIntent, Mode, Phase, RunOutcome, SchedulerAction, SpecimenKind, SpecimenOutcome,
@@ -46,7 +46,7 @@ mod tests {
             "well": "A01", "specimen": "bead", "dpf": 3.0, "outcome": "succeeded", "reason": "r", "flags": ["bead_gate"],
             "estimator": "support", "volume_um3": 2e8, "volume_sd_um3": 1e6, "area_um2": 3e6, "area_sd_um2": 2e4,
             "field_volume_um3": 2.1e8, "field_area_um2": 3.1e6, "diameter_um": 600.0, "views": 20, "views_planned": 21,
-            "signal_per_nl": 4.5, "reference": {"volume": place, "area": place},
+            "residual_px": 0.2, "signal_per_nl": 4.5, "reference": {"volume": place, "area": place},
         });
         let well: records::WellStatus = serde_json::from_value(well).unwrap();
         same(WellStatus::from(well.clone()), &well);

@@ -235,6 +235,9 @@ pub struct WellStatus {
     /// By the method: `views` of so many.
     #[serde(default)]
     pub views_planned: Option<u32>,
+    /// Residual of the median view: how far its edges lie from those of the calibrated model, px.
+    #[serde(default)]
+    pub residual_px: Option<f64>,
     /// Fluorescence in the second camera per volume: grey levels times px per nl.
     #[serde(default)]
     pub signal_per_nl: Option<f64>,
@@ -262,6 +265,7 @@ impl From<records::WellStatus> for WellStatus {
             diameter_um,
             views,
             views_planned,
+            residual_px,
             signal_per_nl,
             reference,
         } = from;
@@ -282,6 +286,7 @@ impl From<records::WellStatus> for WellStatus {
             diameter_um,
             views,
             views_planned,
+            residual_px,
             signal_per_nl,
             reference: reference.map(|r| Box::new((*r).into())),
         }

@@ -33,6 +33,29 @@ pub enum State {
     Resetting,
 }
 
+impl State {
+    /// Every state.
+    pub const ALL: [Self; 17] = [
+        Self::Stopped,
+        Self::Idle,
+        Self::Starting,
+        Self::Execute,
+        Self::Holding,
+        Self::Held,
+        Self::Unholding,
+        Self::Suspending,
+        Self::Suspended,
+        Self::Unsuspending,
+        Self::Completing,
+        Self::Complete,
+        Self::Stopping,
+        Self::Aborting,
+        Self::Aborted,
+        Self::Clearing,
+        Self::Resetting,
+    ];
+}
+
 /// Commands that were accepted and are still under way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, ToSchema)]
 pub struct Pending {
@@ -343,6 +366,15 @@ impl HardwareStatus {
     }
 }
 
+/// Notices by the table `[notify]` of the configuration.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct NoticesStatus {
+    /// Address of the receiver without its path.
+    pub receiver: String,
+    /// Why notices do not reach it, and what to do; `null` where nothing is known to be wrong. Runs go on.
+    pub trouble: Option<String>,
+}
+
 /// `GET /v1/status`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct Status {
@@ -367,6 +399,9 @@ pub struct Status {
     pub run: Option<RunStatus>,
     pub specimen: Option<SpecimenStatus>,
     pub hardware: HardwareStatus,
+    /// Notices to people who are not here; `null` where the configuration names no receiver.
+    #[serde(default)]
+    pub notices: Option<NoticesStatus>,
     /// Of the rig itself, the newest that is kept; `null` where there is none.
     pub calibration: Option<CalibrationStatus>,
     pub faults: Vec<Fault>,

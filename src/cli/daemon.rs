@@ -1,9 +1,10 @@
 //! The daemon of `serve` and `simulate`, from opening the store to joining all threads.
 
-use super::notify;
 use super::signals::Signals;
+use super::systemd;
 use crate::api::{MethodOffer, Status};
-use crate::config::Config;
+use crate::config::{Config, NotifySettings};
+use crate::notify::Notices;
 use crate::session::{self, Driver, Heartbeat, Instrument, SessionHandle};
 use anyhow::Context;
 use carved_devices::sampler::LoaderInterlock;
@@ -11,7 +12,11 @@ use carved_records::Mode;
 use carved_store::{Claim, Store};
 use std::net::TcpListener;
 use std::sync::Arc;
+use std::time::Duration;
 use tokio::sync::watch;
+
+/// Time for the notices that wait when the daemon ends. The whole daemon must end within 5 s.
+const LAST_NOTICES: Duration = Duration::from_secs(1);
 
 /// A daemon before its start: it owns its data folder, its port is open and its devices answer, but no task runs yet.
 pub struct Daemon {
@@ -38,9 +43,13 @@ impl Daemon {
         let identity = config.identity(claim.instrument_uuid()?);
         let (store, journal, events) = Store::open(claim)?;
         let reader = store.reader().with_calibrations(&config.calibrations());
-        let first = Status { instrument: identity.clone().into(), ..Driver::first_status(mode, boot_id()?) };
+        let receiver = config.notify.as_ref().map(NotifySettings::receiver).transpose()?;
+        let notices = receiver.map(Notices::start).transpose()?;
+        let shown = notices.as_ref().map(Notices::status);
+        let first = Status { instrument: identity.clone().into(), notices: shown, ..Driver::first_status(mode, random_id()?) };
         let (handle, mailbox, publisher) = session::channel(first, events);
-        let handle = handle.offering(config.methods.iter().map(|(name, method)| MethodOffer::new(name, method)));
+        let publisher = publisher.noticing(notices.clone());
+        let handle = handle.noticing(notices.clone()).offering(config.methods.iter().map(|(name, method)| MethodOffer::new(name, method)));
         let heartbeat = Heartbeat::default();
         let driver = Driver {
             config: config.clone(),
@@ -51,6 +60,7 @@ impl Daemon {
             instrument,
             identity,
             interlock,
+            notices: notices.clone(),
             heartbeat: heartbeat.clone(),
         };
         let (stop_in, stop) = watch::channel(false);
@@ -85,7 +95,7 @@ impl Daemon {
                 tracing::warn!("{name} again: ending at once");
                 std::process::exit(1);
             });
-            notify::stopping();
+            systemd::stopping();
             told.abort();
             // All receivers are gone only if the server has failed, and its own result reports that.
             let _nobody = stop_in.send(true);
@@ -96,7 +106,11 @@ impl Daemon {
             };
             served.context("the server's task")?.context("the server")
         });
-        let drove = driving.join().map_err(|_| anyhow::anyhow!("the driver panicked; the motors were stopped as it unwound"))?;
+        let drove = driving.join();
+        if let Some(notices) = &notices {
+            notices.close(LAST_NOTICES);
+        }
+        let drove = drove.map_err(|_| anyhow::anyhow!("the driver panicked; the motors were stopped as it unwound"))?;
         drove?;
         served
     }
@@ -107,13 +121,13 @@ async fn tell_systemd(session: SessionHandle, heartbeat: Heartbeat) {
     let sentences = async {
         // Revision 1 is only a placeholder. The driver publishes the first real status after it.
         let mut status = session.status_after(1).await;
-        notify::ready(&status.doing);
+        systemd::ready(&status.doing);
         loop {
             status = session.status_after(status.revision).await;
-            notify::status(&status.doing);
+            systemd::status(&status.doing);
         }
     };
-    tokio::join!(sentences, notify::watchdog(|| heartbeat.is_alive()));
+    tokio::join!(sentences, systemd::watchdog(|| heartbeat.is_alive()));
 }
 
 async fn stopped(mut stop: watch::Receiver<bool>) {
@@ -129,8 +143,8 @@ async fn ended(driving: &std::thread::JoinHandle<Result<(), session::DriverError
     }
 }
 
-/// An id that differs between two boots of the daemon.
-fn boot_id() -> anyhow::Result<String> {
+/// An id that differs between any two calls, as between two boots of the daemon.
+pub fn random_id() -> anyhow::Result<String> {
     let id =
         std::fs::read_to_string("/proc/sys/kernel/random/uuid").context("cannot read a random id from /proc/sys/kernel/random/uuid")?;
     Ok(id.trim().to_owned())

@@ -33,6 +33,7 @@ mod signals;
 mod simulate;
 mod stored;
 mod switch;
+mod systemd;
 #[cfg(feature = "simulate")]
 mod validate;
 
@@ -98,6 +99,9 @@ enum Command {
     /// Start, follow and control runs on a daemon that serves.
     #[command(subcommand, after_help = run::EXIT_CODES)]
     Run(run::Command),
+    /// Work with the notices to people who are not at the instrument.
+    #[command(subcommand)]
+    Notify(notify::Command),
     /// Work with plate maps.
     #[command(subcommand)]
     Plate(plate::Command),
@@ -176,6 +180,7 @@ fn run() -> anyhow::Result<ExitCode> {
         Command::Setup(args) => setup::run(&args),
         Command::Output(args) => switch::run(&args),
         Command::Run(command) => return run::run(&command),
+        Command::Notify(command) => notify::run(&command),
         Command::Plate(command) => return plate::run(&command),
         Command::Config(ConfigCommand::Check(args)) => check::run(&args),
         Command::Config(ConfigCommand::Schema(args)) => schema::run(&args),

@@ -1,9 +1,9 @@
 //! Checks a raw configuration once. All breaches are listed. The checked values need no further checks.
 
-use super::HttpSettings;
 use super::plausible::implausible;
 use super::raw::{CalibrationConfig, CameraDriver, Drivers, Raw, RawSecondOptics, RotationDriver, SamplerDriver};
 use super::references::{self, ReferencesError};
+use super::{HttpSettings, NotifySettings};
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::geometry::{Camera, SecondOptics};
 use carved_core::measure::references::References;
@@ -22,6 +22,8 @@ use std::sync::Arc;
 #[derive(Debug, Clone)]
 pub struct Config {
     pub http: HttpSettings,
+    /// Where notices are sent. `None` if none are sent.
+    pub notify: Option<NotifySettings>,
     pub store: StoreConfig,
     pub calibration: CalibrationConfig,
     pub rig_name: String,
@@ -161,6 +163,8 @@ impl Config {
             Arc::new([])
         });
         breaches.extend(raw.http.check().iter().map(|e| format!("  {e}")));
+        let notify = raw.notify.as_ref().filter(|_| in_range("notify")).map(NotifySettings::receiver);
+        breaches.extend(notify.and_then(Result::err).map(|e| format!("  {e}")));
         let translation = raw.translation.as_ref().filter(|_| in_range("translation")).map_or(Ok(()), TranslationSettings::check);
         let is_rotation = ["rotation", "views", "rig"].into_iter().all(&in_range);
         let rotation = if is_rotation { drivers.rotation.check(raw.rig.steps_per_revolution) } else { Ok(()) };
@@ -186,6 +190,7 @@ impl Config {
         }
         Ok(Self {
             http: raw.http,
+            notify: raw.notify,
             store: StoreConfig { data_dir: raw.store.data_dir, budget_gb: raw.store.budget_gb },
             calibration: raw.calibration,
             rig_name: raw.rig.name,

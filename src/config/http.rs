@@ -1,13 +1,12 @@
 //! The settings of the server, and the checks before its port is opened.
 
+use super::private::{self, PrivateFileError};
 use carved_core::range::{OutOfRange, Range, Ranged, in_schema};
 use carved_core::ranges;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
-use std::io;
 use std::net::{IpAddr, SocketAddr};
-use std::os::unix::fs::PermissionsExt;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -75,10 +74,8 @@ pub enum HttpSettingsError {
          (`openssl rand -hex 32 > token; chmod 600 token`) and name it as token_file in [http], or with --token-file"
     )]
     TokenMandatory { listen: SocketAddr },
-    #[error("http: cannot read token_file {}: {why}", path.display())]
-    TokenFile { path: PathBuf, why: io::Error },
-    #[error("http: token_file {} has mode {mode:04o}, so others on this machine can read it. Run `chmod 600 {}`", path.display(), path.display())]
-    TokenExposed { path: PathBuf, mode: u32 },
+    #[error("http: token_file: {0}")]
+    TokenFile(PrivateFileError),
     #[error(
         "http: the token in {} has {found} characters, at least {TOKEN_BYTES} printable ones without blanks are needed. Make one with `openssl rand -hex 32`",
         path.display()
@@ -166,28 +163,18 @@ fn bare(name: &str) -> Result<(), HttpSettingsError> {
 }
 
 fn read_token(path: PathBuf) -> Result<String, HttpSettingsError> {
-    let read = || -> io::Result<(u32, String)> {
-        let mode = std::fs::metadata(&path)?.permissions().mode() & 0o7777;
-        Ok((mode, carved_files::read_to_string(&path)?))
-    };
-    let (mode, text) = match read() {
-        Ok(found) => found,
-        Err(why) => return Err(HttpSettingsError::TokenFile { path, why }),
-    };
-    if mode & 0o077 != 0 {
-        return Err(HttpSettingsError::TokenExposed { path, mode });
-    }
-    let token = text.trim();
+    let token = private::read(&path).map_err(HttpSettingsError::TokenFile)?;
     if token.len() < TOKEN_BYTES || !token.bytes().all(|b| b.is_ascii_graphic()) {
         return Err(HttpSettingsError::TokenWeak { path, found: token.len() });
     }
-    Ok(token.to_owned())
+    Ok(token)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use std::io::Write;
+    use std::os::unix::fs::PermissionsExt;
 
     fn token_file(text: &str, mode: u32) -> tempfile::NamedTempFile {
         let mut file = tempfile::NamedTempFile::new().unwrap();
@@ -212,7 +199,7 @@ mod tests {
         let with = |file: &tempfile::NamedTempFile| HttpSettings { token_file: Some(file.path().into()), ..HttpSettings::default() };
         let local = SocketAddr::from(([127, 0, 0, 1], 1));
         let exposed = token_file(&"k".repeat(32), 0o640);
-        assert!(matches!(with(&exposed).guard(local), Err(HttpSettingsError::TokenExposed { mode: 0o640, .. })));
+        assert!(matches!(with(&exposed).guard(local), Err(HttpSettingsError::TokenFile(PrivateFileError::Exposed { mode: 0o640, .. }))));
         for weak in ["", "short", &format!("{} {}", "k".repeat(20), "k".repeat(20))] {
             let file = token_file(weak, 0o600);
             assert!(matches!(with(&file).guard(local), Err(HttpSettingsError::TokenWeak { .. })), "{weak:?}");

@@ -8,7 +8,9 @@
 
 mod check;
 mod http;
+mod notify;
 mod plausible;
+mod private;
 mod raw;
 pub mod references;
 mod schema;
@@ -17,5 +19,6 @@ mod tests;
 
 pub use check::{Config, ConfigError, SecondCamera, StoreConfig};
 pub use http::{Guard, HttpSettings, HttpSettingsError};
+pub use notify::{NotifyFormat, NotifySettings, NotifySettingsError, Receiver};
 pub use raw::{CalibrationConfig, CameraDriver, RotationDriver, SamplerDriver};
 pub use schema::{Key, keys, reference_page, schema};

@@ -7,7 +7,7 @@
 //! The documentation of the fields is the reference of the keys. `carved config schema` prints it. `x-level` says who sets a key. A key has
 //! the level of its table, unless it has its own.
 
-use super::HttpSettings;
+use super::{HttpSettings, NotifySettings};
 use carved_core::frame::PixelFormat;
 use carved_core::range::{OutOfRange, Range, Ranged, in_schema, outside_in};
 use carved_core::ranges;
@@ -38,6 +38,10 @@ pub(super) struct Raw {
     /// The server of the page and the API.
     #[schemars(extend("x-level" = "operator"))]
     pub http: HttpSettings,
+    /// Where notices are sent: a run is held, somebody is needed, or a run has ended. Leave the table out to send none.
+    #[serde(default)]
+    #[schemars(extend("x-level" = "operator"))]
+    pub notify: Option<NotifySettings>,
     /// Where results are stored.
     #[schemars(extend("x-level" = "operator"))]
     pub store: RawStore,
@@ -258,6 +262,7 @@ impl Raw {
     /// Every number that is out of its range, with the full path of its key. Does not include [`Drivers`] and the methods.
     pub fn outside(&self) -> Vec<OutOfRange> {
         outside_in("http", &self.http)
+            .chain(self.notify.iter().flat_map(|settings| outside_in("notify", settings)))
             .chain(outside_in("store", &self.store))
             .chain(outside_in("calibration", &self.calibration))
             .chain(outside_in("rig", &self.rig))

@@ -2,8 +2,10 @@
 //! changes state.
 
 use super::halt::Halt;
+use super::tally::Tally;
 use super::{Check, MethodOffer, State, Status};
 use crate::api::{HandoffNeeds, RunOutcome};
+use crate::notify::Notices;
 use carved_records::{Event, FieldError, Handoff, HandoffEnd, RunPlan};
 use carved_store::{StoreError, size};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -167,6 +169,7 @@ pub struct SessionHandle {
     halt: Halt,
     booted: Instant,
     methods: Arc<[MethodOffer]>,
+    notices: Option<Notices>,
 }
 
 impl SessionHandle {
@@ -201,6 +204,16 @@ impl SessionHandle {
 
     pub fn methods(&self) -> &[MethodOffer] {
         &self.methods
+    }
+
+    /// Sets who sends notices.
+    #[must_use]
+    pub fn noticing(self, notices: Option<Notices>) -> Self {
+        Self { notices, ..self }
+    }
+
+    pub fn notices(&self) -> Option<&Notices> {
+        self.notices.as_ref()
     }
 
     pub fn live(&self) -> Live {
@@ -264,9 +277,16 @@ pub struct Publisher {
     live: Arc<Mutex<Live>>,
     events: Arc<EventLog>,
     halt: Halt,
+    notices: Option<Notices>,
 }
 
 impl Publisher {
+    /// Shows every revision to `notices`.
+    #[must_use]
+    pub fn noticing(self, notices: Option<Notices>) -> Self {
+        Self { notices, ..self }
+    }
+
     /// The path of the emergency stop.
     pub fn halt(&self) -> &Halt {
         &self.halt
@@ -285,6 +305,9 @@ impl Publisher {
             next.revision += 1;
             *current = Arc::new(next);
         });
+        if let Some(notices) = &self.notices {
+            notices.see(&self.status.borrow());
+        }
     }
 
     pub fn status(&self) -> Arc<Status> {
@@ -308,6 +331,7 @@ const KEPT_EVENTS: usize = 2000;
 pub struct EventLog {
     tail: Mutex<std::collections::VecDeque<Arc<Event>>>,
     live: broadcast::Sender<Arc<Event>>,
+    tally: Tally,
 }
 
 /// The events that a reader has missed.
@@ -321,11 +345,16 @@ pub enum Missed {
 impl EventLog {
     pub fn new(tail: Vec<Event>) -> Self {
         let skip = tail.len().saturating_sub(KEPT_EVENTS);
-        Self { tail: Mutex::new(tail.into_iter().skip(skip).map(Arc::new).collect()), live: broadcast::channel(256).0 }
+        Self {
+            tail: Mutex::new(tail.into_iter().skip(skip).map(Arc::new).collect()),
+            live: broadcast::channel(256).0,
+            tally: Tally::default(),
+        }
     }
 
     /// Appends an event that is on disk, and sends it to all subscribers.
     pub fn push(&self, event: Event) {
+        self.tally.take(&event.body.data);
         let event = Arc::new(event);
         let mut tail = self.tail.lock().unwrap_or_else(PoisonError::into_inner);
         if tail.len() == KEPT_EVENTS {
@@ -334,6 +363,11 @@ impl EventLog {
         tail.push_back(event.clone());
         // Sent under the lock, so that a new subscriber gets each event once: as missed or as live.
         let _nobody_listens = self.live.send(event);
+    }
+
+    /// The numbers of what has happened since the start of the daemon.
+    pub fn tally(&self) -> &Tally {
+        &self.tally
     }
 
     /// Subscribes to live events. Returns also the events since `after`, or none if `after` is `None`.
@@ -366,8 +400,9 @@ pub fn channel(first: Status, tail: Vec<Event>) -> (SessionHandle, mpsc::Receive
         halt: halt.clone(),
         booted: Instant::now(),
         methods: Arc::default(),
+        notices: None,
     };
-    (handle, mailbox, Publisher { status, live, events, halt })
+    (handle, mailbox, Publisher { status, live, events, halt, notices: None })
 }
 
 #[cfg(test)]

@@ -20,12 +20,14 @@ mod preflight;
 mod search;
 mod sentence;
 mod state;
+mod tally;
 mod worker;
 
 pub use driver::{Driver, DriverError};
 pub use halt::Halt;
 pub use handle::{Accepted, Command, EventLog, Live, Missed, Publisher, Refusal, SessionHandle, Shown, Towards, channel};
 pub use heartbeat::Heartbeat;
+pub use tally::Tally;
 pub use worker::Instrument;
 
 use crate::api::{

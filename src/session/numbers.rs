@@ -130,6 +130,7 @@ pub fn tell(result: &mut WellStatus, file: &MeasurementFile, views_planned: u32)
     result.diameter_um = m.diameter_um;
     result.views = Some(m.views as u32);
     result.views_planned = Some(views_planned);
+    result.residual_px = file.record.quality.as_ref().and_then(|quality| quality.check("residual_px")?.found);
     result.signal_per_nl = file.fluorescence.as_ref().map(|f| f.signal_per_nl);
     result.reference = file.reference.as_ref().and_then(ReferenceStatus::of).map(Box::new);
 }

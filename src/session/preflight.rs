@@ -199,6 +199,10 @@ pub fn checks(config: &Config, plan: &RunPlan, seen: &DeviceReport, known: &Know
             check("disk_budget", true, refused.map_err(|why| (why, "archive runs and prune them, or raise [store] budget_gb")))
         }));
     }
+    checks.extend(status.notices.as_ref().map(|notices| {
+        let found = notices.trouble.clone().map_or_else(|| Ok(format!("nothing is known to be wrong with {}", notices.receiver)), Err);
+        check("notices", false, found.map_err(|why| (why, "nobody is told if the run is held: see to the receiver, or watch the run")))
+    }));
     let aged = |w: &&PlannedWell| w.specimen == SpecimenKind::Larva && w.dpf.is_some();
     if plan.plate_map.iter().any(|w| aged(&w)) {
         let sets = config.references.len();

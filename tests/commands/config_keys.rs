@@ -42,7 +42,7 @@ fn whole(rotation: &str) -> toml::Table {
     table.insert("camera_second".into(), second);
     let extra: toml::Table =
         "[optics_second]\naround_deg = 90.0\ndistance_um = 60000.0\nkx_px_per_um = 0.18\nky_px_per_um = 0.18\nux_px = 511.5\n\
-         uy_px = 511.5\n[calibration]\n"
+         uy_px = 511.5\n[calibration]\n[notify]\nurl = \"http://127.0.0.1:9/\"\n"
             .parse()
             .unwrap();
     table.extend(extra);

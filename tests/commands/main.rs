@@ -15,6 +15,7 @@ mod doctor;
 mod files;
 mod import;
 mod import_plate;
+mod notices;
 mod output_command;
 mod provenance;
 mod reconstruct;

@@ -11,6 +11,7 @@ pub mod bench;
 pub mod controllers;
 pub mod crash;
 mod instrument;
+pub mod receiver;
 mod shared;
 pub mod spoiled;
 pub mod stored;
@@ -36,11 +37,16 @@ pub fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
+/// The text of the file that a user starts from, `shipped` in config/.
+pub fn configured_text(shipped: &str) -> String {
+    std::fs::read_to_string(format!("{}/config/{shipped}", env!("CARGO_MANIFEST_DIR"))).unwrap()
+}
+
 /// Writes the file that a user starts from, `shipped` in config/, into `folder`, with the ports of this rig and with `changes`. The data
 /// folder lies beside it.
 pub fn configured(shipped: &str, folder: &Path, rig: &hardware_sim::Rig, changes: &[(&str, String)]) -> (PathBuf, PathBuf) {
     let data = folder.join("data");
-    let mut text = std::fs::read_to_string(format!("{}/config/{shipped}", env!("CARGO_MANIFEST_DIR"))).unwrap();
+    let mut text = configured_text(shipped);
     let doors = [
         ("127.0.0.1:8420", "127.0.0.1:0".to_owned()),
         ("/var/lib/carved", data.display().to_string()),

@@ -7,7 +7,9 @@
 #![cfg(feature = "aravis")]
 
 use crate::common::bench::{Bench, bead, larva, plan};
+use crate::common::receiver::{Receiver, Reply};
 use crate::common::{Daemon, json};
+use crate::monitoring;
 use hardware_sim::scene::Specimen;
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -67,7 +69,9 @@ fn kept(bench: &Bench) -> PathBuf {
 #[test]
 fn larvae_are_refused_or_flagged_without_a_gate_and_measured_with_one_that_is_fresh() {
     let bench = Bench::new();
-    let daemon = serve(&bench, &[]);
+    let receiver = Receiver::start(&[Reply::Status(200)]);
+    let notify = ("[store]", format!("[notify]\nurl = \"{}\"\n\n[store]", receiver.url));
+    let daemon = serve(&bench, &[notify]);
     assert!(daemon.status()["calibration"].is_null());
     assert!(refused(&daemon).starts_with("this rig has no bead gate: measure three to five beads"));
     let status = bench.measured(&daemon, "too-early", "standard", &[larva("A01")]);
@@ -87,6 +91,11 @@ fn larvae_are_refused_or_flagged_without_a_gate_and_measured_with_one_that_is_fr
     let status = bench.measured(&daemon, "in-time", "strict", &[larva("A01")]);
     assert!(status["run"]["results"][0]["outcome"] == "succeeded" && !flags(&status).contains(&"bead_gate"), "{status}");
     assert_eq!(status["calibration"]["gate"]["id"], gate["gate"]["id"], "{status}");
+    let ended: Vec<Value> = receiver.wait(3).iter().map(|request| request.json()).collect();
+    let of = |notice: &Value| (notice["event"].clone(), notice["run"]["id"].clone(), notice["instrument"]["uuid"].clone());
+    let expected = ["too-early", "beads", "in-time"].map(|run| (json!("run.ended"), json!(run), status["instrument"]["uuid"].clone()));
+    assert_eq!(ended.iter().map(of).collect::<Vec<_>>(), expected);
+    monitoring::is_covered_by(&daemon);
     end(daemon);
 
     // This gate expires within seconds: it is valid when the daemon starts, and no longer when a run is requested.

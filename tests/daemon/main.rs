@@ -15,6 +15,7 @@ mod disk_full;
 mod early_stop;
 mod folder;
 mod live_estimate;
+mod monitoring;
 mod one_well;
 mod optics;
 mod outputs;

@@ -7,6 +7,7 @@
 //! ```
 #![cfg(feature = "aravis")]
 
+use crate::common::receiver::{Receiver, Reply};
 use crate::common::{Daemon, Instrument, QUICK, Rate, SLOW, SLOW_REFERENCE, json, run, stderr, until};
 use hardware_sim::scene::Specimen;
 use serde_json::{Value, json};
@@ -104,7 +105,10 @@ fn plan(wells: &[Value]) -> Value {
 
 #[test]
 fn a_loader_brings_two_wells_and_both_are_measured() {
-    let instrument = start(&QUICK, POLICY);
+    // A receiver of notices that takes connections and never answers costs the run nothing.
+    let receiver = Receiver::start(&[Reply::Never]);
+    let notify = ("[store]", format!("[notify]\nurl = \"{}/T0SECRET\"\ntimeout_s = 1\n\n[store]", receiver.url));
+    let instrument = Instrument::filled_by(None, &QUICK, POLICY, &[notify], |scene| scene);
     let daemon = &instrument.daemon;
     let kinds = ["bead", "larva"];
     let wells = [json!({"well": "A01", "specimen": kinds[0]}), json!({"well": "A02", "specimen": kinds[1], "dpf": 4})];
@@ -144,6 +148,13 @@ fn a_loader_brings_two_wells_and_both_are_measured() {
     assert_eq!(status["plate"]["removable"], false, "{status}");
     assert_eq!(daemon.put_unloaded("r1", "A02"), 200);
     assert_eq!(daemon.status()["plate"]["removable"], true);
+    let status = daemon.wait("the report on the receiver", |s| !s["notices"]["trouble"].is_null());
+    assert!(status["faults"] == json!([]) && status["ready"] == true && !status.to_string().contains("T0SECRET"), "{status}");
+    let (_, found) = daemon.send("POST", "/v1/preflight", &plan(&wells));
+    let check = found["checks"].as_array().unwrap().iter().find(|check| check["code"] == "notices").unwrap();
+    assert_eq!((&found["passed"], &check["passed"], &check["blocks"]), (&json!(true), &json!(false), &json!(false)), "{found}");
+    let tried = receiver.received();
+    assert!(tried.iter().all(|request| request.json()["event"] == "run.ended"), "only the end is worth a notice: {tried:?}");
     // Per well there are one judging frame, 21 views and the closure view. On a busy machine a late frame is triggered again.
     let exposures = instrument.rig.exposures().len();
     assert!((46..50).contains(&exposures), "{exposures}");

@@ -116,7 +116,7 @@ fn a_run_is_aborted_by_its_name_or_as_the_one_under_way() {
 /// Waits until the status was answered this many times.
 fn answered(rig: &Rig, times: u32) {
     let began = Instant::now();
-    let counted = "carved_http_requests_total{method=\"GET\",route=\"/v1/status\",status=\"200\"} ";
+    let counted = "carved_http_requests_total{instrument=\"vast-1\",method=\"GET\",route=\"/v1/status\",status=\"200\"} ";
     let count = || rig.get("/metrics").text().lines().find_map(|line| line.strip_prefix(counted)?.parse().ok()).unwrap_or(0);
     while count() < times {
         assert!(began.elapsed() < PATIENCE, "the status was not asked for {times} times");

@@ -2,7 +2,7 @@
 
 use crate::rig::{BOOT, Rig, event, settings};
 use crate::wire::{PATIENCE, connect, read_answer, read_until};
-use carved::api::{CalibrationStatus, Mode, RunOutcome, RunStatus, State, WellCounts};
+use carved::api::{CalibrationStatus, Eta, Fault, Mode, RunOutcome, RunStatus, State, WellCounts};
 use carved::session::Shown;
 use carved_store::{Claim, Store};
 use std::io::{Read, Write};
@@ -215,6 +215,19 @@ fn the_probes_tell_living_from_ready() {
     assert_eq!(rig.get("/livez").status, 200);
 }
 
+fn calibration() -> CalibrationStatus {
+    CalibrationStatus {
+        id: "0123456789ab".into(),
+        kind: "beads".into(),
+        measured: "2026-01-01T00:00:00Z".into(),
+        age_s: 0.0,
+        max_age_s: 1.0,
+        bead_bias_percent: Some(-0.22),
+        valid: true,
+        gate: None,
+    }
+}
+
 #[test]
 fn metrics_are_the_snapshots_numbers() {
     let rig = Rig::start();
@@ -232,49 +245,65 @@ fn metrics_are_the_snapshots_numbers() {
             results: Vec::new(),
             started: "2026-01-01T00:00:00Z".into(),
             ended: None,
-            eta_s: None,
+            eta_s: Some(Eta { p50: 600.0, p90: 700.0 }),
             held_by_operator: false,
             goes_on_by_itself: false,
             hold: None,
             outcome: None::<RunOutcome>,
         });
+        s.calibration = Some(calibration());
+        let fault = carved_records::Fault::new(3, &carved_records::fault_table::EMERGENCY_STOP, String::new(), String::new());
+        s.faults = vec![Fault::of(&fault, carved_records::RunUnderFault::None)];
     });
     for n in 0..3 {
         rig.get(&format!("/nowhere/{n}"));
     }
     let answer = rig.get("/metrics");
-    assert!(answer.header("content-type").unwrap().starts_with("application/openmetrics-text"));
+    assert!(answer.header("content-type").unwrap().starts_with("text/plain; version=0.0.4"));
     let text = answer.text();
     for line in [
-        "carved_build_info{version=\"1.2.3\",mode=\"simulated\"} 1",
-        "carved_state{state=\"Execute\"} 1",
-        "carved_ready 1",
-        "carved_status_revision 42",
-        "carved_run_wells{outcome=\"succeeded\"} 3",
-        "carved_run_wells{outcome=\"pending\"} 2",
-        "carved_camera_frames_completed_total 1234",
-        "carved_disk_free_bytes 5000000000",
-        "carved_http_requests_total{method=\"GET\",route=\"unmatched\",status=\"404\"} 3",
-        "# EOF",
+        "# TYPE carved_build_info gauge",
+        "carved_build_info{INSTRUMENT,version=\"1.2.3\",mode=\"simulated\"} 1",
+        "carved_instrument_info{INSTRUMENT,serial=\"\",location=\"\",uuid=\"0fb2c0de-93b2-4ed9-8f27-0a4f3f2a9c11\"} 1",
+        "carved_state{INSTRUMENT,state=\"Execute\"} 1",
+        "carved_state{INSTRUMENT,state=\"Held\"} 0",
+        "carved_ready{INSTRUMENT} 1",
+        "carved_needs_person{INSTRUMENT} 1",
+        "carved_faults{INSTRUMENT,code=\"emergency_stop\"} 1",
+        "carved_run_remaining_seconds{INSTRUMENT} 600.0",
+        "carved_calibration_valid{INSTRUMENT} 1",
+        "carved_calibration_measured_timestamp_seconds{INSTRUMENT} 1767225600.0",
+        "carved_calibration_max_age_seconds{INSTRUMENT} 1.0",
+        "carved_status_revision{INSTRUMENT} 42",
+        "carved_run_open{INSTRUMENT} 1",
+        "carved_run_wells{INSTRUMENT,outcome=\"succeeded\"} 3",
+        "carved_run_wells{INSTRUMENT,outcome=\"pending\"} 2",
+        "carved_bead_gate_valid{INSTRUMENT} 0",
+        "carved_index_behind{INSTRUMENT} 0",
+        "# TYPE carved_camera_frames_completed_total counter",
+        "carved_camera_frames_completed_total{INSTRUMENT} 1234",
+        "carved_disk_free_bytes{INSTRUMENT} 5000000000",
+        "carved_http_requests_total{INSTRUMENT,method=\"GET\",route=\"unmatched\",status=\"404\"} 3",
     ] {
+        let line = line.replace("INSTRUMENT", "instrument=\"vast-1\"");
         assert!(text.lines().any(|l| l == line), "{line} is not in\n{text}");
     }
+    assert!(!text.contains("# UNIT") && !text.contains("# EOF"), "that is OpenMetrics:\n{text}");
+}
+
+#[test]
+fn metrics_come_as_openmetrics_where_the_client_accepts_it() {
+    let rig = Rig::start();
+    let answer = rig.send("GET", "/metrics", &[("Accept", "application/openmetrics-text;version=1.0.0,text/plain;q=0.5")], "");
+    assert!(answer.header("content-type").unwrap().starts_with("application/openmetrics-text"));
+    let text = answer.text();
+    assert!(text.ends_with("# EOF\n") && text.contains("# TYPE carved_http_requests counter\n"), "{text}");
 }
 
 #[test]
 fn the_calibration_s_age_is_a_clock_and_its_validity_is_not() {
     let rig = Rig::start();
-    let calibration = CalibrationStatus {
-        id: "0123456789ab".into(),
-        kind: "beads".into(),
-        measured: "2026-01-01T00:00:00Z".into(),
-        age_s: 0.0,
-        max_age_s: 1.0,
-        bead_bias_percent: Some(-0.22),
-        valid: true,
-        gate: None,
-    };
-    rig.driver.publish(|s| s.calibration = Some(calibration));
+    rig.driver.publish(|s| s.calibration = Some(calibration()));
     let answer = rig.get("/v1/status");
     let told = &answer.json()["calibration"];
     // The time of the calibration lies more than a day in the past, and the calibration stays valid until the driver changes it.

@@ -62,6 +62,7 @@ pub fn status() -> Status {
         run: None,
         specimen: None,
         hardware: HardwareStatus::default(),
+        notices: None,
         calibration: None,
         faults: Vec::new(),
     }

@@ -285,6 +285,11 @@ export interface Noted {
   revision: number;
 }
 
+export interface NoticesStatus {
+  receiver: string;
+  trouble: string | null;
+}
+
 export type OutputState = "on" | "off" | "unknown";
 
 export interface OutputStatus {
@@ -532,6 +537,7 @@ export interface Status {
   instrument: InstrumentIdentity;
   mode: Mode;
   not_ready_reason: string | null;
+  notices: NoticesStatus | null;
   pending: Pending;
   plate: Plate;
   ready: boolean;
@@ -610,6 +616,7 @@ export interface WellStatus {
   outcome: SpecimenOutcome | null;
   reason: string | null;
   reference: ReferenceStatus | null;
+  residual_px: number | null;
   signal_per_nl: number | null;
   specimen: SpecimenKind;
   views: number | null;

@@ -7,6 +7,7 @@ import type {
   CameraStatus,
   GateStatus,
   Light,
+  NoticesStatus,
   OutputStatus,
   RotationStatus,
   Status,
@@ -39,6 +40,7 @@ export class RigView {
     if (second) rows.push(["Second camera", cameraWords(second)], ["Its frames", frames(second)]);
     if (free !== null) rows.push(["Disk free", bytes(free)]);
     if (behind !== null) rows.push(["Index", `! lists of runs may be incomplete: ${behind}`]);
+    if (status.notices) rows.push(["Notices", noticesWords(status.notices)]);
     rows.push(["Calibration", calibrationWords(status.calibration)]);
     const gate = status.calibration?.gate;
     if (gate) rows.push(["Daily beads", gateWords(gate)]);
@@ -60,6 +62,11 @@ function slide(axis: TranslationStatus): string {
   if (!axis.connected) return "✕ not connected";
   if (!axis.referenced) return "reference not found yet";
   return axis.position_um === null ? "✓ referenced" : `✓ at ${micrometres(axis.position_um)}`;
+}
+
+/** Where notices go, and why they do not arrive. */
+export function noticesWords({ receiver, trouble }: NoticesStatus): string {
+  return trouble === null ? `✓ to ${receiver}` : `! ${trouble}`;
 }
 
 /** Name and state of an output, and why it could not be switched. */

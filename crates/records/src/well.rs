@@ -38,6 +38,9 @@ pub struct WellStatus {
     /// Number of views by the method.
     #[serde(default)]
     pub views_planned: Option<u32>,
+    /// Residual of the median view: how far its edges lie from those of the calibrated model, px.
+    #[serde(default)]
+    pub residual_px: Option<f64>,
     /// Fluorescence in the second camera per volume: grey levels times px per nl.
     #[serde(default)]
     pub signal_per_nl: Option<f64>,
@@ -66,6 +69,7 @@ impl WellStatus {
             diameter_um: None,
             views: None,
             views_planned: None,
+            residual_px: None,
             signal_per_nl: None,
             reference: None,
         }

@@ -17,19 +17,28 @@ struct InstrumentFile {
     uuid: String,
 }
 
-/// Reads the uuid of the folder. Makes and stores one if there is none.
-pub(super) fn uuid(root: &Path) -> Result<String, StoreError> {
+/// The uuid of the instrument that has this data folder. `None` before the first start of a daemon on it.
+///
+/// # Errors
+/// The file of the uuid is damaged, or it cannot be read.
+pub fn instrument_uuid(root: &Path) -> Result<Option<String>, StoreError> {
     let path = root.join(FILE);
     match carved_files::read(&path) {
-        Ok(text) => read(&path, &text),
-        Err(e) if e.kind() == ErrorKind::NotFound => {
-            let uuid = random()?;
-            durable::write_json(&path, &InstrumentFile { schema: SCHEMA.into(), uuid: uuid.clone() })?;
-            tracing::info!(uuid, "the instrument got a uuid");
-            Ok(uuid)
-        }
+        Ok(text) => read(&path, &text).map(Some),
+        Err(e) if e.kind() == ErrorKind::NotFound => Ok(None),
         Err(e) => Err(StoreError::io("read", &path)(e)),
     }
+}
+
+/// Reads the uuid of the folder. Makes and stores one if there is none.
+pub(super) fn found_or_made(root: &Path) -> Result<String, StoreError> {
+    if let Some(uuid) = instrument_uuid(root)? {
+        return Ok(uuid);
+    }
+    let uuid = random()?;
+    durable::write_json(&root.join(FILE), &InstrumentFile { schema: SCHEMA.into(), uuid: uuid.clone() })?;
+    tracing::info!(uuid, "the instrument got a uuid");
+    Ok(uuid)
 }
 
 fn read(path: &Path, text: &[u8]) -> Result<String, StoreError> {

@@ -45,6 +45,7 @@ pub use attempts::set_aside;
 pub use budget::{Budget, bytes_per_specimen, size};
 pub use error::StoreError;
 pub use index::{Cursor, EventsAfter, Found, RunRow, RunsQuery, Unreadable, follow_run};
+pub use instrument::instrument_uuid;
 use journal::Repaired;
 pub use journal::{Journal, now};
 pub use pack::{Pack, RecordingFiles};
@@ -105,7 +106,7 @@ impl Claim {
     /// # Errors
     /// The file of the uuid is damaged, or it cannot be read or written. A damaged file is not changed.
     pub fn instrument_uuid(&self) -> Result<String, StoreError> {
-        instrument::uuid(&self.root)
+        instrument::found_or_made(&self.root)
     }
 }
 

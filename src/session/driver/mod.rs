@@ -55,6 +55,7 @@ use super::worker::Instrument;
 use super::{Plate, State, Status, search};
 use crate::api::InstrumentIdentity;
 use crate::config::Config;
+use crate::notify::Notices;
 use carved_devices::sampler::LoaderInterlock;
 use carved_records::Mode;
 use carved_store::{Journal, Store, StoreError};
@@ -75,6 +76,8 @@ pub struct Driver {
     pub identity: carved_records::InstrumentIdentity,
     /// Receives the loader's message, on a rig that a plate-loader fills.
     pub interlock: LoaderInterlock,
+    /// `None` if the configuration names no receiver of notices.
+    pub notices: Option<Notices>,
     pub heartbeat: Heartbeat,
 }
 
@@ -118,6 +121,7 @@ impl Driver {
             run: None,
             specimen: None,
             hardware: super::HardwareStatus::default(),
+            notices: None,
             calibration: None,
             faults: Vec::new(),
         }

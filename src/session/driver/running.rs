@@ -30,6 +30,7 @@ use super::snapshot::{self, Parts, left_specimen, run_status};
 use super::{Driver, Life, commands, faults, resume, start};
 use crate::api::{self, HandoffNeeds};
 use crate::config::Config;
+use crate::notify::Notices;
 use carved_core::units::Steps;
 use carved_devices::DeviceError;
 use carved_devices::cancel::CancelToken;
@@ -51,6 +52,7 @@ pub(super) struct Running {
     identity: InstrumentIdentity,
     mode: Mode,
     pub(super) publisher: Publisher,
+    notices: Option<Notices>,
     pub(super) outbox: Outbox,
     pub(super) devices: Devices,
     pub(super) loader: Loader,
@@ -69,7 +71,7 @@ fn reply<T>(answer: oneshot::Sender<Result<T, Refusal>>, result: Result<T, Refus
 // Start, heartbeat and end of the daemon.
 impl Running {
     pub fn new(driver: Driver) -> Self {
-        let Driver { config, mode, store, journal, publisher, instrument, identity, interlock, heartbeat: _ } = driver;
+        let Driver { config, mode, store, journal, publisher, instrument, identity, interlock, notices, heartbeat: _ } = driver;
         publisher.halt().aim(instrument.rig.rotation.stop_handle(), CancelToken::default());
         // The tail of the journal is not enough: most events are views, and after some dozen wells it no longer names the plate.
         let remembered = store.remembered().unwrap_or_else(|error| {
@@ -84,6 +86,7 @@ impl Running {
             identity,
             mode,
             publisher,
+            notices,
             room: DiskRoom::default(),
             calibration: None,
             run: None,
@@ -218,6 +221,7 @@ impl Running {
     pub fn beat(&mut self) {
         self.calibration_ages();
         self.show_index();
+        self.show_notices();
         if self.life != Life::Stopping {
             // Before the device check: the check takes the instrument, and a run that continues needs it.
             self.try_the_store();
@@ -386,6 +390,7 @@ impl Running {
     pub fn keep(&mut self, written: Result<(), StoreError>) {
         let Err(error) = written else { return };
         tracing::error!(%error, "not stored");
+        self.publisher.log().tally().store_refused();
         let works = self.works();
         if works {
             self.ask(Request::Halt);
@@ -489,7 +494,18 @@ impl Running {
     fn show_index(&self) {
         let trouble = self.outbox.store().index_trouble();
         if self.publisher.status().hardware.index_trouble != trouble {
+            if trouble.is_some() {
+                self.publisher.log().tally().index_failed();
+            }
             self.publish(|s| s.hardware.index_trouble = trouble);
+        }
+    }
+
+    /// Shows whether notices reach their receiver.
+    fn show_notices(&self) {
+        let found = self.notices.as_ref().map(Notices::status);
+        if self.publisher.status().notices != found {
+            self.publish(|s| s.notices = found);
         }
     }
 

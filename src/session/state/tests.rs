@@ -21,25 +21,7 @@ const TRIGGERS: [Trigger; 15] = [
     Trigger::Joined,
 ];
 
-pub(in crate::session) const ALL: [State; 17] = [
-    State::Stopped,
-    State::Idle,
-    State::Starting,
-    State::Execute,
-    State::Holding,
-    State::Held,
-    State::Unholding,
-    State::Suspending,
-    State::Suspended,
-    State::Unsuspending,
-    State::Completing,
-    State::Complete,
-    State::Stopping,
-    State::Aborting,
-    State::Aborted,
-    State::Clearing,
-    State::Resetting,
-];
+pub(in crate::session) const ALL: [State; 17] = State::ALL;
 
 /// The client's view of a run, independent of the table: three facts and how they change.
 #[derive(Debug, Default, Clone, Copy, PartialEq)]

@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { calibrationWords, focusWords, gateWords, lightWords, outputWords } from "../../src/rig.ts";
+import { calibrationWords, focusWords, gateWords, lightWords, noticesWords, outputWords } from "../../src/rig.ts";
 
 const beads = {
   id: "0123456789ab",
@@ -53,4 +53,9 @@ test("light says when the lamp is too bright, focus compares with other views", 
   assert.equal(lightWords({ background: 201.4, saturated: 0.0004, focus: 0 }), "background 201 of 255");
   assert.equal(lightWords({ background: 240, saturated: 0.0312, focus: 0 }), "background 240 of 255, 3.1 % saturated");
   assert.equal(focusWords({ background: 200, saturated: 0, focus: 0.0012345 }), "1,235 (higher is sharper)");
+});
+
+test("notices that do not arrive are told with what to do", () => {
+  assert.equal(noticesWords({ receiver: "https://ntfy.sh", trouble: null }), "✓ to https://ntfy.sh");
+  assert.equal(noticesWords({ receiver: "https://ntfy.sh", trouble: "Check it." }), "! Check it.");
 });

@@ -61,6 +61,16 @@ class InstrumentIdentity:
 
 
 @dataclass(frozen=True)
+class NoticesStatus:
+    """Notices to people who are not at the instrument."""
+
+    #: Address of the receiver without its path.
+    receiver: str
+    #: Why notices do not reach it; None if nothing is known to be wrong.
+    trouble: str | None = None
+
+
+@dataclass(frozen=True)
 class Pending:
     """Accepted commands that are still under way."""
 
@@ -212,6 +222,8 @@ class Status:
     hardware: dict[str, Any]
     faults: tuple[Fault, ...] = ()
     instrument: InstrumentIdentity = InstrumentIdentity()
+    #: None if the configuration names no receiver.
+    notices: NoticesStatus | None = None
 
     def run_named(self, run_id: str) -> RunStatus | None:
         """The run, if the status shows it."""

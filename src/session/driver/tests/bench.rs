@@ -123,6 +123,7 @@ fn driver_of(root: &Path, instrument: Instrument) -> (Driver, SessionHandle, mps
         publisher,
         instrument,
         interlock: LoaderInterlock::default(),
+        notices: None,
         heartbeat: Heartbeat::default(),
     };
     (driver, handle, mailbox)

@@ -1,0 +1,114 @@
+//! Notifications to systemd: readiness, status, the watchdog's ping and the end.
+//!
+//! ```text
+//! serve: ready ─> status ... status ─> stopping
+//! driver alive? ── every half WatchdogSec ── yes: ping
+//!                                            no: no ping, and systemd kills and restarts the daemon
+//! ```
+//! Without systemd (no `NOTIFY_SOCKET`) these functions do nothing.
+
+use sd_notify::NotifyState;
+use std::io;
+use std::time::Duration;
+use tokio::time::{MissedTickBehavior, interval};
+
+/// A lost notification is no reason to stop an instrument. The watchdog judges by the notifications that arrive.
+fn tell(states: &[NotifyState]) {
+    if let Err(why) = sd_notify::notify(states) {
+        tracing::warn!(%why, "systemd could not be notified");
+    }
+}
+
+/// Makes one line for `systemctl status`, because a line break would begin a new notification.
+fn one_line(doing: &str) -> String {
+    doing.replace(['\r', '\n'], " ")
+}
+
+/// The port is open and the driver runs.
+pub fn ready(doing: &str) {
+    tell(&[NotifyState::Ready, NotifyState::Status(&one_line(doing))]);
+}
+
+/// What the instrument is doing, in one sentence.
+pub fn status(doing: &str) {
+    tell(&[NotifyState::Status(&one_line(doing))]);
+}
+
+/// The daemon ends in an orderly way.
+pub fn stopping() {
+    tell(&[NotifyState::Stopping]);
+}
+
+/// Pings systemd's watchdog while `alive` returns true. Runs until it is dropped. Without a watchdog it only waits.
+///
+/// `alive` must report the progress of the driver (a heartbeat that it renews), not that of this task.
+pub async fn watchdog(alive: impl Fn() -> bool) {
+    match sd_notify::watchdog_enabled() {
+        Some(within) => ping_while(within, alive, || sd_notify::notify(&[NotifyState::Watchdog])).await,
+        None => std::future::pending().await,
+    }
+}
+
+/// Pings at half the interval: a ping may be late by this time and still arrive in time.
+async fn ping_while(within: Duration, alive: impl Fn() -> bool, ping: impl Fn() -> io::Result<()>) {
+    // A zero interval would panic. systemd does not request one.
+    let mut beat = interval((within / 2).max(Duration::from_millis(1)));
+    beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    loop {
+        beat.tick().await;
+        if !alive() {
+            tracing::error!("the driver shows no sign of life; the watchdog is not pinged");
+        } else if let Err(why) = ping() {
+            tracing::warn!(%why, "the watchdog could not be pinged");
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::atomic::{AtomicBool, AtomicU32, Ordering::SeqCst};
+    use tokio::sync::mpsc;
+
+    #[tokio::test]
+    async fn pings_only_while_the_driver_lives() {
+        let (asked, mut questions) = mpsc::unbounded_channel();
+        let (alive, pings) = (AtomicBool::new(true), AtomicU32::new(0));
+        let asks = || {
+            asked.send(()).unwrap();
+            alive.load(SeqCst)
+        };
+        let count = || {
+            pings.fetch_add(1, SeqCst);
+            Ok(())
+        };
+        let script = async {
+            // When the driver is asked for the fourth time, three pings have been sent.
+            for _beat in 0..4 {
+                questions.recv().await.unwrap();
+            }
+            assert!(pings.load(SeqCst) >= 3, "{}", pings.load(SeqCst));
+            alive.store(false, SeqCst);
+            questions.recv().await.unwrap();
+            let dead = pings.load(SeqCst);
+            for _beat in 0..3 {
+                questions.recv().await.unwrap();
+            }
+            assert_eq!(pings.load(SeqCst), dead, "a dead driver was pinged for");
+            alive.store(true, SeqCst);
+            for _beat in 0..3 {
+                questions.recv().await.unwrap();
+            }
+            assert!(pings.load(SeqCst) > dead, "a driver that came back is pinged for");
+        };
+        tokio::select! {
+            () = ping_while(Duration::from_millis(4), asks, count) => unreachable!("runs until it is dropped"),
+            () = script => {}
+        }
+    }
+
+    #[test]
+    fn a_sentence_stays_one_line() {
+        assert_eq!(one_line("well A01\nREADY=1\r"), "well A01 READY=1 ");
+    }
+}
