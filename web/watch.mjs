@@ -1,10 +1,12 @@
 // What following a run costs, in the browser and on the instrument: first paint on loopback, updates per second, memory of a page after
 // each run, and the time of the instrument's steps without a page and with PAGES of them open.
 //
-//   node watch.mjs ../target/release/carved [PAGES] [MINUTES]      5 pages, 10 minutes; a daemon of its own on the emulated rig
+//   node watch.mjs ../target/release/carved [PAGES] [MINUTES] [PAIRS]      5 pages, 10 minutes, 3 pairs; a daemon of its own on the emulated rig
 //
-//   carved simulate ── run without a page ────────────────── moved_ms + settle_ms + grab_ms of each view
-//                  └── runs with pages, until MINUTES are over ── the same; heap and elements of the first page after each run
+//   carved simulate ─┬─ PAIRS times: a run without a page, a run with pages ── moved_ms + settle_ms + grab_ms of each view
+//                    └─ runs with the same pages, until MINUTES are over ───── heap and elements of the first page after each run
+//
+// Other work on the machine changes with time. The pairs show it on both sides.
 
 import { spawn } from "node:child_process";
 import { once } from "node:events";
@@ -14,7 +16,7 @@ import { join } from "node:path";
 import { createInterface } from "node:readline";
 import { chromium } from "playwright-core";
 
-const [binary = "../target/release/carved", pages = "5", minutes = "10"] = process.argv.slice(2);
+const [binary = "../target/release/carved", pages = "5", minutes = "10", pairs = "3"] = process.argv.slice(2);
 const URL_OF_DAEMON = "http://127.0.0.1:8429";
 const WELLS = ["A01", "A02", "A03"];
 
@@ -29,7 +31,7 @@ const read = async (path) => (await fetch(URL_OF_DAEMON + path)).json();
 const share = (values, part) => [...values].sort((a, b) => a - b)[Math.floor(part * (values.length - 1))];
 const two = (values) => `${share(values, 0.5).toFixed(1)}, ${share(values, 0.95).toFixed(1)}`;
 
-/** Takes a run to its end. Returns the milliseconds of each step and the number of changes of the status. */
+/** Takes a run to its end. Returns the milliseconds of each step and the number of changes of the status per second. */
 async function run(id) {
   const wells = WELLS.map((well) => ({ well, specimen: "larva", dpf: 3 }));
   const plan = { plate_barcode: "WATCH", method: "standard", operator: "watch", plate_map: wells };
@@ -37,37 +39,56 @@ async function run(id) {
   const answer = await fetch(`${URL_OF_DAEMON}/v1/runs/${id}`, { method: "PUT", headers, body: JSON.stringify(plan) });
   if (!answer.ok) throw new Error(await answer.text());
   let status = await read("/v1/status");
+  const [from, first] = [performance.now(), status.revision];
   while (status.run?.id !== id || status.run.outcome === null) {
     status = await read(`/v1/status?wait=5&after=${status.revision}`);
   }
+  const changes = (status.revision - first) / ((performance.now() - from) / 1000);
   const steps = [];
   for (const well of WELLS) {
     const { recording } = await read(`/v1/runs/${id}/specimens/${well}`);
     for (const { moved_ms, settle_ms, grab_ms } of recording.ledger) steps.push(moved_ms + settle_ms + grab_ms);
   }
-  return steps;
+  return { steps, changes };
 }
 
 const load = () => `load ${loadavg()[0].toFixed(1)}`;
-const alone = await run("alone");
-console.log(`without a page: a step takes ${two(alone)} ms (median, 95 %; ${alone.length} steps; ${load()})`);
+const opened = async () => {
+  const browser = await chromium.launch({
+    executablePath: process.env["CARVED_CHROMIUM"] ?? "/usr/bin/chromium",
+    args: ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"],
+  });
+  const open = [];
+  for (let i = 0; i < Number(pages); i += 1) {
+    const page = await browser.newPage({ viewport: { width: 1440, height: 960 } });
+    await page.goto(URL_OF_DAEMON);
+    await page.locator("#link", { hasText: /^Live$/ }).waitFor();
+    open.push(page);
+  }
+  const paint = () => performance.getEntriesByName("first-contentful-paint")[0]?.startTime ?? NaN;
+  const paints = await Promise.all(open.map((page) => page.evaluate(paint)));
+  console.log(`first paint of a page: ${two(paints)} ms (median, 95 % of ${pages}; ${load()})`);
+  return { browser, open };
+};
 
-const browser = await chromium.launch({
-  executablePath: process.env["CARVED_CHROMIUM"] ?? "/usr/bin/chromium",
-  args: ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"],
-});
-const open = [];
-for (let i = 0; i < Number(pages); i += 1) {
-  const page = await browser.newPage({ viewport: { width: 1440, height: 960 } });
-  await page.goto(URL_OF_DAEMON);
-  await page.locator("#link", { hasText: /^Live$/ }).waitFor();
-  open.push(page);
+const both = { alone: [], watched: [] };
+for (let pair = 1; pair <= Number(pairs); pair += 1) {
+  const alone = await run(`alone-${pair}`);
+  const loadAlone = load();
+  const { browser } = await opened();
+  const watched = await run(`pair-${pair}`);
+  await browser.close();
+  both.alone.push(...alone.steps);
+  both.watched.push(...watched.steps);
+  console.log(
+    `pair ${pair}: a step takes ${two(alone.steps)} ms without a page (${loadAlone}), ${two(watched.steps)} ms with ${pages} (${load()})`,
+  );
 }
-const paints = await Promise.all(
-  open.map((page) => page.evaluate(() => performance.getEntriesByName("first-contentful-paint")[0]?.startTime ?? NaN)),
-);
-console.log(`first paint of a page: ${two(paints)} ms (median, 95 % of ${pages}; ${load()})`);
+if (Number(pairs) > 0) {
+  console.log(`all pairs: ${two(both.alone)} ms without a page, ${two(both.watched)} ms with ${pages} (median, 95 %)`);
+}
 
+const { browser, open } = await opened();
 const devtools = await open[0].context().newCDPSession(open[0]);
 await devtools.send("Network.enable");
 await devtools.send("Performance.enable");
@@ -79,13 +100,14 @@ const until = performance.now() + 60_000 * Number(minutes);
 for (let i = 1; i === 1 || performance.now() < until; i += 1) {
   const from = performance.now();
   const before = updates;
-  const steps = await run(`watched-${i}`);
+  const { steps, changes } = await run(`watched-${i}`);
   const seconds = (performance.now() - from) / 1000;
   await devtools.send("HeapProfiler.collectGarbage");
   const { metrics } = await devtools.send("Performance.getMetrics");
   const of = (name) => metrics.find((metric) => metric.name === name).value;
   console.log(
-    `${pages} pages, run ${i}: a step takes ${two(steps)} ms; ${((updates - before) / seconds).toFixed(1)} updates/s; ` +
+    `${pages} pages, run ${i}: a step takes ${two(steps)} ms; ${((updates - before) / seconds).toFixed(1)} updates/s ` +
+      `of ${changes.toFixed(1)} changes/s; ` +
       `heap ${(of("JSHeapUsedSize") / 1e6).toFixed(1)} MB, ${of("Nodes")} nodes, ${of("JSEventListeners")} listeners (${load()})`,
   );
 }

@@ -15,24 +15,34 @@ const FAR_SD = 3.2;
 export interface Standing extends KnownPlace {
   quantity: "Volume" | "Area";
   unit: string;
+  /** The estimator of this number, where the reported one has no references. */
+  by: string | null;
 }
+
+/** What an estimator measures. */
+const ESTIMATORS: Record<string, string> = { voxel: "the voxels", field: "the surface", support: "the outlines" };
 
 /** The numbers of a larva that have references, by the estimator of its reported numbers if that has some. Pure. */
 export function standingsOf(measured: Measured | null, estimator: WellStatus["estimator"]): Standing[] {
   const estimates = measured?.reference?.estimates ?? [];
   const first = [...estimates].sort((a, b) => Number(b.estimator === estimator) - Number(a.estimator === estimator));
   const of = (quantity: "volume" | "area", name: Standing["quantity"], unit: string, size: number): Standing[] => {
-    const known = first.map((e) => e[quantity].known).find((k) => k !== undefined);
-    return known ? [{ ...known, mean: known.mean / size, sd: known.sd / size, quantity: name, unit }] : [];
+    const found = first.find((e) => e[quantity].known !== undefined);
+    const known = found?.[quantity].known;
+    if (found === undefined || known === undefined) return [];
+    const by = found.estimator === estimator ? null : found.estimator;
+    return [{ ...known, mean: known.mean / size, sd: known.sd / size, quantity: name, unit, by }];
   };
   return [...of("volume", "Volume", "nL", UM3_PER_NL), ...of("area", "Area", "mm²", 1e6)];
 }
 
 /** `Volume 243.1 nL: 0.8 SD above the mean of 12 larvae, larger than 79 % of them`. Pure. */
-export function standingWords({ quantity, unit, mean, sd, z, n, percentile, group }: Standing): string {
+export function standingWords({ quantity, unit, mean, sd, z, n, percentile, group, by }: Standing): string {
   const side = z < 0 ? "below" : "above";
   const share = percentile > 99 ? "more than 99" : percentile < 1 ? "less than 1" : grouped(percentile);
-  return `${quantity} ${significant(mean + z * sd)} ${unit}: ${grouped(Math.abs(z), 1)} SD ${side} the mean of ${n} larvae (${group}). ${share} % of such larvae are smaller.`;
+  // Another number than the reported one says why it is another.
+  const how = by === null ? "" : ` by ${ESTIMATORS[by] ?? by}, as the references were measured`;
+  return `${quantity} ${significant(mean + z * sd)} ${unit}${how}: ${grouped(Math.abs(z), 1)} SD ${side} the mean of ${n} larvae (${group}). ${share} % of such larvae are smaller.`;
 }
 
 export class StandingView {

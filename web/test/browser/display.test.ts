@@ -88,6 +88,11 @@ beforeEach(async () => {
     next: null,
   };
   server.answers["/v1/runs/P-9-old"] = detail;
+  const again = { name: "few", replayed: "2026-01-01T00:00:00Z", software_version: "0.1.0", method_settings: {} };
+  server.answers["/v1/runs/P-9-old/replays"] = {
+    progress: { name: "few", wells: 2, done: 2, failed: [{ well: "B02", reason: "too few views" }], waits: false },
+    results: [{ ...again, result: { ...larva("B01", 201e6, 0.3), views: 7 } }],
+  };
   server.answers["/v1/runs/demo-1"] = { ...detail, plan };
   server.live["/v1/live/mesh.glb"] = { body: ellipsoidGlb([1900, 260, 240]), type: "model/gltf-binary" };
   await server.start();
@@ -334,39 +339,46 @@ test("the list of runs is filtered by the daemon, which knows all of them", asyn
   ]);
 });
 
-for (const [wells, last] of [
-  [6, "B03"],
-  [12, "C04"],
-  [24, "D06"],
-  [48, "F08"],
-  [96, "H12"],
-  [384, "P24"],
-  [1536, "AF48"],
-] as const) {
-  test(`a plate of ${wells} wells fits a desktop and a telephone`, async () => {
-    const named = { ...plan, plate_format: wells, plate_map: [{ well: last }] };
-    server.answers["/v1/runs/demo-1"] = { ...detail, plan: named };
-    server.publish(status({ run: run([larva("A01", 240e6, 0), larva(last, 250e6, 0)]) }));
+test("plates of 6 to 1536 wells fit a desktop and a telephone", async () => {
+  await page.goto(server.url);
+  for (const [i, [wells, last]] of (
+    [
+      [6, "B03"],
+      [12, "C04"],
+      [24, "D06"],
+      [48, "F08"],
+      [96, "H12"],
+      [384, "P24"],
+      [1536, "AF48"],
+    ] as const
+  ).entries()) {
+    // The plan is read once per run.
+    const id = `plate-${i}`;
+    server.answers[`/v1/runs/${id}`] = {
+      ...detail,
+      id,
+      plan: { ...plan, plate_format: wells, plate_map: [{ well: last }] },
+    };
+    server.publish(status({ run: run([larva("A01", 240e6, 0), larva(last, 250e6, 0)], { id }) }));
+    await page.locator(`#plate[data-wells="${wells}"]`).waitFor();
+    assert.equal(await page.locator("#plate .well").count(), wells);
     for (const [width, height] of [
       [1920, 1080],
       [390, 844],
     ] as const) {
       await page.setViewportSize({ width, height });
-      await page.goto(server.url);
-      await page.locator(`#plate[data-wells="${wells}"]`).waitFor();
-      assert.equal(await page.locator("#plate .well").count(), wells);
       const beyond = await page.evaluate(() => document.documentElement.scrollWidth - window.innerWidth);
-      assert.ok(beyond <= 0, `${width} px: ${beyond} px beyond the right edge`);
+      assert.ok(beyond <= 0, `${wells} wells, ${width} px: ${beyond} px beyond the right edge`);
       const table = (await page.locator("#plate").boundingBox())!;
-      if (width === 1920) assert.ok(table.height < height, `the plate is ${table.height} px high`);
+      if (width === 1920) assert.ok(table.height < height, `the plate of ${wells} wells is ${table.height} px high`);
       const well = (await wellButton(last).boundingBox())!;
       assert.ok(well.width >= 9 && well.height >= 9, `${width} px: a well is ${well.width} x ${well.height} px`);
       await wellButton(last).click();
       await until("well-heading", new RegExp(`^Well ${last}$`));
       await shoot(page, `plate-${wells}-${width}`);
     }
-  });
-}
+  }
+});
 
 test("the plate is coloured by volume, by references and by its own controls, with numbers in words", async () => {
   await page.goto(server.url);
@@ -527,35 +539,44 @@ const SCREENS = [
   { name: "wall", at: "?wall", status: held },
 ];
 
+/** Whether the element at the middle of the emergency stop is the stop. */
+const stopIsInReach = () =>
+  page.locator("#emergency-stop").evaluate((button) => {
+    const { left, top, width, height } = button.getBoundingClientRect();
+    return button.contains(document.elementFromPoint(left + width / 2, top + height / 2));
+  });
+
 for (const theme of ["light", "dark"] as const) {
-  for (const width of [390, 768, 1440, 3840]) {
-    test(`every screen fits ${width} px, ${theme}, and axe finds nothing`, async () => {
-      await page.context().close();
-      ({ page, complaints } = await openPage(browser, { width, height: 1000 }));
-      await page.emulateMedia({ colorScheme: theme });
-      for (const screen of SCREENS) {
-        server.publish(screen.status);
-        await page.goto(`${server.url}/${screen.at}`);
-        await until("link", /^Live$/);
-        if (screen.name === "stored run") await until("opened-words", /^Stored run/);
-        // Everything that can be unfolded is looked at, too.
-        if (screen.name !== "wall") {
-          await page.locator("main details").evaluateAll((folds) => {
-            for (const fold of folds as HTMLDetailsElement[]) fold.open = true;
-          });
-          await page.locator("#display > summary").click();
-        }
+  test(`every screen fits 390 to 3840 px with the emergency stop in reach, ${theme}, and axe finds nothing`, async () => {
+    await page.emulateMedia({ colorScheme: theme });
+    for (const screen of SCREENS) {
+      server.publish(screen.status);
+      await page.goto(`${server.url}/${screen.at}`);
+      await until("link", /^Live$/);
+      if (screen.name === "stored run") await until("opened-words", /^Stored run/);
+      // Everything that can be unfolded is looked at, too.
+      if (screen.name !== "wall") {
+        await page.locator("main details").evaluateAll((folds) => {
+          for (const fold of folds as HTMLDetailsElement[]) fold.open = true;
+        });
+        await page.locator("#display > summary").click();
+      }
+      assert.equal(await page.evaluate(() => document.documentElement.dataset["theme"]), theme);
+      for (const width of [390, 768, 1440, 3840]) {
+        await page.setViewportSize({ width, height: 1000 });
         const beyond = await page.evaluate(() => document.documentElement.scrollWidth - window.innerWidth);
         const wide = await page.evaluate(() =>
           [...document.querySelectorAll("*")]
             .filter((e) => e.getBoundingClientRect().right > innerWidth + 1)
             .map((e) => `${e.tagName}#${e.id}.${e.className}`),
         );
-        assert.ok(beyond <= 0, `${screen.name}: ${beyond} px beyond the right edge: ${wide.join(" ")}`);
-        assert.equal(await page.evaluate(() => document.documentElement.dataset["theme"]), theme);
-        assert.deepEqual(await breaches(), [], screen.name);
+        const of = `${screen.name}, ${width} px`;
+        assert.ok(beyond <= 0, `${of}: ${beyond} px beyond the right edge: ${wide.join(" ")}`);
+        assert.ok(await stopIsInReach(), `${of}: something covers the emergency stop`);
+        // The colours of both themes, in the narrow and in the wide layout.
+        if (width === 390 || width === 1440) assert.deepEqual(await breaches(), [], of);
         await shoot(page, `${screen.name.replace(" ", "-")}-${width}-${theme}`);
       }
-    });
-  }
+    }
+  });
 }

@@ -33,13 +33,14 @@ async function freePort(): Promise<number> {
 export class Daemon {
   readonly url: string;
   readonly #child: ChildProcess;
-  readonly #folder: string;
+  /** Its data folder. It is removed with the end of the daemon. */
+  readonly folder: string;
   readonly #said: string[];
 
   private constructor(url: string, child: ChildProcess, folder: string, said: string[]) {
     this.url = url;
     this.#child = child;
-    this.#folder = folder;
+    this.folder = folder;
     this.#said = said;
   }
 
@@ -116,7 +117,7 @@ export class Daemon {
       await ended;
       clearTimeout(insist);
     }
-    await rm(this.#folder, { recursive: true, force: true });
+    await rm(this.folder, { recursive: true, force: true });
     return child.exitCode;
   }
 }

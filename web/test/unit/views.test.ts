@@ -96,7 +96,9 @@ test("a larva stands where its estimator has references, and says its share in w
   const measured = { reference: { estimates: [estimate("voxel", 2), estimate("support", -0.8)] } };
   const [area, ...more] = standingsOf(measured, "support");
   assert.deepEqual([area!.quantity, area!.z, area!.mean, more.length], ["Area", -0.8, 3.2, 0]);
-  assert.equal(standingsOf(measured, "field")[0]!.z, 2, "the first, where the estimator has none");
+  const [other] = standingsOf(measured, "field");
+  assert.equal(other!.z, 2, "the first, where the estimator has none");
+  assert.match(standingWords(other!), /^Area [\d.]+ mm² by the voxels, as the references were measured: 2\.0 SD above/);
   assert.equal(
     standingWords(area!),
     "Area 3.080 mm²: 0.8 SD below the mean of 12 larvae (fixed, 3 dpf). 23 % of such larvae are smaller.",

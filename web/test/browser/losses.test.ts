@@ -1,0 +1,102 @@
+// A camera and an axis that are lost while the real daemon works, as the operator sees it. The three tests wait much and compute little, so
+// they run at the same time.
+
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { shoot } from "../support/browser.ts";
+import { BINARY, Daemon, RUN_MS } from "../support/daemon.ts";
+import { bySize, larva, onPage, plan, until } from "../support/opened.ts";
+
+type Ends = Parameters<typeof onPage>[0];
+
+/** A daemon whose devices are lost, its run, which begins at once, and its page. */
+async function running(t: Ends, timeScale: number, losses: readonly string[], wells: object[]) {
+  const daemon = await Daemon.start(BINARY, timeScale, ["--no-demo", ...losses]);
+  t.after(() => daemon.stop());
+  // Before the page is opened, which takes its time: the devices are lost at fixed times.
+  await daemon.send("PUT", "/v1/runs/lost", plan(wells));
+  return { daemon, ...(await onPage(t, daemon)) };
+}
+
+async function cameraLost(t: Ends): Promise<void> {
+  const { daemon, page, complaints } = await running(t, 1, ["--camera-out", "8,30"], [larva("A01"), larva("A02")]);
+  const lost = await daemon.follow((s) => !s.hardware.camera.connected);
+  assert.equal(lost.state, "Execute");
+  await page.locator('#now[data-tone="attention"]').waitFor();
+  const held = await daemon.follow((s) => s.state === "Held");
+  const hold = held.run!.hold!;
+  assert.deepEqual([hold.code, hold.times, hold.next_command], ["camera_lost", 1, null]);
+  await page
+    .locator("#sentence", { hasText: /^Check the camera's power and network cable\. The run goes on by/ })
+    .waitFor();
+  await page.locator("#diagnosis", { hasText: /^Held because: The camera does not answer/ }).waitFor();
+  await page.locator("#fault-list", { hasText: "Needs you" }).waitFor();
+  assert.equal(await page.locator("#unhold").isVisible(), false);
+  assert.equal(await page.getByRole("button", { name: "Acknowledge" }).count(), 0);
+  await shoot(page, "control-camera-lost");
+  // Held by an operator too, it waits once the camera is back, and its words no longer say that it does not.
+  await page.getByRole("button", { name: "Keep it held" }).click();
+  await page.locator("#sentence", { hasText: /When the camera answers, let the run go on\.$/ }).waitFor();
+  await daemon.follow((s) => s.faults.length === 0);
+  await page.locator("#sentence", { hasText: /^Let the run go on when you are ready\.$/ }).waitFor();
+  await page.locator("#diagnosis", { hasText: /^Held because: The camera does not answer/ }).waitFor();
+  assert.equal((await bySize(page))[0], "unhold", "the one thing to do is the largest button");
+  await shoot(page, "control-camera-back");
+  await page.locator("#unhold").click();
+  await daemon.follow((s) => s.state === "Execute" && s.hardware.camera.connected);
+  await page.locator("#diagnosis").waitFor({ state: "hidden" });
+  assert.deepEqual(complaints, []);
+}
+
+async function axisLostInATurn(t: Ends): Promise<void> {
+  // At this time the larva is in the capillary, and not yet measured.
+  const { daemon, page, complaints } = await running(t, 1, ["--axis-out", "12,4"], [larva("A01")]);
+  const held = await daemon.follow((s) => s.state === "Held");
+  assert.equal(held.run!.hold!.code, "rotation_lost");
+  await until(page, "sentence", /^Check the controller's power and cable\./);
+  // It goes on by itself when the axis answers.
+  await daemon.follow((s) => s.state === "Execute" && s.faults.length === 0);
+  const done = await daemon.follow((s) => s.run?.outcome != null);
+  assert.equal(done.run!.results[0]!.outcome, "succeeded", JSON.stringify(done.run));
+  await page.getByText("What happened in this run").click();
+  await until(page, "log-list", /A01 was interrupted .*: it is measured again from the start\./);
+  await until(page, "log-list", /The run is held: The axis' controller does not answer/);
+  await until(page, "log-list", /The run goes on by itself\./);
+  const stored = (await (await fetch(`${daemon.url}/v1/runs/lost/specimens/A01`)).json()) as {
+    earlier_attempts: number[];
+  };
+  assert.deepEqual(stored.earlier_attempts, [1], "the turn that was cut short is kept");
+  await until(page, "well-body", /Measured/);
+  await shoot(page, "runs-redo");
+  assert.deepEqual(complaints, []);
+}
+
+async function axisLostAgainAndAgain(t: Ends): Promise<void> {
+  // At a fifth of the speed a well takes several times as long as the time from one loss to the next, so none is finished.
+  const losses = Array.from({ length: 16 }, (_, i) => ["--axis-out", `${8 + 12 * i},3`]).flat();
+  const { daemon, page, complaints } = await running(t, 0.2, losses, [larva("A01")]);
+  const held = await daemon.follow((s) => s.state === "Held" && (s.run?.hold?.times ?? 0) >= 4);
+  assert.equal(held.run!.hold!.code, "rotation_lost");
+  assert.equal(held.run!.goes_on_by_itself, false);
+  await until(page, "diagnosis", /It has held the run 4 times since a well was finished\./);
+  await daemon.follow((s) => s.faults.length === 0);
+  // The axis is back, and the run waits for somebody.
+  await page.locator("#unhold").waitFor();
+  assert.equal((await daemon.status()).state, "Held");
+  await shoot(page, "runs-lost-again");
+  await page.locator("#unhold").click();
+  await daemon.follow((s) => s.state === "Execute");
+  await page.locator("#diagnosis").waitFor({ state: "hidden" });
+  assert.deepEqual(complaints, []);
+}
+
+test("devices that are lost while a run is under way", { concurrency: 3, timeout: 3 * RUN_MS }, async (t) => {
+  await Promise.all([
+    t.test(
+      "a camera: shown at once, its remedy is the headline, and nobody is offered to go on before it is back",
+      cameraLost,
+    ),
+    t.test("an axis in a turn: the specimen is measured again, and the page says so", axisLostInATurn),
+    t.test("an axis again and again: a person is needed after the third time", axisLostAgainAndAgain),
+  ]);
+});
