@@ -2,7 +2,7 @@
 
 use super::signals::Signals;
 use super::systemd;
-use crate::api::{MethodOffer, Status};
+use crate::api::Status;
 use crate::config::{Config, NotifySettings};
 use crate::notify::Notices;
 use crate::session::{self, Driver, Heartbeat, Instrument, SessionHandle};
@@ -49,7 +49,7 @@ impl Daemon {
         let first = Status { instrument: identity.clone().into(), notices: shown, ..Driver::first_status(mode, random_id()?) };
         let (handle, mailbox, publisher) = session::channel(first, events);
         let publisher = publisher.noticing(notices.clone());
-        let handle = handle.noticing(notices.clone()).offering(config.methods.iter().map(|(name, method)| MethodOffer::new(name, method)));
+        let handle = handle.noticing(notices.clone()).offering(config.methods.clone());
         let heartbeat = Heartbeat::default();
         let driver = Driver {
             config: config.clone(),

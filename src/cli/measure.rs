@@ -11,10 +11,8 @@ mod bulk;
 use super::stored::{self, Stored};
 use super::told;
 use crate::session::numbers::{self, Computed, NumbersError};
-use anyhow::{Context, bail, ensure};
+use anyhow::{Context, ensure};
 use carved_core::surface::Mesh;
-use carved_devices::acquisition::RevolutionPlan;
-use carved_records::LedgerEntry;
 use carved_records::Method;
 use carved_store::{MEASUREMENT, MeasurementFile, RecordingFiles, RecordingReader, RunRecord, StoreError};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -172,7 +170,7 @@ pub(super) fn compute(reader: &RecordingReader, method: &Method) -> anyhow::Resu
     compute_with_hull(reader, method).map(|found| (found.mesh, found.file))
 }
 
-/// As [`compute`], with the voxels and the cameras that the numbers come from.
+/// As [`compute`], with the voxels that were counted.
 pub(super) fn compute_with_hull(reader: &RecordingReader, method: &Method) -> anyhow::Result<Computed> {
     let bar = ProgressBar::no_length()
         .with_style(ProgressStyle::with_template("{msg} {bar:30} {pos}/{len} views")?)
@@ -182,106 +180,15 @@ pub(super) fn compute_with_hull(reader: &RecordingReader, method: &Method) -> an
 
 /// As [`compute_with_hull`], with a bar that counts the views.
 fn compute_with(reader: &RecordingReader, method: &Method, bar: &ProgressBar) -> anyhow::Result<Computed> {
-    reader.require_finished()?;
-    let recording = reader.recording();
-    let captured = recording.method.asd;
-    let counted: Vec<&LedgerEntry> = recording.ledger.counted().collect();
-    let entries = if method.asd == captured {
-        counted
-    } else {
-        subset(&counted, captured, method.asd).with_context(|| format!("{} views (asd)", method.asd))?
-    };
+    let entries = numbers::entries(reader, method)?;
     bar.set_length(entries.len() as u64);
-    let found = numbers::with_hull(reader, method, &entries, |_, _| bar.inc(1));
+    let found = numbers::with_hull(reader, method, &entries, |_, _| {
+        bar.inc(1);
+        Ok(())
+    });
     bar.finish_and_clear();
     found.map_err(|error| match error {
-        NumbersError::Store(error) => error.into(),
-        NumbersError::Pipeline(error) => anyhow::Error::new(error).context(reader.folder().display().to_string()),
+        NumbersError::Pipeline(_) => anyhow::Error::new(error).context(reader.folder().display().to_string()),
+        other => other.into(),
     })
-}
-
-/// Every (captured / asd)-th view, starting at view 0, and the closure view.
-fn subset<'a>(entries: &[&'a LedgerEntry], captured: u32, asd: u32) -> anyhow::Result<Vec<&'a LedgerEntry>> {
-    let possible: Vec<u32> = (RevolutionPlan::LEAST_ASD..=captured).filter(|n| captured.is_multiple_of(*n)).collect();
-    if !possible.contains(&asd) {
-        let possible = possible.iter().map(u32::to_string).collect::<Vec<_>>().join(", ");
-        bail!("{captured} views were captured, of which {asd} do not stand evenly around the turn; possible are {possible}");
-    }
-    let stride = captured / asd;
-    let chosen: Vec<&LedgerEntry> = entries.iter().copied().filter(|e| e.closure || e.view.is_multiple_of(stride)).collect();
-    let omega = |view: u32| chosen.iter().find(|e| e.view == view && !e.closure).map(|e| e.omega.to_degrees());
-    let first = omega(0).context("the ledger has no view 0")?;
-    let spacing = 360.0 / f64::from(captured);
-    for at in 1..asd {
-        let view = at * stride;
-        let found = omega(view).with_context(|| format!("the ledger has no view {view}"))? - first;
-        let even = 360.0 * f64::from(at) / f64::from(asd);
-        // The turn may go in either direction.
-        let off = [found - even, found + even].map(|x| (x - 360.0 * (x / 360.0).round()).abs()).into_iter().fold(f64::INFINITY, f64::min);
-        ensure!(
-            off <= spacing,
-            "view {view} stands {off:.2} deg from its even place around the turn, more than the {spacing:.2} deg between captured views: this \
-             turn has no even subset; measure it whole"
-        );
-    }
-    Ok(chosen)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use carved_core::units::Steps;
-
-    fn turn(angles_deg: impl Iterator<Item = f64>, closure: bool) -> Vec<LedgerEntry> {
-        let mut entries: Vec<LedgerEntry> = (0..)
-            .zip(angles_deg)
-            .map(|(view, deg)| LedgerEntry {
-                view,
-                retake: 0,
-                commanded_steps: Steps(0),
-                achieved_steps: Steps(0),
-                epoch: 1,
-                omega: deg.to_radians(),
-                moved_ms: 0.0,
-                settle_ms: 0.0,
-                grab_ms: 0.0,
-                trigger_ms: 0.0,
-                light: None,
-                second: None,
-                frame_id: 0,
-                attempts: 1,
-                sha256: String::new(),
-                closure: false,
-            })
-            .collect();
-        entries.last_mut().unwrap().closure = closure;
-        entries
-    }
-
-    fn views(entries: &[LedgerEntry], captured: u32, asd: u32) -> Result<Vec<u32>, String> {
-        subset(&entries.iter().collect::<Vec<_>>(), captured, asd).map(|s| s.iter().map(|e| e.view).collect()).map_err(|e| format!("{e:#}"))
-    }
-
-    #[test]
-    fn every_divisor_is_an_even_subset_either_way_around() {
-        for sense in [1.0, -1.0] {
-            // Steps of 0.72 deg, as on VAST.
-            let entries = turn((0..=84).map(|i| sense * 0.72 * (f64::from(i) * 500.0 / 84.0).round()), true);
-            for asd in [4, 7, 12, 14, 21, 28, 42] {
-                let expected: Vec<u32> = (0..=84).step_by(84 / asd as usize).collect();
-                assert_eq!(views(&entries, 84, asd).unwrap(), expected);
-            }
-        }
-        assert_eq!(views(&turn((0..84).map(|i| f64::from(i) * 4.32), false), 84, 4).unwrap(), [0, 21, 42, 63]);
-    }
-
-    #[test]
-    fn what_is_no_even_subset_is_refused_with_the_ways_out() {
-        let entries = turn((0..12).map(|i| f64::from(i) * 30.0), false);
-        for asd in [0, 1, 2, 5, 24] {
-            assert!(views(&entries, 12, asd).unwrap_err().contains("possible are 3, 4, 6, 12"));
-        }
-        let half = turn((0..12).map(|i| f64::from(i) * 15.0), false);
-        assert!(views(&half, 12, 4).unwrap_err().contains("no even subset"));
-    }
 }

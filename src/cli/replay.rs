@@ -8,11 +8,11 @@
 use super::stored::{self, Stored};
 use super::{measure, told};
 use crate::config::Config;
-use crate::export;
+use crate::session::numbers::{self, MESH};
+use crate::session::replays;
 use anyhow::{Context, ensure};
-use carved_core::surface::Mesh;
-use carved_records::{Method, Mode, is_plain_name};
-use carved_store::{MEASUREMENT, RecordingReader, ReplayWriter, RunRecord, durable};
+use carved_records::{Method, is_plain_name};
+use carved_store::{MEASUREMENT, RecordingReader, ReplayWriter, RunRecord};
 use std::path::{Component, Path, PathBuf};
 
 #[derive(Debug, clap::Args)]
@@ -84,9 +84,7 @@ pub(super) fn method(name: &str, config: Option<&Path>) -> anyhow::Result<(Strin
     }
     let file = Path::new(name);
     let text = carved_files::read_to_string(file).with_context(|| format!("{name}: no file of a method; a name needs --config"))?;
-    let method: Method = toml::from_str(&text).with_context(|| format!("{name}: not the keys of a method"))?;
-    let wrong = method.check();
-    ensure!(wrong.is_empty(), "{name}: {} value(s) cannot be used:\n  {}", wrong.len(), wrong.join("\n  "));
+    let method = replays::method(&text).with_context(|| name.to_owned())?;
     let stem = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     ensure!(is_plain_name(&stem), "{name}: its results would be named {stem:?}: use letters, digits, '-', '_' or '.', the first not a '.'");
     Ok((stem, method))
@@ -96,20 +94,20 @@ pub(super) fn method(name: &str, config: Option<&Path>) -> anyhow::Result<(Strin
 fn again(folder: &Path) -> anyhow::Result<String> {
     let reader = RecordingReader::open(folder)?;
     let (mesh, file) = measure::compute(&reader, &reader.recording().method)?;
-    let numbers = stored::compare(reader.files(), &file)?;
+    let compared = stored::compare(reader.files(), &file)?;
     let surface = match reader.files().read(MESH)? {
-        Some(stored) if stored == ply(&mesh, file.mode)? => "identical",
+        Some(stored) if stored == numbers::ply(&mesh, file.mode)? => "identical",
         Some(_) => DIFFERS,
         None => "none",
     };
-    Ok(match (&numbers, surface) {
+    Ok(match (&compared, surface) {
         (Stored::None, _) => "no numbers are stored to compare with".into(),
         (Stored::Differs { at }, _) => format!("{DIFFERS}: {MEASUREMENT} at {at}"),
-        (_, DIFFERS) => format!("{DIFFERS}: {MESH} ({MEASUREMENT} is {numbers})"),
+        (_, DIFFERS) => format!("{DIFFERS}: {MESH} ({MEASUREMENT} is {compared})"),
         (Stored::Identical, "none") => format!("identical, bit for bit ({MEASUREMENT}; no {MESH} is stored)"),
         (Stored::Identical, _) => format!("identical, bit for bit ({MEASUREMENT}, {MESH})"),
-        (Stored::Same { .. }, "none") => format!("{numbers} ({MEASUREMENT}; no {MESH} is stored)"),
-        (Stored::Same { .. }, _) => format!("{numbers} ({MEASUREMENT}; {MESH} is identical)"),
+        (Stored::Same { .. }, "none") => format!("{compared} ({MEASUREMENT}; no {MESH} is stored)"),
+        (Stored::Same { .. }, _) => format!("{compared} ({MEASUREMENT}; {MESH} is identical)"),
     })
 }
 
@@ -117,23 +115,9 @@ fn again(folder: &Path) -> anyhow::Result<String> {
 fn by(folder: &Path, name: &str, method: &Method) -> anyhow::Result<String> {
     let reader = RecordingReader::open(folder)?;
     let (mesh, file) = measure::compute(&reader, method)?;
-    let writer = ReplayWriter::new(reader.folder(), name);
-    let numbers = durable::json_text(Path::new(MEASUREMENT), &file)?;
-    let found = if writer.is_there(method, &numbers)? {
-        "identical, bit for bit, to what is there"
-    } else {
-        writer.write(method, None, &[(MEASUREMENT, numbers), (MESH, ply(&mesh, file.mode)?)])?;
-        "written"
-    };
+    let found =
+        if numbers::keep_beside(&reader, name, method, &mesh, &file)? { "written" } else { "identical, bit for bit, to what is there" };
+    let folder = ReplayWriter::new(reader.folder(), name);
     let m = &file.record.measurement;
-    Ok(format!("{}: {found} (volume {:.4e} um^3, area {:.4e} um^2)", writer.folder().display(), m.volume_um3, m.area_um2))
-}
-
-const MESH: &str = "mesh.ply";
-
-/// The mesh as a run writes it.
-fn ply(mesh: &Mesh, mode: Mode) -> anyhow::Result<Vec<u8>> {
-    let mut bytes = Vec::new();
-    export::write_ply(mesh, if mode == Mode::Simulated { "um (simulated)" } else { "um" }, &mut bytes)?;
-    Ok(bytes)
+    Ok(format!("{}: {found} (volume {:.4e} um^3, area {:.4e} um^2)", folder.folder().display(), m.volume_um3, m.area_um2))
 }

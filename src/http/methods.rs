@@ -16,5 +16,5 @@ pub(super) struct Methods {
 /// The methods of this instrument's configuration. They do not change while the daemon lives.
 #[utoipa::path(get, path = "/v1/methods", tag = "status", responses((status = 200, description = "All of them", body = Methods)))]
 pub(super) async fn get(State(app): State<AppState>) -> Json<Methods> {
-    Json(Methods { methods: app.session.methods().to_vec() })
+    Json(Methods { methods: app.session.methods().iter().map(|(name, method)| MethodOffer::new(name, method)).collect() })
 }

@@ -41,6 +41,7 @@ pub use serve::{HttpError, bind, serve, serve_routes};
 
 use crate::config::{Guard, HttpSettings};
 use crate::session::SessionHandle;
+use crate::session::replays::Replays;
 use axum::body::Bytes;
 use axum::extract::Request;
 use axum::http::header::{self, HeaderName};
@@ -56,6 +57,8 @@ use tokio::sync::{Semaphore, watch};
 /// The state that all handlers share.
 struct App {
     session: SessionHandle,
+    /// Wells that are measured again.
+    replays: Arc<Replays>,
     reader: StoreReader,
     /// Slots for requests that read the disk.
     reading: Semaphore,
@@ -82,11 +85,19 @@ async fn closed(mut closing: watch::Receiver<bool>) {
     let _ended = closing.wait_for(|closing| *closing).await;
 }
 
-fn router(session: SessionHandle, reader: StoreReader, settings: &HttpSettings, guard: Guard, closing: watch::Receiver<bool>) -> Router {
+fn router(
+    session: SessionHandle,
+    replays: Arc<Replays>,
+    reader: StoreReader,
+    settings: &HttpSettings,
+    guard: Guard,
+    closing: watch::Receiver<bool>,
+) -> Router {
     let (routes, contract) = openapi::routes().split_for_parts();
     let contract = openapi::complete(&contract);
     let app = Arc::new(App {
         session,
+        replays,
         reader,
         reading: Semaphore::new(results::AT_A_TIME),
         downloading: Arc::new(Semaphore::new(results::DOWNLOADS)),

@@ -9,13 +9,15 @@ mod download;
 mod files;
 mod gates;
 mod picture;
+mod replays;
 pub(super) mod statistics;
 pub(super) mod tables;
 
 pub(super) use download::{__path_events, __path_run_files, DOWNLOADS, events, run_files};
 use files::DETECTION;
-pub(super) use files::{__path_mesh, __path_model, __path_profile, __path_view, mesh, model, profile, view};
+pub(super) use files::{__path_coloured, __path_mesh, __path_model, __path_profile, __path_view, coloured, mesh, model, profile, view};
 pub(super) use gates::{__path_bead_gates, bead_gates};
+pub(super) use replays::{__path_replay, __path_replays, replay, replays};
 
 use super::conditional;
 use super::problem::Problem;
@@ -199,6 +201,8 @@ pub(super) struct SpecimenDetail {
 pub(super) struct Links {
     mesh_ply: Option<String>,
     mesh_glb: Option<String>,
+    /// The model with the colours of the frames; `null` where surface, numbers or frames are missing.
+    coloured_glb: Option<String>,
     /// The frame on which the well was judged.
     detection: Option<String>,
     views: Vec<String>,
@@ -355,6 +359,9 @@ pub(super) async fn specimen(
             SpecimenFile::View(i) => links.views.push(format!("{base}/views/{i}.png{which}")),
             SpecimenFile::Profile(i) => links.profiles.push(format!("{base}/profiles/{i}.png{which}")),
         }
+    }
+    if attempt == 0 && links.mesh_ply.is_some() && stored.measurement.is_some() && !links.views.is_empty() {
+        links.coloured_glb = Some(format!("{base}/coloured.glb"));
     }
     let detail = SpecimenDetail {
         run,

@@ -11,6 +11,7 @@ use super::pace::Peer;
 use super::{closed, router};
 use crate::config::{Guard, HttpSettings, HttpSettingsError};
 use crate::session::SessionHandle;
+use crate::session::replays::Replays;
 use axum::Router;
 use carved_store::StoreReader;
 use hyper::Request;
@@ -64,8 +65,12 @@ pub async fn serve(
     settings: HttpSettings,
     shutdown: impl Future<Output = ()>,
 ) -> Result<(), HttpError> {
-    let routes = |guard, closing| router(session, reader, &settings, guard, closing);
-    serve_routes(listener, &settings, routes, shutdown).await
+    let replays = Replays::new(session.clone());
+    let of_routes = replays.clone();
+    let routes = |guard, closing| router(session, of_routes, reader, &settings, guard, closing);
+    let served = serve_routes(listener, &settings, routes, shutdown).await;
+    replays.end().await;
+    served
 }
 
 /// As [`serve`], for other routes. `routes` gets the access rules, and what becomes true when the server must end.

@@ -3,11 +3,12 @@
 
 use super::halt::Halt;
 use super::tally::Tally;
-use super::{Check, MethodOffer, State, Status};
+use super::{Check, State, Status};
 use crate::api::{HandoffNeeds, RunOutcome};
 use crate::notify::Notices;
-use carved_records::{Event, FieldError, Handoff, HandoffEnd, RunPlan};
+use carved_records::{Event, FieldError, Handoff, HandoffEnd, Method, RunPlan};
 use carved_store::{StoreError, size};
+use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 use tokio::sync::{broadcast, mpsc, oneshot, watch};
@@ -168,7 +169,7 @@ pub struct SessionHandle {
     events: Arc<EventLog>,
     halt: Halt,
     booted: Instant,
-    methods: Arc<[MethodOffer]>,
+    methods: Arc<BTreeMap<String, Method>>,
     notices: Option<Notices>,
 }
 
@@ -196,13 +197,20 @@ impl SessionHandle {
         newer.map_or_else(|_| self.status(), |s| self.stamp(&s))
     }
 
-    /// Sets the methods that a run may name.
-    #[must_use]
-    pub fn offering(self, methods: impl IntoIterator<Item = MethodOffer>) -> Self {
-        Self { methods: methods.into_iter().collect(), ..self }
+    /// Waits until the status is so, or the driver has ended.
+    pub(super) async fn until(&self, is_so: impl FnMut(&Status) -> bool) {
+        let (mut status, mut is_so) = (self.status.clone(), is_so);
+        let _ended = status.wait_for(|status| is_so(status)).await;
     }
 
-    pub fn methods(&self) -> &[MethodOffer] {
+    /// Sets the methods that a run may name.
+    #[must_use]
+    pub fn offering(self, methods: BTreeMap<String, Method>) -> Self {
+        Self { methods: methods.into(), ..self }
+    }
+
+    /// The methods that a run may name.
+    pub fn methods(&self) -> &BTreeMap<String, Method> {
         &self.methods
     }
 

@@ -17,9 +17,11 @@ pub mod numbers;
 mod offer;
 mod placing;
 mod preflight;
+pub mod replays;
 mod search;
 mod sentence;
 mod state;
+mod subset;
 mod tally;
 mod worker;
 
@@ -31,6 +33,6 @@ pub use tally::Tally;
 pub use worker::Instrument;
 
 use crate::api::{
-    CameraStatus, Check, HardwareStatus, Hold, MethodOffer, OutputStatus, Pending, Plate, RotationStatus, RunStatus, SpecimenStatus, State,
-    Status, TranslationStatus,
+    CameraStatus, Check, HardwareStatus, Hold, OutputStatus, Pending, Plate, RotationStatus, RunStatus, SpecimenStatus, State, Status,
+    TranslationStatus,
 };

@@ -6,13 +6,14 @@
 //! ```
 
 use super::live;
+use super::subset::{SubsetError, subset};
 use crate::export;
-use carved_core::geometry::Projection;
 use carved_core::pipeline::{Finished, Pipeline, PipelineError, SegmentedFrame};
+use carved_core::profile::Picture;
 use carved_core::reconstruction::HullModel;
-use carved_core::surface::Mesh;
+use carved_core::surface::{Colours, Mesh};
 use carved_records::{LedgerEntry, Method, Mode, ReferenceStatus, SpecimenKind, SpecimenOutcome, WellStatus};
-use carved_store::{self, MEASUREMENT, MeasurementFile, Recording, RecordingReader, RecordingWriter, StoreError};
+use carved_store::{self, MEASUREMENT, MeasurementFile, Recording, RecordingReader, RecordingWriter, ReplayWriter, StoreError, durable};
 use rayon::prelude::*;
 use std::path::Path;
 use std::sync::Arc;
@@ -24,10 +25,26 @@ pub enum NumbersError {
     Store(#[from] StoreError),
     #[error(transparent)]
     Pipeline(#[from] PipelineError),
+    #[error(transparent)]
+    Subset(#[from] SubsetError),
+    /// The caller of the computation ended it.
+    #[error("the computation was cancelled")]
+    Cancelled,
+}
+
+/// The views of a finished recording that this method measures: all captured ones, or an even subset if the method asks for fewer.
+///
+/// # Errors
+/// A recording that is not finished, or views of which the method's number do not stand evenly around the turn.
+pub fn entries<'a>(reader: &'a RecordingReader, method: &Method) -> Result<Vec<&'a LedgerEntry>, NumbersError> {
+    reader.require_finished()?;
+    let captured = reader.recording().method.asd;
+    let counted: Vec<&LedgerEntry> = reader.recording().ledger.counted().collect();
+    Ok(if method.asd == captured { counted } else { subset(&counted, captured, method.asd)? })
 }
 
 /// Surface and numbers of these views of a recording by this method. They are bit-identical to those of a live run. `looked` is called with
-/// each view and its segmented frame, from several threads.
+/// each view and its segmented frame, from several threads. An error of it ends the computation.
 ///
 /// # Errors
 /// A frame is missing or differs from its record, or the pipeline gives no number.
@@ -35,7 +52,7 @@ pub fn of_recording(
     reader: &RecordingReader,
     method: &Method,
     entries: &[&LedgerEntry],
-    looked: impl Fn(&LedgerEntry, &SegmentedFrame) + Sync,
+    looked: impl Fn(&LedgerEntry, &SegmentedFrame) -> Result<(), NumbersError> + Sync,
 ) -> Result<(Mesh, MeasurementFile), NumbersError> {
     with_hull(reader, method, entries, looked).map(|found| (found.mesh, found.file))
 }
@@ -48,11 +65,9 @@ pub struct Computed {
     pub file: MeasurementFile,
     /// The voxels that were counted.
     pub hull: HullModel,
-    /// Number and calibrated projection of each view that was carved.
-    pub projections: Vec<(u32, Projection)>,
 }
 
-/// As [`of_recording`], with the voxels and the cameras that the numbers come from.
+/// As [`of_recording`], with the voxels that were counted.
 ///
 /// # Errors
 /// As [`of_recording`].
@@ -60,7 +75,7 @@ pub fn with_hull(
     reader: &RecordingReader,
     method: &Method,
     entries: &[&LedgerEntry],
-    looked: impl Fn(&LedgerEntry, &SegmentedFrame) + Sync,
+    looked: impl Fn(&LedgerEntry, &SegmentedFrame) -> Result<(), NumbersError> + Sync,
 ) -> Result<Computed, NumbersError> {
     let recording = reader.recording();
     let sphere = recording.specimen.specimen == SpecimenKind::Bead;
@@ -68,7 +83,7 @@ pub fn with_hull(
     let mut pipeline = Pipeline::new(settings.compared_with(reader.empty_capillary()?.as_ref())?)?;
     let look = |entry: &LedgerEntry| {
         let seen = pipeline.look(&reader.frame(entry)?)?;
-        looked(entry, &seen);
+        looked(entry, &seen)?;
         Ok::<_, NumbersError>(seen)
     };
     // Look at all frames before any is judged, so that the reported error is always the first one of the turn, on any number of threads.
@@ -83,7 +98,7 @@ pub fn with_hull(
     if recording.ended_after_views.is_some() {
         pipeline.end_early()?;
     }
-    let Finished { mesh, record, hull, projections } = pipeline.finish_with_hull()?;
+    let Finished { mesh, record, hull } = pipeline.finish_with_hull()?;
     let mut fluorescence = None;
     if let Some(second) = &recording.rig.second {
         let mut frames = Vec::new();
@@ -95,7 +110,7 @@ pub fn with_hull(
     }
     let as_if = Recording { method: method.clone(), ..recording.clone() };
     let file = MeasurementFile { fluorescence, ..MeasurementFile::new(&as_if, &reader.references()?, record) };
-    Ok(Computed { mesh, file, hull, projections })
+    Ok(Computed { mesh, file, hull })
 }
 
 /// Writes the files of a measured specimen. Returns the model for the page.
@@ -103,16 +118,60 @@ pub fn with_hull(
 /// # Errors
 /// A file cannot be written.
 pub fn keep(writer: &mut RecordingWriter, mesh: &Mesh, file: &MeasurementFile) -> Result<Option<Arc<Vec<u8>>>, StoreError> {
-    let mut ply = Vec::new();
-    let unit = if file.mode == Mode::Simulated { "um (simulated)" } else { "um" };
-    export::write_ply(mesh, unit, &mut ply).map_err(StoreError::io("encode", Path::new("mesh.ply")))?;
-    writer.add_file("mesh.ply", &ply)?;
+    writer.add_file(MESH, &ply(mesh, file.mode)?)?;
     let model = live::model(mesh);
     if let Some(glb) = &model {
         writer.add_file("model.glb", glb)?;
     }
     writer.add_json(MEASUREMENT, file)?;
     Ok(model)
+}
+
+/// Name of the file with a specimen's surface.
+pub const MESH: &str = "mesh.ply";
+
+/// The surface as a run writes it.
+///
+/// # Errors
+/// It cannot be encoded.
+pub fn ply(mesh: &Mesh, mode: Mode) -> Result<Vec<u8>, StoreError> {
+    let mut bytes = Vec::new();
+    let unit = if mode == Mode::Simulated { "um (simulated)" } else { "um" };
+    export::write_ply(mesh, unit, &mut bytes).map_err(StoreError::io("encode", Path::new(MESH)))?;
+    Ok(bytes)
+}
+
+/// Writes the numbers by another method beside the stored ones, which are not changed. `name` is that of the method, and of the results.
+/// Returns false if they are there already.
+///
+/// # Errors
+/// Results of another method, or other numbers, have this name. A file cannot be written.
+pub fn keep_beside(reader: &RecordingReader, name: &str, method: &Method, mesh: &Mesh, file: &MeasurementFile) -> Result<bool, StoreError> {
+    let writer = ReplayWriter::new(reader.folder(), name);
+    let numbers = durable::json_text(Path::new(MEASUREMENT), file)?;
+    if writer.is_there(method, &numbers)? {
+        return Ok(false);
+    }
+    writer.write(method, None, &[(MEASUREMENT, numbers), (MESH, ply(mesh, file.mode)?)])?;
+    Ok(true)
+}
+
+/// The colour of each vertex of a surface in um, blended from the frames of the views that were carved with these numbers. Grey for a
+/// vertex that no frame shows.
+///
+/// # Errors
+/// A frame is missing or differs from its record.
+pub fn colours(reader: &RecordingReader, file: &MeasurementFile, mesh: &Mesh) -> Result<Vec<[f64; 3]>, StoreError> {
+    let projections = file.record.projections(&reader.recording().rig.camera);
+    let mut colours = Colours::new(mesh);
+    let mut entries: Vec<&LedgerEntry> = reader.recording().ledger.carved().collect();
+    entries.sort_by_key(|entry| entry.view);
+    for entry in entries {
+        if let Some((_, projection)) = projections.iter().find(|(view, _)| *view == entry.view) {
+            colours.add(projection, &Picture::from_frame(&reader.frame(entry)?));
+        }
+    }
+    Ok(colours.finish().into_iter().map(|colour| colour.unwrap_or([128.0; 3])).collect())
 }
 
 /// Ends a well with its numbers.

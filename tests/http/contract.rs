@@ -44,10 +44,12 @@ fn the_contract_names_every_route_and_leads_nowhere_into_the_void() {
         "get /v1/runs/{run_id}",
         "get /v1/runs/{run_id}/events",
         "get /v1/runs/{run_id}/files.tar",
+        "get /v1/runs/{run_id}/replays",
         "get /v1/runs/{run_id}/shape.csv",
         "get /v1/runs/{run_id}/statistics",
         "get /v1/runs/{run_id}/table.csv",
         "get /v1/runs/{run_id}/specimens/{well}",
+        "get /v1/runs/{run_id}/specimens/{well}/coloured.glb",
         "get /v1/runs/{run_id}/specimens/{well}/mesh.glb",
         "get /v1/runs/{run_id}/specimens/{well}/mesh.ply",
         "get /v1/runs/{run_id}/specimens/{well}/profiles/{view}",
@@ -68,6 +70,7 @@ fn the_contract_names_every_route_and_leads_nowhere_into_the_void() {
         "put /v1/plate/handoff/aborted",
         "put /v1/plate/handoff/completed",
         "put /v1/runs/{run_id}",
+        "put /v1/runs/{run_id}/replays/{name}",
         "put /v1/runs/{run_id}/wells/{well}",
     ];
     expected.sort_unstable();

@@ -14,6 +14,7 @@ mod limits;
 mod openapi_file;
 mod plate_maps;
 mod reading;
+mod replays;
 mod results;
 mod rig;
 mod wire;

@@ -1,13 +1,13 @@
 //! A running server, and the driver at its other end, which the tests control.
 
 use crate::wire::{self, Answer};
-use carved::api::{Check, HandoffNeeds, HardwareStatus, InstrumentIdentity, MethodOffer, Mode, Pending, Plate, State, Status};
+use carved::api::{Check, HandoffNeeds, HardwareStatus, InstrumentIdentity, Mode, Pending, Plate, State, Status};
 use carved::config::HttpSettings;
 use carved::http::{HttpError, bind, serve};
 use carved::session::{Accepted, Command, Publisher, Refusal, channel};
-use carved_records::{Event, EventBody, EventData, RunPlan, ViewOrder, ViewTaken};
+use carved_records::{Event, EventBody, EventData, Method, RunPlan, ViewTaken};
 use carved_store::StoreReader;
-use serde_json::Value;
+use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::sync::{Arc, Mutex};
@@ -21,8 +21,11 @@ pub const BOOT: &str = "boot-7f";
 pub const PLAN: &str =
     r#"{"plate_barcode": "P-1", "method": "standard", "operator": "kim", "plate_map": [{"well": "A01", "dpf": 3}, {"well": "A02"}]}"#;
 
-pub const METHOD: MethodOffer =
-    MethodOffer { name: String::new(), version: None, asd: 21, order: ViewOrder::CoarseToFine, epsilon: 0.05, voxel_um: 6.93 };
+/// The methods of this instrument.
+fn methods() -> BTreeMap<String, Method> {
+    let method = json!({"asd": 21, "order": "coarse_to_fine", "epsilon": 0.05, "voxel_um": 6.93});
+    BTreeMap::from([("standard".to_owned(), serde_json::from_value(method).unwrap())])
+}
 
 pub struct Rig {
     pub address: SocketAddr,
@@ -85,7 +88,7 @@ impl Rig {
     pub fn with(settings: HttpSettings, tail: Vec<Event>) -> Self {
         let runtime = Runtime::new().unwrap();
         let (session, mailbox, driver) = channel(status(), tail);
-        let session = session.offering([METHOD]);
+        let session = session.offering(methods());
         let (refusal, commands) = <(Arc<Mutex<Option<Refusal>>>, Arc<Mutex<Vec<String>>>)>::default();
         runtime.spawn(drive(mailbox, refusal.clone(), commands.clone()));
         let data = tempfile::tempdir().unwrap();
@@ -160,7 +163,7 @@ impl Rig {
 }
 
 async fn drive(mut mailbox: mpsc::Receiver<Command>, refusal: Arc<Mutex<Option<Refusal>>>, commands: Arc<Mutex<Vec<String>>>) {
-    let methods = BTreeMap::from([("standard".to_owned(), METHOD)]);
+    let methods = methods();
     let mut runs: BTreeMap<String, RunPlan> = BTreeMap::new();
     while let Some(command) = mailbox.recv().await {
         let refusal = refusal.lock().unwrap().clone();

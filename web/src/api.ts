@@ -10,9 +10,11 @@ import type {
   PlateMap,
   Preflight,
   Problem,
+  ReplayRequest,
   RunDetail,
   RunEvents,
   RunPlan,
+  RunReplays,
   Runs,
   Specimen,
   Statistics,
@@ -158,6 +160,19 @@ export async function fetchStatistics(run: string): Promise<Statistics> {
   const response = await ask(`/v1/runs/${encodeURIComponent(run)}/statistics`);
   if (!response.ok) throw await refusal(response);
   return (await response.json().catch(away)) as Statistics;
+}
+
+/** What other methods gave for the wells of a run, and how far measuring again has come. */
+export async function fetchReplays(run: string): Promise<RunReplays> {
+  const response = await ask(`/v1/runs/${encodeURIComponent(run)}/replays`);
+  if (!response.ok) throw await refusal(response);
+  return (await response.json().catch(away)) as RunReplays;
+}
+
+/** Has wells of a run measured again. `name` names the method and its results. */
+export async function measureAgain(run: string, name: string, body: ReplayRequest): Promise<RunReplays> {
+  const path = `/v1/runs/${encodeURIComponent(run)}/replays/${encodeURIComponent(name)}`;
+  return (await (await sendJson("PUT", path, body)).json().catch(away)) as RunReplays;
 }
 
 /** The bead gates of the instrument, oldest first. */

@@ -250,6 +250,7 @@ export interface Light {
 }
 
 export interface Links {
+  coloured_glb: string | null;
   detection: string | null;
   mesh_glb: string | null;
   mesh_ply: string | null;
@@ -376,6 +377,32 @@ export interface ReferenceStatus {
   volume: PlaceStatus;
 }
 
+export interface ReplayFailed {
+  reason: string;
+  well: string;
+}
+
+export interface ReplayProgress {
+  done: number;
+  failed: ReplayFailed[];
+  name: string;
+  waits: boolean;
+  wells: number;
+}
+
+export interface ReplayRequest {
+  settings?: string | null;
+  wells?: string[];
+}
+
+export interface ReplayedWell {
+  method_settings: unknown;
+  name: string;
+  replayed: string;
+  result: WellStatus;
+  software_version: string;
+}
+
 export interface RotationStatus {
   can_stop: boolean | null;
   connected: boolean;
@@ -428,6 +455,11 @@ export interface RunPlan {
   plate_barcode: string;
   plate_format?: number | null;
   plate_map: PlannedWell[];
+}
+
+export interface RunReplays {
+  progress: ReplayProgress | null;
+  results: ReplayedWell[];
 }
 
 export interface RunRow {

@@ -61,6 +61,7 @@ export class WellFiles {
     const files: [string | null | undefined, string, string][] = [
       [links.mesh_ply, `${of}.ply`, "Surface (PLY)"],
       [links.mesh_glb, `${of}.glb`, "Model (GLB)"],
+      [links.coloured_glb, `${of}-coloured.glb`, "Model with the colours of the frames (GLB)"],
       [`/v1/runs/${encodeURIComponent(run)}/specimens/${well}`, `${of}.json`, "Record and numbers (JSON)"],
       [raw, `${of}-view-${this.#view}.png`, `Raw frame of view ${(this.#view ?? 0) + 1} (PNG)`],
     ];

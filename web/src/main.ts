@@ -4,6 +4,7 @@
 //                     └──> frame, model                                           (fetched when the revision or the subject changed)
 //                             └── live, or stored for the well that the operator chose: subject.ts
 
+import { AgainView } from "./again.ts";
 import { fetchRun } from "./api.ts";
 import { AttentionList } from "./attention.ts";
 import { BeadCharts } from "./beads.ts";
@@ -73,9 +74,11 @@ const log = new RunLog(byId);
 /** The volumes after each view of the instrument's run, and of a stored run that is shown instead. */
 const histories = { live: new VolumeHistory(), opened: new VolumeHistory() };
 const stored = new StoredSpecimens();
-const models = new StoredModels(stored);
+const models = new StoredModels(stored, (links) => links.mesh_glb);
+const colouredModels = new StoredModels(stored, (links) => links.coloured_glb);
 const standing = new StandingView(byId("standing"));
 const groups = new GroupsView(byId, choose);
+const again = new AgainView(byId);
 const files = new WellFiles(byId("well-files"));
 const frameParts = {
   heading: byId("frame-heading"),
@@ -132,8 +135,10 @@ function makeModel(): ModelView | null {
       bar: byId("scale-bar"),
       barLabel: byId("scale-label"),
       empty: byId("model-empty"),
+      coloured: byId<HTMLInputElement>("with-colours"),
+      colouredLabel: byId("with-colours-label"),
     };
-    const made = new ModelView(parts, models);
+    const made = new ModelView(parts, models, colouredModels);
     for (const button of document.querySelectorAll<HTMLButtonElement>("[data-look]")) {
       button.addEventListener("click", () => made.look(button.dataset["look"] as Look));
     }
@@ -219,6 +224,7 @@ function run(status: Status, detail: RunDetail | null): void {
   attention.update(wells);
   log.update(status.run, status.revision);
   groups.update(status.run);
+  again.update(status.run);
   byId("save-table").hidden = wells.every((w) => w.outcome === null);
   card.update(well, specimen, wells, well ? (history.of(well.well).hulls_um3.at(-1) ?? null) : null);
   chart.update(

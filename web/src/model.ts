@@ -8,6 +8,7 @@ import {
   DirectionalLight,
   HemisphereLight,
   Mesh,
+  MeshBasicMaterial,
   MeshStandardMaterial,
   OrthographicCamera,
   Scene,
@@ -46,6 +47,9 @@ const TARGET_BAR_PX = 140;
 
 export class ModelView {
   readonly #stored: StoredModels;
+  readonly #storedColoured: StoredModels;
+  readonly #coloured: HTMLInputElement;
+  readonly #colouredLabel: HTMLElement;
   readonly #heading: HTMLElement;
   readonly #box: HTMLElement;
   readonly #caption: HTMLElement;
@@ -57,7 +61,9 @@ export class ModelView {
   readonly #camera = new OrthographicCamera();
   readonly #controls: OrbitControls;
   readonly #material = new MeshStandardMaterial({ color: 0x6f9fb8, roughness: 0.62, metalness: 0 });
-  readonly #mesh = new Mesh<BufferGeometry, MeshStandardMaterial>(undefined, this.#material);
+  /** The frames have their light already. */
+  readonly #ofFrames = new MeshBasicMaterial({ vertexColors: true });
+  readonly #mesh = new Mesh<BufferGeometry, MeshStandardMaterial | MeshBasicMaterial>(undefined, this.#material);
   readonly #refresh = new Latest(() => this.#load());
   #extent: Box3 | null = null;
   #tag: string | null = null;
@@ -78,10 +84,17 @@ export class ModelView {
       bar: HTMLElement;
       barLabel: HTMLElement;
       empty: HTMLElement;
+      coloured: HTMLInputElement;
+      colouredLabel: HTMLElement;
     },
     stored: StoredModels,
+    storedColoured: StoredModels,
   ) {
     this.#stored = stored;
+    this.#storedColoured = storedColoured;
+    this.#coloured = root.coloured;
+    this.#colouredLabel = root.colouredLabel;
+    this.#coloured.addEventListener("change", () => void this.#refresh.ask());
     this.#heading = root.heading;
     this.#box = root.box;
     this.#caption = root.caption;
@@ -130,6 +143,7 @@ export class ModelView {
 
   async #load(): Promise<void> {
     const subject = this.#subject;
+    if (subject.kind !== "stored") show(this.#colouredLabel, false);
     if (subject.kind === "stored") return this.#loadStored(subject);
     this.#storedOf = "";
     if (subject.kind === "none") this.#clear(subject.words);
@@ -168,17 +182,21 @@ export class ModelView {
 
   async #readStored(one: StoredWell, key: string): Promise<void> {
     const { well } = one;
-    if (key !== this.#storedShown) {
-      const found = await this.#stored.of(one);
+    const hasColours = await this.#storedColoured.has(one);
+    show(this.#colouredLabel, hasColours);
+    const coloured = hasColours && this.#coloured.checked;
+    const now = `${key} ${coloured}`;
+    if (now !== this.#storedShown) {
+      const found = await (coloured ? this.#storedColoured : this.#stored).of(one);
       if (!found) {
         this.#clear(`No model of ${well} is kept.`);
         return;
       }
       this.#put(found);
       this.#tag = null;
-      this.#storedShown = key;
+      this.#storedShown = now;
     }
-    this.#describe(well, "as it was measured");
+    this.#describe(well, coloured ? "as it was measured, with the colours of its frames" : "as it was measured");
   }
 
   #put(geometry: BufferGeometry): void {
@@ -186,6 +204,7 @@ export class ModelView {
     geometry.computeBoundingBox();
     const old = this.#mesh.geometry;
     this.#mesh.geometry = geometry;
+    this.#mesh.material = geometry.hasAttribute("color") ? this.#ofFrames : this.#material;
     this.#mesh.visible = true;
     old.dispose();
     this.#extent = geometry.boundingBox!.clone();

@@ -54,10 +54,18 @@ export class StoredSpecimens {
 /** The models of stored wells. Only the newest is kept: it has some megabytes, and two views of the page use it at the same time. */
 export class StoredModels {
   readonly #specimens: StoredSpecimens;
+  readonly #link: (links: Specimen["links"]) => string | null | undefined;
   #newest: { key: string; model: Promise<BufferGeometry | null> } | null = null;
 
-  constructor(specimens: StoredSpecimens) {
+  constructor(specimens: StoredSpecimens, link: (links: Specimen["links"]) => string | null | undefined) {
     this.#specimens = specimens;
+    this.#link = link;
+  }
+
+  /** Whether there is a model. */
+  async has(one: StoredWell): Promise<boolean> {
+    const found = await this.#specimens.of(one);
+    return found !== null && Boolean(this.#link(found.links));
   }
 
   /** The model; null if none is stored. */
@@ -75,7 +83,8 @@ export class StoredModels {
   }
 
   async #read(one: StoredWell): Promise<BufferGeometry | null> {
-    const link = (await this.#specimens.of(one))?.links.mesh_glb;
+    const found = await this.#specimens.of(one);
+    const link = found && this.#link(found.links);
     return link ? parseGlb(await fetchFile(link)) : null;
   }
 }

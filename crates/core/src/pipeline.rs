@@ -256,8 +256,6 @@ pub struct Finished {
     pub record: SpecimenRecord,
     /// The voxels that were counted.
     pub hull: HullModel,
-    /// Number of each view that was carved, and its projection with the calibration of the turn, if there is one.
-    pub projections: Vec<(u32, Projection)>,
 }
 
 /// A specimen under reconstruction. Its numbers depend only on the newest take of each view and of the closure view, not on how
@@ -546,8 +544,7 @@ impl Pipeline {
             quality: Some(quality),
             flags,
         };
-        let projections = self.carved.iter().copied().zip(projections).collect();
-        Ok(Finished { mesh: model.mesh, record, hull, projections })
+        Ok(Finished { mesh: model.mesh, record, hull })
     }
 
     /// Compares the turn with the method's limits.
@@ -609,6 +606,24 @@ impl Pipeline {
                 record.overlap_percent = again.map(|[hull_um2, profile_um2]| 100.0 * hull_um2 / profile_um2);
             }
         }
+    }
+}
+
+impl SpecimenRecord {
+    /// Number of each view that counts in the model, and its projection with the calibration of the turn, if there is one. `given` is the
+    /// camera of the rig, with which a turn without calibration is measured.
+    pub fn projections(&self, given: &Camera) -> Vec<(u32, Projection)> {
+        let used = || self.views.iter().filter(|view| view.used);
+        // The angles are corrected around the view that is nearest to 0.
+        let first = used().map(|view| view.omega).min_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or(0.0);
+        let projection = |view: &ViewRecord| match &self.calibration {
+            None => given.projection(view.omega),
+            Some(found) => {
+                let camera = Camera { uy: found.psi.uy + view.dy_px.unwrap_or(0.0), ..found.psi.clone() };
+                camera.projection(first + found.rho * (view.omega - first))
+            }
+        };
+        used().map(|view| (view.index, projection(view))).collect()
     }
 }
 

@@ -8,7 +8,7 @@
 use super::gates::{self, GateFile};
 use super::index::{self, EventsAfter, RunRow, RunsQuery};
 use super::recording::{DETECTION, MEASUREMENT, RECORDING, frame_name};
-use super::{Receipt, RunFiles, RunRecord, StoreError, archive, attempts, durable, frames, run, sums};
+use super::{Receipt, RecordingReader, Replayed, RunFiles, RunRecord, StoreError, archive, attempts, durable, frames, replay, run, sums};
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_records::{Event, ViewTaken, WellStatus, is_plain_name, is_well, sha256_hex};
 use serde_json::Value;
@@ -203,6 +203,19 @@ impl StoreReader {
         let wrong =
             |e: serde_json::Error| StoreError::Format { path, expected: "a pixel format as `rig.pixel_format`", found: e.to_string() };
         format.map(Some).map_err(wrong)
+    }
+
+    /// The recording of the newest attempt at a well of a run. `None` if nothing was recorded.
+    ///
+    /// # Errors
+    /// A recording that cannot be read.
+    pub fn recording(&self, run: &str, well: &str) -> Result<Option<RecordingReader>, StoreError> {
+        self.specimen_folder(run, well, 0).map(|folder| RecordingReader::open(&folder)).transpose()
+    }
+
+    /// The results by other methods that are kept beside those of a well.
+    pub fn replays(&self, run: &str, well: &str) -> Vec<Replayed> {
+        self.specimen_folder(run, well, 0).map(|folder| replay::beside(&folder)).unwrap_or_default()
     }
 
     /// An attempt at a well of a run. Attempt 0 is the newest one. `None` if nothing was recorded.

@@ -8,6 +8,8 @@ use std::path::{Path, PathBuf};
 
 const SCHEMA: &str = "carved.replay/1";
 const FILE: &str = "replay.json";
+/// Folder in a recording.
+const FOLDER: &str = "replays";
 
 /// Content of `replay.json`.
 #[derive(Serialize, Deserialize)]
@@ -29,6 +31,8 @@ struct Replay {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Replayed {
     pub software: Software,
+    /// RFC 3339, UTC.
+    pub replayed: String,
     /// `None`: the recording's own method.
     pub method_name: Option<String>,
     pub method: Method,
@@ -48,11 +52,23 @@ impl Replayed {
         for name in [FILE, MEASUREMENT] {
             sums::check_one(folder, name)?;
         }
-        let Replay { software, method_name, method, .. } = schema::read(&folder.join(FILE), SCHEMA)?;
+        let Replay { software, replayed, method_name, method, .. } = schema::read(&folder.join(FILE), SCHEMA)?;
         let path = folder.join(MEASUREMENT);
         let measurement = carved_files::read(&path).map_err(StoreError::io("read", &path))?;
-        Ok(Some(Self { software, method_name, method, measurement }))
+        Ok(Some(Self { software, replayed, method_name, method, measurement }))
     }
+}
+
+/// The results of other methods beside those of a recording, by name. Results that cannot be read are logged and left out.
+pub(super) fn beside(recording: &Path) -> Vec<Replayed> {
+    let entries = std::fs::read_dir(recording.join(FOLDER)).into_iter().flatten().flatten();
+    let mut folders: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
+    folders.sort();
+    let read = |folder: &PathBuf| {
+        let unread = |error: &StoreError| tracing::warn!(%error, "results of another method are not read");
+        Replayed::read(folder).inspect_err(unread).ok().flatten()
+    };
+    folders.iter().filter_map(read).collect()
 }
 
 pub struct ReplayWriter {
@@ -63,7 +79,7 @@ pub struct ReplayWriter {
 impl ReplayWriter {
     /// A writer for results by the method of this (plain) name. `recording`: the recording's folder.
     pub fn new(recording: &Path, name: &str) -> Self {
-        Self { folder: recording.join("replays").join(name), method_name: Some(name.to_owned()) }
+        Self { folder: recording.join(FOLDER).join(name), method_name: Some(name.to_owned()) }
     }
 
     /// A writer for results in a folder outside the run, by a method of this name or by the recording's own.

@@ -6,14 +6,13 @@
 //!                                                      └─ surface with the colours of the frames ── glb --texture
 //! ```
 
-use super::{views, write};
+use super::write;
 use crate::cli::measure::compute_with_hull;
 use crate::cli::stored::{self, Stored};
 use crate::export::{Stand, Unit, read_ply, write_glb, write_nrrd, write_stl};
-use crate::session::numbers::Computed;
+use crate::session::numbers::{self, Computed};
 use anyhow::{Context, ensure};
-use carved_core::profile::Picture;
-use carved_core::surface::{Colours, Mesh};
+use carved_core::surface::Mesh;
 use carved_records::Mode;
 use carved_store::{Recording, RecordingReader};
 use serde_json::json;
@@ -104,7 +103,7 @@ pub fn glb(args: &GlbArgs) -> anyhow::Result<()> {
     let mut facts = facts(reader.recording());
     let (mesh, colours) = if args.texture {
         let found = computed(&reader, &mut facts)?;
-        let colours = colours(&reader, &found)?;
+        let colours = numbers::colours(&reader, &found.file, &found.mesh)?;
         (found.mesh, Some(colours))
     } else {
         (mesh(&reader)?, None)
@@ -156,17 +155,6 @@ fn computed(reader: &RecordingReader, facts: &mut Vec<(&'static str, String)>) -
     }
     facts.push(("stored_numbers", compared.to_string()));
     Ok(found)
-}
-
-/// The colour of each vertex, blended from the frames of the views that were carved. Grey for a vertex that no frame shows.
-fn colours(reader: &RecordingReader, found: &Computed) -> anyhow::Result<Vec<[f64; 3]>> {
-    let mut colours = Colours::new(&found.mesh);
-    for entry in views::by_number(reader) {
-        if let Some((_, projection)) = found.projections.iter().find(|(view, _)| *view == entry.view) {
-            colours.add(projection, &Picture::from_frame(&reader.frame(entry)?));
-        }
-    }
-    Ok(colours.finish().into_iter().map(|colour| colour.unwrap_or([128.0; 3])).collect())
 }
 
 /// What a file says about its specimen.

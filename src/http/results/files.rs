@@ -4,6 +4,7 @@ use super::{Attempt, picture, read, unknown_specimen};
 use crate::http::conditional;
 use crate::http::problem::Problem;
 use crate::http::{App, AppState};
+use crate::session::live;
 use axum::extract::rejection::{PathRejection, QueryRejection};
 use axum::extract::{Path, Query, State};
 use axum::http::{HeaderMap, StatusCode, header};
@@ -128,6 +129,33 @@ pub(in crate::http) async fn model(
 ) -> Result<Response, Problem> {
     let (Path(of), Query(which)) = (path?, which?);
     stored(&app, of, which.attempt, SpecimenFile::Model, "model/gltf-binary", &headers).await
+}
+
+/// The surface with the colours of the frames at its corners, um, to look at. It is made at each request, from the stored frames.
+#[utoipa::path(
+    get, path = "/v1/runs/{run_id}/specimens/{well}/coloured.glb", tag = "results",
+    params(("run_id" = String, Path), ("well" = String, Path, description = "`A01` to `AF48`")),
+    responses(
+        (status = 200, description = "Binary glTF", body = Vec<u8>, content_type = "model/gltf-binary"),
+        (status = 304, description = "The client has it"),
+        (status = 404, description = "No surface with numbers is stored", body = Problem, content_type = "application/problem+json"),
+    )
+)]
+pub(in crate::http) async fn coloured(State(app): State<AppState>, path: Named, headers: HeaderMap) -> Result<Response, Problem> {
+    let Path((run, well)) = path?;
+    let (r, w) = (run.clone(), well.clone());
+    let found = read(&app, move |store| Ok(store.recording(&r, &w)?.zip(store.file(&r, &w, 0, SpecimenFile::Mesh)?)));
+    let (reader, mesh) = found.await?.ok_or_else(|| unknown_specimen(&run, &well))?;
+    // The frames are of the same closed recording as the surface.
+    let tag = mesh.sha256().map(|hash| format!("\"{}-coloured\"", &hash[..hash.len().min(32)]));
+    let tag = tag.ok_or_else(|| unknown_specimen(&run, &well))?;
+    let answer = conditional::answer(&headers, &tag, || StatusCode::OK.into_response());
+    if answer.status() == StatusCode::NOT_MODIFIED {
+        return Ok(answer);
+    }
+    let glb = read(&app, move |_| live::coloured(&reader)).await?.ok_or_else(|| unknown_specimen(&run, &well))?;
+    let full = || ([(header::CONTENT_TYPE, "model/gltf-binary"), (header::CACHE_CONTROL, "no-cache")], glb).into_response();
+    Ok(conditional::answer(&headers, &tag, full))
 }
 
 /// The frame of a view, or the one on which the well was judged: `.png` as it came, `.jpg` in colour and scaled down, to look at.

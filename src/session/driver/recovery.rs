@@ -224,7 +224,7 @@ impl StoredNumbers {
             return Ok(Self { closed: true, ..found });
         }
         let entries: Vec<&LedgerEntry> = found.reader.recording().ledger.counted().collect();
-        match numbers::of_recording(&found.reader, &found.reader.recording().method, &entries, |_, _| ()) {
+        match numbers::of_recording(&found.reader, &found.reader.recording().method, &entries, |_, _| Ok(())) {
             Ok(made) => {
                 numbers::tell(&mut found.result, &made.1, asd);
                 found.numbers = Some(Box::new(made));

@@ -1,44 +1,27 @@
-// Runs of the real daemon from the empty plate map to the download: start, views with the outline of the model, stored runs, events; and
-// runs whose axis is lost.
+// A run of the real daemon from the empty plate map to the download: plate map with mistakes, start, hold, numbers, views with the outline of
+// the model, stored runs, events, and wells measured again by another method.
 
 import assert from "node:assert/strict";
 import { execFile } from "node:child_process";
-import { mkdtemp, readFile, rm } from "node:fs/promises";
+import { mkdtemp, readFile, rm, writeFile } from "node:fs/promises";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
 import { promisify } from "node:util";
-import type { Browser, Page } from "playwright-core";
-import { openBrowser, openPage, shoot } from "../support/browser.ts";
-import { BINARY, Daemon, RUN_MS } from "../support/daemon.ts";
+import type { Page } from "playwright-core";
+import { drawn, shoot } from "../support/browser.ts";
+import { BINARY, RUN_MS } from "../support/daemon.ts";
+import { opened, until } from "../support/opened.ts";
 
-let browser: Browser;
+const run = promisify(execFile);
 let folder: string;
 
 before(async () => {
-  browser = await openBrowser();
   folder = await mkdtemp(join(tmpdir(), "carved-runs-"));
 });
 after(async () => {
-  await browser?.close();
   await rm(folder, { recursive: true, force: true });
 });
-
-async function opened(
-  t: { after: (end: () => Promise<unknown>) => void },
-  timeScale: number,
-  more: readonly string[] = [],
-): Promise<{ daemon: Daemon; page: Page; complaints: string[] }> {
-  const daemon = await Daemon.start(BINARY, timeScale, ["--no-demo", ...more]);
-  t.after(() => daemon.stop());
-  const { page, complaints } = await openPage(browser);
-  t.after(() => page.context().close());
-  await page.goto(daemon.url);
-  await page.locator("#link", { hasText: /^Live$/ }).waitFor();
-  return { daemon, page, complaints };
-}
-
-const until = (page: Page, id: string, wanted: RegExp) => page.locator(`#${id}`).filter({ hasText: wanted }).waitFor();
 
 /** Share of the model's outline that is within `near` px of the outline of the profile or of a fin, in the view on screen. */
 async function fit(page: Page, near: number): Promise<number> {
@@ -62,8 +45,29 @@ async function fit(page: Page, near: number): Promise<number> {
   }, near);
 }
 
-test("a run from the empty plate map to the download of all its files", { timeout: 2 * RUN_MS }, async (t) => {
+/** Share of the drawn model that is dark. */
+async function darkShare(page: Page): Promise<number> {
+  const picture = (await page.locator("#model-box canvas").screenshot()).toString("base64");
+  return page.evaluate(async (base64) => {
+    const image = new Image();
+    image.src = `data:image/png;base64,${base64}`;
+    await image.decode();
+    const canvas = new OffscreenCanvas(image.naturalWidth, image.naturalHeight).getContext("2d")!;
+    canvas.drawImage(image, 0, 0);
+    const { data } = canvas.getImageData(0, 0, image.naturalWidth, image.naturalHeight);
+    const light = [...Array(data.length / 4).keys()].map((i) => data[4 * i]! + data[4 * i + 1]! + data[4 * i + 2]!);
+    const background = light[0]!;
+    const body = light.filter((value) => Math.abs(value - background) > 60);
+    return body.filter((value) => value < 150).length / body.length;
+  }, picture);
+}
+
+/** A method of seven views and large voxels, which is soon computed. */
+const COARSE = 'asd = 7\norder = "sequential"\nepsilon = 0.05\nvoxel_um = 14.0\n';
+
+test("a run from the empty plate map to the download of all its files", { timeout: 3 * RUN_MS }, async (t) => {
   const { daemon, page, complaints } = await opened(t, 20);
+  await until(page, "new-run-missing", /^Still needed: a plate map, the plate's barcode, your name\.$/);
   // The template of a plate is a plate map without mistakes.
   await page.locator("#plate-format").selectOption("6");
   const download = page.waitForEvent("download");
@@ -75,11 +79,19 @@ test("a run from the empty plate map to the download of all its files", { timeou
   await page.locator('#plan-plate[data-wells="6"]').waitFor();
 
   // The run itself has two wells of a plate of 24.
-  const map = "well,specimen,dpf,compound,control\nD06,bead,,,\nA01,larva,3,DMSO,negative\n";
-  await page.getByLabel("Plate map").setInputFiles({ name: "map.csv", mimeType: "text/csv", buffer: Buffer.from(map) });
+  const map = (text: string) => ({ name: "map.csv", mimeType: "text/csv", buffer: Buffer.from(text) });
+  await page.getByLabel("Plate map").setInputFiles(map("well,dpf,colour\nZZ9,3,red\nA02,old,\n"));
+  await until(page, "new-run-words", /^map\.csv cannot be used: 2 mistakes\.$/);
+  const wells = "D06,bead,,,,,red\nA01,larva,3,ABxTL,DMSO,negative,\n";
+  const columns = "well,specimen,dpf,strain,compound,control,colour\n";
+  await page.getByLabel("Plate map").setInputFiles(map(columns + wells));
   await until(page, "plate-holds", /^2 wells: 1 larva of 3 dpf, 1 bead\.$/);
-  await page.getByLabel("Plate barcode").fill("P-24");
+  await until(page, "new-run-list", /colour: carved does not read this column and keeps it/);
   await page.getByLabel("Operator").fill("Kim");
+  await page.getByLabel("Plate barcode").fill("P/24 b");
+  await until(page, "barcode-words", /^A barcode has letters, digits/);
+  assert.equal(await page.locator("#start").isDisabled(), true);
+  await page.getByLabel("Plate barcode").fill("P-24");
   await page.getByLabel("Run name").fill("small");
   await page.getByRole("button", { name: "Start", exact: true }).click();
   // D06 is not on a plate of 6 wells.
@@ -96,8 +108,31 @@ test("a run from the empty plate map to the download of all its files", { timeou
     );
   await shoot(page, "runs-preflight");
   await page.getByRole("button", { name: "Start", exact: true }).click();
-  const ended = await daemon.follow((s) => s.run?.id === "small" && s.run.outcome !== null);
+
+  // Held in the first well, it waits after it.
+  await daemon.follow((s) => s.run?.id === "small" && (s.specimen?.view ?? 0) > 3);
+  await page.getByRole("button", { name: "Hold", exact: true }).click();
+  const held = await daemon.follow((s) => s.state === "Held");
+  assert.deepEqual([held.run!.hold!.code, held.run!.hold!.next_command], ["operator", "unhold"]);
+  await until(page, "sentence", /^Let the run go on when you are ready\.$/);
+  await until(page, "diagnosis", /^Held because: An operator asked for it\.$/);
+  // Ring, numbers and pictures are of one well.
+  const ring = await page.locator('#plate [aria-pressed="true"]').getAttribute("data-well");
+  await until(page, "well-heading", new RegExp(`^Well ${ring}$`));
+  await until(page, "frame-heading", new RegExp(`^Frame of ${ring}$`));
+  await shoot(page, "runs-held");
+  await page.locator("#unhold").click();
+  const ended = await daemon.follow((s) => {
+    // Two thirds of a turn in sequence are views from enough sides: what is missing then is time.
+    const { view, views_planned, volume_wait } = s.specimen ?? { view: 0, views_planned: 0, volume_wait: null };
+    assert.ok(view < (2 / 3) * views_planned || volume_wait !== "views", `${view} of ${views_planned}`);
+    return s.run?.outcome != null;
+  });
   assert.equal(ended.run!.outcome, "succeeded", daemon.log);
+  const larva = ended.run!.results[1]!;
+  // The map gave the strain, which is that of the references.
+  const mismatches = [larva.reference!.volume, larva.reference!.area].flatMap((place) => place.mismatches).join();
+  assert.doesNotMatch(mismatches, /strain/);
 
   // Found in the list, and opened.
   await page.getByText("All runs").click();
@@ -137,6 +172,22 @@ test("a run from the empty plate map to the download of all its files", { timeou
     [...document.querySelectorAll<HTMLImageElement>("#views-list img")].every((image) => image.naturalWidth > 0),
   );
   await page.locator("#standing svg").waitFor();
+  const card = page.locator('#well-body dl[data-well="A01"]');
+  await card.locator('[data-number="volume"]').waitFor();
+  assert.equal(await card.locator('[data-number="field-volume"]').isVisible(), false, "one volume is reported");
+  await card.getByText("Other volumes, and why they differ").click();
+  await card.locator('[data-number="field-volume"]', { hasText: /The surface that is drawn/ }).waitFor();
+  await card.locator('[data-number="hull-volume"]', { hasText: /The live hull/ }).waitFor();
+  await until(page, "chart-caption", /^A01: reported [\d.]+ ± [\d.]+.nL \(± 1 SD\)\.$/);
+
+  // The model with the colours of the frames: eyes and pigment are dark, which the plain model is nowhere.
+  const canvas = page.locator("#model-box canvas");
+  const plain = await darkShare(page);
+  await page.getByLabel("Colours of the frames").check();
+  await until(page, "model-caption", /with the colours of its frames/);
+  const coloured = await darkShare(page);
+  assert.ok((await drawn(canvas)).shades > 20 && coloured > plain + 0.05, `dark: ${plain} plain, ${coloured} coloured`);
+  await page.getByRole("link", { name: "Model with the colours of the frames (GLB)" }).waitFor();
   await shoot(page, "runs-opened");
 
   await page.getByText("What happened in this run").click();
@@ -144,68 +195,38 @@ test("a run from the empty plate map to the download of all its files", { timeou
   await until(page, "log-list", /The run finished\./);
   await until(page, "log-list", /The run was accepted for plate P-24, method standard\./);
 
+  await page.getByText("Measure again by another method").click();
+  const settings = join(folder, "coarse.toml");
+  await writeFile(settings, COARSE);
+  await page.locator("#again-method").selectOption({ label: "of a file …" });
+  await page
+    .locator("#again-file")
+    .setInputFiles({ name: "no.toml", mimeType: "text/plain", buffer: Buffer.from("a") });
+  await page.getByRole("button", { name: "Measure again" }).click();
+  await until(page, "again-words", /^Nothing is measured again: not the keys of a method/);
+  await page.locator("#again-file").setInputFiles(settings);
+  await page.locator("#again-wells").fill("d6");
+  await page.getByRole("button", { name: "Measure again" }).click();
+  await until(page, "again-words", /^1 of 1 well measured by coarse\.$/);
+  const rows = page.locator('#again-table tr[data-well="D06"]');
+  const views = await rows.locator("td:nth-child(3)").allInnerTexts();
+  assert.deepEqual(views, ["21", "7"], "the first numbers, and those of seven views beside them");
+  const change = await rows.nth(1).locator("td:nth-child(6)").innerText();
+  // Seven views of a bead: some per cent at most.
+  assert.match(change, /^[+\u2212]?\d\.\d %$/);
+  await shoot(page, "runs-again");
+  // The command line gives the same, and finds it there.
+  const replayed = await run(BINARY, ["replay", join(daemon.folder, "runs/small"), "D06", "--method", settings]);
+  assert.match(replayed.stdout, /replays\/coarse: identical, bit for bit, to what is there/);
+
   const whole = page.waitForEvent("download");
   await page.getByRole("link", { name: "All files of the run (tar)" }).click();
   const tar = join(folder, (await whole).suggestedFilename());
   await (await whole).saveAs(tar);
-  const run = promisify(execFile);
   await run("tar", ["-xf", tar, "-C", folder]);
   await run("sha256sum", ["--check", "--strict", "--quiet", "SHA256SUMS"], { cwd: join(folder, "small") });
   const record = JSON.parse(await readFile(join(folder, "small", "run.json"), "utf8")) as { plan: object };
-  assert.deepEqual((record.plan as { plate_format: number }).plate_format, 24);
-  assert.deepEqual(complaints, []);
-});
-
-test(
-  "an axis that is lost in a turn: the specimen is measured again, and the page says so",
-  { timeout: 2 * RUN_MS },
-  async (t) => {
-    // At half speed the larva is in the capillary at this time, and not yet measured.
-    const { daemon, page, complaints } = await opened(t, 0.5, ["--axis-out", "12,4"]);
-    await daemon.send("PUT", "/v1/runs/redo", {
-      ...{ plate_barcode: "P-1", method: "standard", operator: "Kim" },
-      plate_map: [{ well: "A01", specimen: "larva", dpf: 3 }],
-    });
-    const held = await daemon.follow((s) => s.state === "Held");
-    assert.equal(held.run!.hold!.code, "rotation_lost");
-    await until(page, "sentence", /^Check the controller's power and cable\./);
-    // It goes on by itself when the axis answers.
-    await daemon.follow((s) => s.state === "Execute" && s.faults.length === 0);
-    const done = await daemon.follow((s) => s.run?.outcome != null);
-    assert.equal(done.run!.results[0]!.outcome, "succeeded", JSON.stringify(done.run));
-    await page.getByText("What happened in this run").click();
-    await until(page, "log-list", /A01 was interrupted .*: it is measured again from the start\./);
-    await until(page, "log-list", /The run is held: The axis' controller does not answer/);
-    await until(page, "log-list", /The run goes on by itself\./);
-    const stored = (await (await fetch(`${daemon.url}/v1/runs/redo/specimens/A01`)).json()) as {
-      earlier_attempts: number[];
-    };
-    assert.deepEqual(stored.earlier_attempts, [1], "the turn that was cut short is kept");
-    await until(page, "well-body", /Measured/);
-    await shoot(page, "runs-redo");
-    assert.deepEqual(complaints, []);
-  },
-);
-
-test("an axis that is lost again and again needs a person after the third time", { timeout: 3 * RUN_MS }, async (t) => {
-  // At a fifth of the speed a well takes several times as long as the time from one loss to the next, so none is finished.
-  const losses = Array.from({ length: 12 }, (_, i) => ["--axis-out", `${12 + 15 * i},3`]).flat();
-  const { daemon, page, complaints } = await opened(t, 0.2, losses);
-  await daemon.send("PUT", "/v1/runs/again", {
-    ...{ plate_barcode: "P-1", method: "standard", operator: "Kim" },
-    plate_map: [{ well: "A01", specimen: "larva", dpf: 3 }],
-  });
-  const held = await daemon.follow((s) => s.state === "Held" && (s.run?.hold?.times ?? 0) >= 4);
-  assert.equal(held.run!.hold!.code, "rotation_lost");
-  assert.equal(held.run!.goes_on_by_itself, false);
-  await until(page, "diagnosis", /It has held the run 4 times since a well was finished\./);
-  await daemon.follow((s) => s.faults.length === 0);
-  // The axis is back, and the run waits for somebody.
-  await page.locator("#unhold").waitFor();
-  assert.equal((await daemon.status()).state, "Held");
-  await shoot(page, "runs-lost-again");
-  await page.locator("#unhold").click();
-  await daemon.follow((s) => s.state === "Execute");
-  await page.locator("#diagnosis").waitFor({ state: "hidden" });
+  const kept = record.plan as { plate_format: number; metadata: object };
+  assert.deepEqual([kept.plate_format, kept.metadata], [24, { columns: { colour: { D06: "red" } } }]);
   assert.deepEqual(complaints, []);
 });

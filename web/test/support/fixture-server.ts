@@ -15,7 +15,14 @@ const PAGE: Record<string, [string, string]> = {
 };
 
 /** A specimen without files. */
-export const NO_FILES: Links = { mesh_ply: null, mesh_glb: null, detection: null, views: [], profiles: [] };
+export const NO_FILES: Links = {
+  mesh_ply: null,
+  mesh_glb: null,
+  coloured_glb: null,
+  detection: null,
+  views: [],
+  profiles: [],
+};
 
 /** A stored specimen; nothing of it, where nothing is said. */
 export function kept(change: Partial<Specimen> = {}): Specimen {

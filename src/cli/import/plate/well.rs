@@ -110,6 +110,7 @@ impl Well<'_> {
             {
                 masks.lock().unwrap_or_else(PoisonError::into_inner).insert(entry.view, profile.mask.clone());
             }
+            Ok(())
         };
         let numbers = numbers::of_recording(&reader, &stored.method, &entries, keep_mask);
         for (view, mask) in masks.into_inner().unwrap_or_else(PoisonError::into_inner) {
@@ -121,7 +122,7 @@ impl Well<'_> {
                 numbers::tell(&mut status, &file, self.plan.method.asd);
             }
             Err(NumbersError::Store(error)) => return Err(error.into()),
-            Err(NumbersError::Pipeline(error)) => {
+            Err(error) => {
                 note!("carved: {}: {error}", self.planned.well);
                 status.end(SpecimenOutcome::Failed, Some(&error.to_string()));
             }
