@@ -1,7 +1,7 @@
 # `make run` shows the instrument at work on its emulated rig; `make help` lists the rest.
 
 .DEFAULT_GOAL := help
-.PHONY: help build run test qa lint bench web contract deny deps-build deps-web deps-python deps-test deps-bench
+.PHONY: help build run test qa tutorial lint bench web contract deny deps-build deps-web deps-python deps-test deps-bench
 
 CARGO ?= cargo
 # Arguments for `carved simulate`: make run ARGS="--listen 127.0.0.1:8085"
@@ -42,6 +42,9 @@ test: deps-build deps-test deps-python $(PAGE) ## unit, integration and doc test
 # ROW="R1 R13" selects rows, SCALE=full their size; CONTROL=1 breaks what each row names, so that every row must report a miss.
 qa: build deps-python deps-test ## attacks the release program from outside, row by row: docs/reliability.md (ROW=R13 SCALE=full CONTROL=1)
 	python3 -m tests.reliability --binary "$(abspath $(TARGET_DIR))/release/carved" --write --scale $(or $(SCALE),default) $(if $(CONTROL),--control) $(ROW)
+
+tutorial: build deps-python ## follows docs/tutorial.md as written, and compares every output with the page
+	python3 tests/docs/follow_tutorial.py "$(abspath $(TARGET_DIR))/release/carved"
 
 lint: deps-build deps-python $(NODE_MODULES) ## formatting, clippy with and without features, types and formatting of page and Python client
 	$(CARGO) fmt --all --check
