@@ -17,6 +17,7 @@ import httpx
 import pytest
 from madsci.client.node.rest_node_client import RestNodeClient
 from madsci.common.types.action_types import ActionRequest
+from madsci.common.types.workflow_types import WorkflowDefinition
 from pylabrobot.machines import Machine
 from pylabrobot.machines.backend import MachineBackend
 from pylabrobot.resources import Coordinate, Resource, cor_96_wellplate_360uL_Fb
@@ -147,6 +148,15 @@ def sila(sila_process: subprocess.Popen[str], home: Path) -> Iterator[SilaClient
     client = SilaClient("127.0.0.1", int(address[1]), root_certs=Path(address[2].strip()).read_bytes())
     yield client
     client.close()
+
+
+def test_the_workflow_of_the_guide_is_one(home: Path) -> None:
+    guide = (SOURCES.parents[2] / "docs" / "integrations.md").read_text()
+    [workflow] = [block for block in re.findall(r"```yaml\n(.*?)```", guide, re.DOTALL) if "steps:" in block]
+    (home / "workflow.yaml").write_text(workflow)
+    steps = WorkflowDefinition.from_yaml(home / "workflow.yaml").steps
+    assert [step.action for step in steps].count("measure_plate") == 1
+    assert {step.node for step in steps} == {"carved_1"}
 
 
 def test_a_madsci_workcell_measures_a_plate(node: Node, carved: CarvedClient) -> None:
