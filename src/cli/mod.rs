@@ -141,6 +141,12 @@ fn with_negative_numbers(command: clap::Command) -> clap::Command {
         .mut_subcommands(with_negative_numbers)
 }
 
+/// All commands with their options, as the program reads them from its command line.
+#[must_use]
+pub fn command() -> clap::Command {
+    with_negative_numbers(Cli::command())
+}
+
 /// Runs the named command and reports its error.
 pub fn main() -> ExitCode {
     Software::built_from(env!("CARVED_BUILD_COMMIT"), env!("CARVED_BUILD_DIRTY").parse().ok());
@@ -155,7 +161,7 @@ pub fn main() -> ExitCode {
 }
 
 fn run() -> anyhow::Result<ExitCode> {
-    let matches = with_negative_numbers(Cli::command()).get_matches();
+    let matches = command().get_matches();
     match Cli::from_arg_matches(&matches).unwrap_or_else(|e| e.exit()).command {
         Command::Serve(args) => serve::run(&args),
         #[cfg(feature = "simulate")]
@@ -194,7 +200,7 @@ mod tests {
 
     #[test]
     fn a_number_below_0_is_a_value_in_every_command() {
-        let command = with_negative_numbers(Cli::command());
+        let command = command();
         command.clone().debug_assert();
         for line in [
             "reconstruct --views v --cameras c --epsilon -0.1 --box -1,1,-1,1,-1,1",

@@ -11,6 +11,7 @@ mod calibrate_marked;
 mod camera_command;
 mod config;
 mod config_keys;
+mod docs;
 mod doctor;
 mod files;
 mod import;
