@@ -1,7 +1,7 @@
 //! Checks a raw configuration once. All breaches are listed. The checked values need no further checks.
 
 use super::plausible::implausible;
-use super::raw::{CalibrationConfig, CameraDriver, Drivers, Raw, RawSecondOptics, RotationDriver, SamplerDriver};
+use super::raw::{CalibrationConfig, CameraDriver, Drivers, Raw, RawOptics, RawSecondOptics, RotationDriver, SamplerDriver};
 use super::references::{self, ReferencesError};
 use super::{HttpSettings, NotifySettings};
 use carved_core::frame::{PixelFormat, RawFrame};
@@ -118,19 +118,7 @@ impl Config {
         // Rules for several numbers are only checked if each number is in its range.
         let in_range = |table: &str| !outside.iter().any(|breach| breach.key.starts_with(&format!("{table}.")));
         let o = &raw.optics;
-        let optics = Camera {
-            f: o.distance_um,
-            kx: o.kx_px_per_um,
-            ky: o.ky_px_per_um,
-            ux: o.ux_px,
-            uy: o.uy_px,
-            s: 0.0,
-            alpha: o.alpha_deg.to_radians(),
-            gamma: o.gamma_deg.to_radians(),
-            phi: std::f64::consts::FRAC_PI_2,
-            width: o.width_px,
-            height: o.height_px,
-        };
+        let optics = nominal_camera(o);
         let mut breaches: Vec<String> = outside.iter().map(|breach| format!("  {breach}")).collect();
         let mut wrong = |key: &str, found: String, expected: &str| breaches.push(format!("  {key} = {found}; expected {expected}"));
         if raw.methods.is_empty() {
@@ -211,6 +199,23 @@ impl Config {
             references,
             doubts: implausible.doubts,
         })
+    }
+}
+
+/// The camera of `[optics]`.
+fn nominal_camera(o: &RawOptics) -> Camera {
+    Camera {
+        f: o.distance_um,
+        kx: o.kx_px_per_um,
+        ky: o.ky_px_per_um,
+        ux: o.ux_px,
+        uy: o.uy_px,
+        s: 0.0,
+        alpha: o.alpha_deg.to_radians(),
+        gamma: o.gamma_deg.to_radians(),
+        phi: std::f64::consts::FRAC_PI_2,
+        width: o.width_px,
+        height: o.height_px,
     }
 }
 

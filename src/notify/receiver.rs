@@ -54,7 +54,7 @@ impl Undelivered {
 
 /// A receiver, ready for requests.
 pub struct Agent {
-    agent: ureq::Agent,
+    http: ureq::Agent,
     receiver: Receiver,
     /// The address of requests.
     url: String,
@@ -77,7 +77,7 @@ impl Agent {
             NotifyFormat::Ntfy => of_ntfy(&receiver.url.to_string()),
             NotifyFormat::Json | NotifyFormat::Slack => (receiver.url.to_string(), String::new()),
         };
-        Ok(Self { agent: config.build().into(), receiver, url, topic })
+        Ok(Self { http: config.build().into(), receiver, url, topic })
     }
 
     /// The receiver's address without its path.
@@ -96,7 +96,7 @@ impl Agent {
     /// The receiver did not take it.
     pub fn deliver(&self, notice: &Notice, within: Duration) -> Result<StatusCode, Undelivered> {
         let body = notice.body(self.receiver.format, &self.topic).to_string();
-        let mut request = self.agent.post(&self.url).config().timeout_global(Some(within.max(Duration::from_millis(1)))).build();
+        let mut request = self.http.post(&self.url).config().timeout_global(Some(within.max(Duration::from_millis(1)))).build();
         request = request.content_type("application/json").header(ID, &notice.id);
         if let Some(secret) = &self.receiver.secret {
             let timestamp = jiff::Timestamp::now().as_second();

@@ -58,9 +58,8 @@ impl Sender {
     fn send(&self, notice: &Notice) {
         let [mut pause, longest] = self.pauses;
         loop {
-            let error = match self.agent.deliver(notice, self.queue.time_left(self.agent.timeout())) {
-                Ok(_) => return self.queue.delivered(),
-                Err(error) => error,
+            let Err(error) = self.agent.deliver(notice, self.queue.time_left(self.agent.timeout())) else {
+                return self.queue.delivered();
             };
             tracing::warn!(receiver = %self.agent.shown(), notice = %notice.id, %error, "a notice was not delivered");
             self.queue.failed(self.told(&error));
