@@ -28,6 +28,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
 const MAY_DEPEND_ON: &[(&str, &[&str])] = &[
     ("crates/core", &[]),
     ("crates/files", &[]),
+    ("crates/pictures", &["carved-core"]),
     ("crates/records", &["carved-core"]),
     ("crates/devices", &["carved-core", "carved-files", "carved-records"]),
     ("crates/store", &["carved-core", "carved-files", "carved-records"]),

@@ -8,7 +8,6 @@
 mod download;
 mod files;
 mod gates;
-mod picture;
 mod replays;
 pub(super) mod statistics;
 pub(super) mod tables;

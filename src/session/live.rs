@@ -6,9 +6,6 @@ use carved_core::pipeline::SegmentedFrame;
 use carved_core::profile::{Mask, Picture};
 use carved_core::surface::Mesh;
 use carved_store::{RecordingReader, StoreError};
-use image::codecs::jpeg::JpegEncoder;
-use image::codecs::png::{CompressionType, FilterType, PngEncoder};
-use image::{ExtendedColorType, ImageEncoder};
 use std::sync::Arc;
 
 /// Allowed error of the page's model: less than a fifth of a pixel, of the camera and of the page. It reduces a larva of 374 000 triangles
@@ -64,38 +61,11 @@ fn glb(mesh: &Mesh) -> Option<Arc<Vec<u8>>> {
         .map(|()| Arc::new(out))
 }
 
+/// A frame as JPEG. One that cannot be encoded is `None` and logged.
 pub fn jpeg(picture: &Picture) -> Option<Arc<Vec<u8>>> {
-    let mut out = Vec::new();
-    JpegEncoder::new_with_quality(&mut out, 85)
-        .write_image(&picture.to_rgb(), picture.width() as u32, picture.height() as u32, ExtendedColorType::Rgb8)
-        .inspect_err(|error| tracing::warn!(%error, "the live frame was not encoded"))
-        .ok()
-        .map(|()| Arc::new(out))
+    carved_pictures::jpeg(picture, None).inspect_err(|error| tracing::warn!(%error, "the live frame was not encoded")).ok().map(Arc::new)
 }
 
-/// The edge of the profile on a transparent background. It is two pixels wide, so that it is visible when the page scales it down.
 fn outline(mask: &Mask) -> Option<Arc<Vec<u8>>> {
-    const EDGE: [u8; 4] = [255, 64, 160, 255];
-    let (width, height) = (mask.width(), mask.height());
-    let mut rgba = vec![0u8; width * height * 4];
-    let inside = |u: usize, v: usize| u < width && v < height && mask.get(u, v);
-    for v in 0..height {
-        for u in 0..width {
-            let here = mask.get(u, v);
-            if inside(u + 1, v) != here || inside(u, v + 1) != here {
-                for (du, dv) in [(0, 0), (1, 0), (0, 1)] {
-                    if u + du < width && v + dv < height {
-                        let at = ((v + dv) * width + u + du) * 4;
-                        rgba[at..at + 4].copy_from_slice(&EDGE);
-                    }
-                }
-            }
-        }
-    }
-    let mut out = Vec::new();
-    PngEncoder::new_with_quality(&mut out, CompressionType::Fast, FilterType::NoFilter)
-        .write_image(&rgba, width as u32, height as u32, ExtendedColorType::Rgba8)
-        .inspect_err(|error| tracing::warn!(%error, "the live profile was not encoded"))
-        .ok()
-        .map(|()| Arc::new(out))
+    carved_pictures::outline(mask).inspect_err(|error| tracing::warn!(%error, "the live profile was not encoded")).ok().map(Arc::new)
 }

@@ -1,6 +1,6 @@
 //! Files of a specimen. The recorded hash of a file is its tag, so that a repeated request does not read the file.
 
-use super::{Attempt, picture, read, unknown_specimen};
+use super::{Attempt, read, unknown_specimen};
 use crate::http::conditional;
 use crate::http::problem::Problem;
 use crate::http::{App, AppState};
@@ -9,9 +9,13 @@ use axum::extract::rejection::{PathRejection, QueryRejection};
 use axum::extract::{Path, Query, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use carved_core::profile::Picture;
 use carved_store::SpecimenFile;
 use serde::Deserialize;
 use utoipa::IntoParams;
+
+/// Widths of a picture that can be asked for, px.
+const WIDTHS: std::ops::RangeInclusive<u32> = 32..=8192;
 
 async fn stored(
     app: &App,
@@ -61,8 +65,8 @@ async fn shown(
     file: SpecimenFile,
     headers: &HeaderMap,
 ) -> Result<Response, Problem> {
-    if let Some(width) = width.filter(|width| !picture::WIDTHS.contains(width)) {
-        let (least, most) = (picture::WIDTHS.start(), picture::WIDTHS.end());
+    if let Some(width) = width.filter(|width| !WIDTHS.contains(width)) {
+        let (least, most) = (WIDTHS.start(), WIDTHS.end());
         return Err(Problem::bad_request("bad_query", format!("width is {width}; use {least} to {most} px")));
     }
     let (r, w) = (run.clone(), well.clone());
@@ -75,7 +79,8 @@ async fn shown(
             return Ok(answer);
         }
     }
-    let bytes = read(app, move |_| Ok(picture::jpeg(&file.decode(format)?, width))).await??;
+    let shown = read(app, move |_| Ok(carved_pictures::jpeg(&Picture::from_frame(&file.decode(format)?), width))).await?;
+    let bytes = shown.map_err(|error| Problem::new(StatusCode::INTERNAL_SERVER_ERROR, "store", error.to_string()))?;
     let tag = known.unwrap_or_else(|| conditional::tag_of(&bytes));
     let full = || ([(header::CONTENT_TYPE, "image/jpeg"), (header::CACHE_CONTROL, "no-cache")], bytes).into_response();
     Ok(conditional::answer(headers, &tag, full))
