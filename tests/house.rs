@@ -183,3 +183,26 @@ fn a_strict_run_leaves_no_test_out() {
         (cfg!(feature = "aravis"), "built without the feature aravis"),
     ]);
 }
+
+/// Long lines of prose are hard to compare and to read in a terminal. Lines of tables, code, images and comments cannot be wrapped.
+#[test]
+fn prose_is_wrapped_at_120_characters() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let listed = std::process::Command::new("git").args(["ls-files", "*.md"]).current_dir(root).output().unwrap();
+    let files = String::from_utf8(listed.stdout).unwrap();
+    // Without git, as in an unpacked archive, the pages that every reader opens are checked.
+    let files = if files.is_empty() { "README.md\nARCHITECTURE.md\nCONTRIBUTING.md\nCHANGELOG.md".to_owned() } else { files };
+    let mut breaches = Vec::new();
+    for file in files.lines() {
+        let Ok(text) = std::fs::read_to_string(root.join(file)) else { continue };
+        let mut is_code = false;
+        for (number, line) in (1..).zip(text.lines()) {
+            is_code ^= line.trim_start().starts_with("```");
+            let is_prose = !is_code && !["|", "![", "<", "[!["].iter().any(|start| line.trim_start().starts_with(start));
+            if is_prose && line.chars().count() > 120 {
+                breaches.push(format!("{file}:{number}: {} characters", line.chars().count()));
+            }
+        }
+    }
+    assert!(breaches.is_empty(), "wrap at 120 characters:\n{}", breaches.join("\n"));
+}

@@ -100,9 +100,9 @@ fn told(beads: &[Bead], paper: &Published) -> Section {
     let n = beads.len();
     let mut text = format!(
         "Simulation: {n} beads. Their diameters are the quantiles of N(500, 25) um (mean 500.00, SD 25.00). Each is rendered at {CAPTURED}\n\
-         angles (region of interest {} x {} px, colour mosaic, noise), segmented as on an instrument, calibrated on all {CAPTURED} views,\n\
-         and carved with epsilon {EPSILON} from even subsets. Fairing: ten iterations with the umbrella operator, lambda 0.8. Each\n\
-         cell has our value, and the paper's mean in brackets.\n\n",
+         angles (region of interest {} x {} px, colour mosaic, noise), segmented as on an instrument, calibrated on all {CAPTURED}\n\
+         views, and carved with epsilon {EPSILON} from even subsets. Fairing: ten iterations with the umbrella operator, lambda 0.8.\n\
+         Each cell has our value, and the paper's mean in brackets.\n\n",
         REGION_PX[0], REGION_PX[1]
     );
     let published = |quantity: usize| [&paper.diameter_um, &paper.volume_1e7_um3, &paper.area_1e5_um2][quantity];

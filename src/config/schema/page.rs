@@ -9,9 +9,9 @@ const HEAD: &str = "\
 
 # Configuration
 
-The configuration of an instrument is one TOML file. [`config/`](../config) has one for each make of controller, with the
-keys that a lab changes. This page has every key. `carved config schema` prints the same as a JSON schema for editors;
-`carved config check FILE` lists everything that is wrong with a file.
+The configuration of an instrument is one TOML file. [`config/`](../config) has one for each make of controller, with
+the keys that a lab changes. This page has every key. `carved config schema` prints the same as a JSON schema for
+editors; `carved config check FILE` lists everything that is wrong with a file.
 
 A key that the program does not know is refused, and so is a value out of its range. Both ends of a range are allowed.
 The level of a key says who sets it:
@@ -22,8 +22,8 @@ The level of a key says who sets it:
 | method | the scientist, for each method: views, voxels, limits, policies |
 | expert | somebody who knows the internals: segmentation, calibration, surface, timeouts. Validate the numbers again after a change |
 
-**required** in the column of defaults means that a table needs the key, if the table is there. A dash means that the key may be left out and then
-has no value.
+**required** in the column of defaults means that a table needs the key, if the table is there. A dash means that the
+key may be left out and then has no value.
 ";
 
 /// The reference page of this schema.
@@ -73,8 +73,25 @@ fn heading(schema: &Value, table: &[&str], driver: Option<&str>) -> String {
     let name = driver.map_or(name.clone(), |driver| format!("{name} with `driver = \"{driver}\"`"));
     let about = text(&variant(node, driver).unwrap_or(node)["description"]);
     let left_out = node.get("default").map_or(String::new(), |table| format!(" If the table is left out, it is `{}`.", toml_of(table)));
-    let about = if table.is_empty() { String::new() } else { format!("{about}{left_out}\n\n") };
+    let about = if table.is_empty() { String::new() } else { format!("{}\n\n", wrapped(&format!("{about}{left_out}"))) };
     format!("\n## {name}\n\n{about}| key | unit or value | default | range | level | meaning |\n|---|---|---|---|---|---|\n")
+}
+
+/// A paragraph in lines of at most 120 characters.
+fn wrapped(paragraph: &str) -> String {
+    const WIDTH: usize = 120;
+    let mut lines = vec![String::new()];
+    for word in paragraph.split(' ') {
+        match lines.last_mut() {
+            Some(line) if line.is_empty() => line.push_str(word),
+            Some(line) if line.chars().count() + 1 + word.chars().count() <= WIDTH => {
+                line.push(' ');
+                line.push_str(word);
+            }
+            _ => lines.push(word.to_owned()),
+        }
+    }
+    lines.join("\n")
 }
 
 /// A description on one line, for a cell of a table.
