@@ -1,10 +1,11 @@
 // Bundles the operator's page into dist/ and the page of `carved setup` into dist/setup/ (three files each, which the program embeds,
-// plain and compressed), or with --tests the tests into build/.
+// plain and compressed), and renders the documentation into dist/docs/; or with --tests the tests into build/.
 
 import { build } from "esbuild";
 import { copyFile, mkdir, readdir, readFile, rm, stat, writeFile } from "node:fs/promises";
 import { join } from "node:path";
 import { brotliCompressSync, constants, gzipSync } from "node:zlib";
+import { docs } from "./docs.mjs";
 
 /** What both pages have in common. */
 const COMMON = {
@@ -31,6 +32,10 @@ async function page(html, script, style, outdir) {
 async function pages() {
   await rm("dist", { recursive: true, force: true });
   await page("src/setup/index.html", { setup: "src/setup/main.ts" }, { setup: "src/setup/setup.css" }, "dist/setup");
+  const count = await docs("..", "dist/docs");
+  await build({ ...COMMON, entryPoints: { docs: "src/docs/main.ts" }, outdir: "dist/docs", format: "esm" });
+  await build({ ...COMMON, entryPoints: { docs: "src/docs/docs.css" }, outdir: "dist/docs" });
+  console.log(`web/dist/docs  ${count} pages`);
   // Last: make takes this file's time for that of the whole folder.
   await page("src/index.html", { app: "src/main.ts" }, { app: "src/app.css" }, "dist");
 }

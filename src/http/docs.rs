@@ -1,4 +1,4 @@
-//! `GET /docs`: the contract as one HTML page without scripts, for labs without internet access.
+//! `GET /docs/api`: the contract as one HTML page without scripts, for labs without internet access.
 
 use super::AppState;
 use axum::extract::State;
@@ -14,7 +14,7 @@ h2{margin-top:2rem;border-top:1px solid #d5dbe3;padding-top:1rem;font-size:1.1re
 td{padding:.15rem .75rem .15rem 0;vertical-align:top}";
 
 /// The contract as a page.
-#[utoipa::path(get, path = "/docs", tag = "contract", responses((status = 200, description = "HTML", body = String, content_type = "text/html")))]
+#[utoipa::path(get, path = "/docs/api", tag = "contract", responses((status = 200, description = "HTML", body = String, content_type = "text/html")))]
 pub(super) async fn get(State(app): State<AppState>) -> Response {
     let headers = [(header::CONTENT_TYPE, "text/html; charset=utf-8"), (header::CONTENT_SECURITY_POLICY, POLICY)];
     (headers, app.docs.clone()).into_response()

@@ -64,6 +64,7 @@ pub(super) fn routes() -> OpenApiRouter<AppState> {
         .routes(routes!(metrics::get))
         .routes(routes!(get))
         .routes(routes!(docs::get))
+        .routes(routes!(page::docs))
         .routes(routes!(page::index))
 }
 

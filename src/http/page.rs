@@ -1,14 +1,15 @@
 //! The operator's page, which is embedded if it was built before the daemon. Otherwise a plain page explains how to build it.
 //!
 //! The build compresses each large file: `app.js.br` and `app.js.gz` beside `app.js`. A browser gets the smallest that it reads. Browsers
-//! read br only from this machine and over https.
+//! read br only from this machine and over https. Pages of the documentation are there as `.gz` alone, and are unpacked for other clients.
 
 use super::conditional;
 use super::problem::Problem;
 use axum::body::Body;
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, Uri, header};
-use axum::response::{IntoResponse, Response};
+use axum::response::{IntoResponse, Redirect, Response};
 use rust_embed::{EmbeddedFile, RustEmbed};
+use std::io::Read;
 
 /// Empty until the page is built. `build.rs` makes cargo look for it again.
 #[derive(RustEmbed)]
@@ -34,6 +35,16 @@ pub(super) async fn index(headers: HeaderMap) -> Response {
     }
 }
 
+/// The first page of the documentation.
+const DOCS: &str = "docs/index.html";
+
+/// Where the documentation begins: its index, or the contract alone in a program that was built without its pages.
+#[utoipa::path(get, path = "/docs", tag = "page", responses((status = 303, description = "The documentation, as HTML pages")))]
+pub(super) async fn docs() -> Redirect {
+    let is_built = Dist::get(&format!("{DOCS}.gz")).is_some();
+    Redirect::to(if is_built { "/docs/index.html" } else { "/docs/api" })
+}
+
 /// The folder of the page of `carved setup`, which another server serves.
 const SETUP: &str = "setup/";
 
@@ -48,7 +59,7 @@ pub(super) async fn asset(method: Method, uri: Uri, headers: HeaderMap) -> Respo
     {
         return answer;
     }
-    let detail = format!("there is nothing at {}; /docs lists what there is", uri.path());
+    let detail = format!("there is nothing at {}; /docs/api lists what there is", uri.path());
     Problem::new(StatusCode::NOT_FOUND, "unknown_route", detail).into_response()
 }
 
@@ -69,7 +80,7 @@ const ENCODINGS: [(&str, &str); 2] = [("br", ".br"), ("gzip", ".gz")];
 
 /// A file of the page in the best encoding that the client reads.
 fn file(asked: &HeaderMap, path: &str) -> Option<Response> {
-    let plain = Dist::get(path)?;
+    let Some(plain) = Dist::get(path) else { return packed(asked, path) };
     let mut encoded = ENCODINGS.iter().filter(|(encoding, _)| accepts(asked, encoding));
     let encoded = encoded.find_map(|(encoding, ending)| Some((*encoding, Dist::get(&format!("{path}{ending}"))?)));
     let mime = plain.metadata.mimetype().to_owned();
@@ -81,6 +92,24 @@ fn file(asked: &HeaderMap, path: &str) -> Option<Response> {
             answer
         }
     };
+    answer.headers_mut().insert(header::VARY, HeaderValue::from_static("accept-encoding"));
+    Some(answer)
+}
+
+/// A file that is there as `.gz` alone.
+fn packed(asked: &HeaderMap, path: &str) -> Option<Response> {
+    let mut file = Dist::get(&format!("{path}.gz"))?;
+    let mime = if path.ends_with(".html") { "text/html" } else { "application/json" };
+    let as_it_is = accepts(asked, "gzip");
+    if !as_it_is {
+        let mut text = Vec::new();
+        flate2::read::GzDecoder::new(&*file.data).read_to_end(&mut text).ok()?;
+        file.data = text.into();
+    }
+    let mut answer = serve(asked, file, mime);
+    if as_it_is {
+        answer.headers_mut().insert(header::CONTENT_ENCODING, HeaderValue::from_static("gzip"));
+    }
     answer.headers_mut().insert(header::VARY, HeaderValue::from_static("accept-encoding"));
     Some(answer)
 }

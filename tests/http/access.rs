@@ -111,7 +111,8 @@ fn a_token_is_asked_for_wherever_the_contract_says_so() {
         let pattern = pattern.replace("/faults/1", "/faults/{seq}");
         let secured = rig.contract()["paths"][&pattern][method.to_lowercase()].get("security").is_some();
         if !secured {
-            assert_eq!((rig.send(&method, &path, &[], "").status, method.as_str()), (200, "GET"), "{path}");
+            let status = rig.send(&method, &path, &[], "").status;
+            assert!(method == "GET" && [200, 303].contains(&status), "{method} {path}: {status}");
             continue;
         }
         asked += 1;

@@ -1,6 +1,7 @@
 //! The served description of the API, the page, and the headers of every answer.
 
 use crate::rig::Rig;
+use crate::strict;
 use serde_json::Value;
 
 fn references(value: &Value, found: &mut Vec<String>) {
@@ -29,6 +30,7 @@ fn the_contract_names_every_route_and_leads_nowhere_into_the_void() {
         "delete /v1/lease",
         "get /",
         "get /docs",
+        "get /docs/api",
         "get /livez",
         "get /metrics",
         "get /openapi.json",
@@ -130,7 +132,7 @@ fn unknown_routes_and_methods_are_problems() {
 #[test]
 fn the_description_is_readable_without_a_script_or_a_network() {
     let rig = Rig::start();
-    let docs = rig.get("/docs");
+    let docs = rig.get("/docs/api");
     assert_eq!(docs.header("content-type"), Some("text/html; charset=utf-8"));
     let text = docs.text();
     for path in rig.contract()["paths"].as_object().unwrap().keys() {
@@ -138,6 +140,39 @@ fn the_description_is_readable_without_a_script_or_a_network() {
     }
     assert!(!text.contains("<script") && !text.contains("http://") && !text.contains("https://"));
     assert!(docs.header("content-security-policy").unwrap().starts_with("default-src 'none'"));
+}
+
+/// Every page of the documentation is served, to clients with and without gzip, and its links to pages and pictures lead somewhere.
+#[test]
+fn the_documentation_is_served_without_a_network() {
+    let rig = Rig::start();
+    let first = rig.get("/docs");
+    assert_eq!(first.status, 303);
+    if !std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("web/dist/docs").is_dir() {
+        assert_eq!(first.header("location"), Some("/docs/api"));
+        return strict::cannot_run("the pages are not built: make web");
+    }
+    assert_eq!(first.header("location"), Some("/docs/index.html"));
+    let mut seen = std::collections::BTreeSet::from(["index.html".to_owned()]);
+    let mut waiting: Vec<String> = seen.iter().cloned().collect();
+    while let Some(name) = waiting.pop() {
+        let answer = rig.get(&format!("/docs/{name}"));
+        assert_eq!(answer.status, 200, "{name}");
+        let Some(text) = name.ends_with(".html").then(|| answer.text()) else { continue };
+        assert_eq!(answer.header("content-type"), Some("text/html; charset=utf-8"), "{name}");
+        assert!(answer.header("content-security-policy").unwrap().contains("default-src 'self'"), "{name}");
+        for link in ["href=\"", "src=\""].iter().flat_map(|attribute| text.split(attribute).skip(1)) {
+            let link = link.split(['"', '#']).next().unwrap();
+            let is_of_docs = !link.is_empty() && !link.starts_with('/') && !link.contains(':');
+            if is_of_docs && seen.insert(link.to_owned()) {
+                waiting.push(link.to_owned());
+            }
+        }
+    }
+    assert!(seen.contains("tutorial.html") && seen.contains("page.png") && seen.contains("docs.css"), "{seen:?}");
+    let packed = rig.send("GET", "/docs/index.html", &[("Accept-Encoding", "gzip")], "");
+    assert_eq!((packed.status, packed.header("content-encoding")), (200, Some("gzip")));
+    assert_eq!(rig.get("/docs/index.html.gz").status, 404);
 }
 
 #[test]

@@ -17,4 +17,6 @@ mod reading;
 mod replays;
 mod results;
 mod rig;
+#[path = "../common/strict.rs"]
+mod strict;
 mod wire;

@@ -1,4 +1,4 @@
-"""The instrument's state. Names, units and meanings are those of the contract (`/docs` on the daemon).
+"""The instrument's state. Names, units and meanings are those of the contract (`/docs/api` on the daemon).
 
 Four things are kept apart: the `state` of the instrument, the `phase` of a specimen, the `outcome` of a run or
 specimen, and the `faults`. Values are typed as literals and not checked when read: a newer daemon may know more.

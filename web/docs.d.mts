@@ -1,0 +1,1 @@
+export function docs(root: string, outdir: string): Promise<number>;
