@@ -10,9 +10,10 @@ use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use rust_embed::{EmbeddedFile, RustEmbed};
 
-/// Empty until the page is built. `build.rs` makes cargo look for it again.
+/// Empty until the page is built, and always without the feature `page`. `build.rs` makes cargo look for it again.
 #[derive(RustEmbed)]
-#[folder = "web/dist"]
+#[cfg_attr(feature = "page", folder = "web/dist")]
+#[cfg_attr(not(feature = "page"), folder = "web/none")]
 #[allow_missing = true]
 struct Dist;
 
