@@ -1,8 +1,8 @@
 # `make run` shows the instrument at work on its emulated rig; `make help` lists the rest.
 
 .DEFAULT_GOAL := help
-.PHONY: help build run test test-rust test-clients test-page test-python test-service qa tutorial lint bench web contract deny deps-build
-.PHONY: deps-web deps-python deps-test deps-bench
+.PHONY: help build run test test-rust test-clients test-page test-python test-service qa tutorial lint bench deb deb-test
+.PHONY: offline offline-test web contract deny deps-build deps-web deps-python deps-test deps-bench deps-package deps-machine
 
 CARGO ?= cargo
 # Arguments for `carved simulate`: make run ARGS="--listen 127.0.0.1:8085"
@@ -18,7 +18,7 @@ PAGE := web/dist/index.html
 PAGE_SOURCES := $(wildcard web/src/*.* web/src/setup/* web/src/docs/* docs/*.md docs/*.png *.md clients/python/*.md) web/build.mjs web/docs.mjs
 
 help: ## this list
-	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 16
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 22
 
 build: deps-build $(PAGE) ## the daemon, release, with the operator's page inside: target/release/carved, its symbols beside it
 	$(CARGO) build --release --locked
@@ -80,6 +80,21 @@ bench: deps-build deps-bench ## benchmarks, then other tools beside carved: docs
 	$(CARGO) bench --workspace --locked
 	benches/peers/run.sh
 
+offline: deps-build ## carved for the nodes of a cluster, without libraries: target/offline/carved-VERSION-x86_64-linux.tar.gz
+	scripts/build-offline
+
+offline-test: offline build ## runs that tarball in an empty root and compares its numbers with those of the normal program
+	tests/package/offline $(TARGET_DIR)/offline/carved-*-x86_64-linux.tar.gz $(TARGET_DIR)/release/carved
+
+deb: build deps-package ## Debian packages of the program and of its symbols: target/deb
+	scripts/build-deb
+
+# The same program with a higher version stands for a newer one.
+deb-test: deb deps-machine ## installs the package in a booted systemd and does with it what a lab does (as root)
+	$(CARGO) build --release --locked -p hardware-sim --example rig
+	DEB_VERSION=999 scripts/build-deb $(TARGET_DIR)/deb/newer
+	tests/package/deb $(TARGET_DIR)/deb/carved_*.deb $(TARGET_DIR)/deb/newer/carved_*.deb $(TARGET_DIR)/release/examples/rig
+
 web: $(PAGE) ## the operator's page alone: web/dist
 
 contract: deps-build $(NODE_MODULES) ## after a change of the API or a setting: docs/openapi.json, the page's types, docs/configuration.md
@@ -102,6 +117,12 @@ deps-python:
 
 deps-test:
 	@scripts/install-deps test
+
+deps-package:
+	@scripts/install-deps package
+
+deps-machine:
+	@scripts/install-deps machine
 
 # What cannot be installed is skipped with its reason.
 deps-bench:

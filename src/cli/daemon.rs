@@ -5,7 +5,7 @@ use super::systemd;
 use crate::api::Status;
 use crate::config::{Config, NotifySettings};
 use crate::notify::Notices;
-use crate::session::{self, Driver, Heartbeat, Instrument, SessionHandle};
+use crate::session::{self, Departure, Driver, Heartbeat, Instrument, SessionHandle};
 use anyhow::Context;
 use carved_devices::sampler::LoaderInterlock;
 use carved_records::Mode;
@@ -13,6 +13,7 @@ use carved_store::{Claim, Store};
 use std::net::TcpListener;
 use std::sync::Arc;
 use std::time::Duration;
+use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::watch;
 
 /// Time for the notices that wait when the daemon ends. The whole daemon must end within 5 s.
@@ -31,8 +32,8 @@ pub struct Daemon {
 }
 
 impl Daemon {
-    /// Runs until SIGTERM, SIGINT or SIGHUP. `beside` makes a client that runs beside the daemon and may end earlier.
-    pub fn run<F>(self, beside: impl FnOnce(SessionHandle) -> F) -> anyhow::Result<()>
+    /// Runs until SIGTERM, SIGINT or SIGHUP, or until SIGUSR1, which leaves a run in progress for the next start. `beside` makes a client that runs beside the daemon and may end earlier.
+    pub fn run<F>(self, beside: impl FnOnce(SessionHandle) -> F) -> anyhow::Result<Departure>
     where
         F: Future<Output = anyhow::Result<()>> + Send + 'static,
     {
@@ -63,7 +64,7 @@ impl Daemon {
             notices: notices.clone(),
             heartbeat: heartbeat.clone(),
         };
-        let (stop_in, stop) = watch::channel(false);
+        let (stop_in, stop) = watch::channel(None);
         // The driver syncs to disk. It has a thread of its own, so that no request waits for the disk.
         let driving = {
             let (runtime, stop) = (runtime.handle().clone(), stop.clone());
@@ -74,7 +75,9 @@ impl Daemon {
         };
         let served = runtime.block_on(async {
             let told = tokio::spawn(tell_systemd(handle.clone(), heartbeat.clone()));
-            let mut serving = tokio::spawn(crate::http::serve(listener, handle.clone(), reader, config.http.clone(), stopped(stop)));
+            let mut serving = tokio::spawn(crate::http::serve(listener, handle.clone(), reader, config.http.clone(), async {
+                stopped(stop).await;
+            }));
             announce!("{greeting} http://{listen}  status: http://{listen}/v1/status");
             let beside = beside(handle);
             let client = tokio::spawn(async move {
@@ -83,9 +86,15 @@ impl Daemon {
                 }
             });
             let mut signals = Signals::listen()?;
+            let mut restart = signal(SignalKind::user_defined1()).context("cannot listen to SIGUSR1")?;
             let mut served = None;
+            let mut departure = Departure::EndsRun;
             tokio::select! {
                 name = signals.next() => tracing::info!("{name}: stopping"),
+                _ = restart.recv() => {
+                    tracing::info!("SIGUSR1: stopping for a restart; a run in progress continues after it");
+                    departure = Departure::LeavesRun;
+                }
                 () = ended(&driving) => tracing::error!("the driver ended: stopping"),
                 result = &mut serving => served = Some(result),
             }
@@ -98,13 +107,14 @@ impl Daemon {
             systemd::stopping();
             told.abort();
             // All receivers are gone only if the server has failed, and its own result reports that.
-            let _nobody = stop_in.send(true);
+            let _nobody = stop_in.send(Some(departure));
             client.abort();
             let served = match served {
                 Some(early) => early,
                 None => serving.await,
             };
-            served.context("the server's task")?.context("the server")
+            served.context("the server's task")?.context("the server")?;
+            anyhow::Ok(departure)
         });
         let drove = driving.join();
         if let Some(notices) = &notices {
@@ -130,9 +140,9 @@ async fn tell_systemd(session: SessionHandle, heartbeat: Heartbeat) {
     tokio::join!(sentences, systemd::watchdog(|| heartbeat.is_alive()));
 }
 
-async fn stopped(mut stop: watch::Receiver<bool>) {
+async fn stopped(mut stop: watch::Receiver<Option<Departure>>) -> Departure {
     // An error means that the sender was dropped, which is also a stop.
-    let _gone = stop.wait_for(|s| *s).await;
+    stop.wait_for(Option::is_some).await.ok().and_then(|departure| *departure).unwrap_or(Departure::EndsRun)
 }
 
 /// Resolves once the driver has ended by itself.

@@ -14,8 +14,10 @@ mod doctor;
 #[cfg(feature = "simulate")]
 pub mod emulated;
 mod export;
+mod halt;
 mod import;
 mod index;
+mod manual;
 mod measure;
 mod notify;
 mod plate;
@@ -96,6 +98,11 @@ enum Command {
     Setup(setup::Args),
     /// Switch a digital output of the controller by hand, such as a light or a valve.
     Output(switch::Args),
+    /// Stop the motors and switch the outputs off, without a daemon.
+    Halt(halt::Args),
+    /// Write the man pages and the shell completions.
+    #[command(hide = true)]
+    Manual(manual::Args),
     /// Start, follow and control runs on a daemon that serves.
     #[command(subcommand, after_help = run::EXIT_CODES)]
     Run(run::Command),
@@ -163,7 +170,7 @@ pub fn main() -> ExitCode {
 fn run() -> anyhow::Result<ExitCode> {
     let matches = command().get_matches();
     match Cli::from_arg_matches(&matches).unwrap_or_else(|e| e.exit()).command {
-        Command::Serve(args) => serve::run(&args),
+        Command::Serve(args) => return serve::run(&args),
         #[cfg(feature = "simulate")]
         Command::Simulate(args) => simulate::run(args),
         Command::Measure(args) => return measure::run(&args),
@@ -185,6 +192,8 @@ fn run() -> anyhow::Result<ExitCode> {
         Command::Doctor(args) => doctor::run(&args),
         Command::Setup(args) => setup::run(&args),
         Command::Output(args) => switch::run(&args),
+        Command::Halt(args) => halt::run(&args),
+        Command::Manual(args) => manual::run(&args),
         Command::Run(command) => return run::run(&command),
         Command::Notify(command) => notify::run(&command),
         Command::Plate(command) => return plate::run(&command),

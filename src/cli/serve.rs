@@ -5,13 +5,14 @@ use super::segment::input;
 use super::told;
 use crate::config::{CameraDriver, Config, RotationDriver, SamplerDriver};
 use crate::http;
-use crate::session::Instrument;
+use crate::session::{Departure, Instrument};
 use anyhow::Context;
 use carved_devices::sampler::{LoaderInterlock, LoaderSampler, Sampler, TriggerSampler};
 use carved_devices::{Camera, DeviceError, Lasting, Rig, RotationAxis, camera, rotation, views};
 use carved_records::Mode;
 use carved_store::Claim;
 use std::path::{Path, PathBuf};
+use std::process::ExitCode;
 use std::sync::Arc;
 
 #[derive(Debug, clap::Args)]
@@ -21,10 +22,14 @@ pub struct Args {
     config: PathBuf,
 }
 
+/// Exit code of a daemon that wants to be started again (`EX_TEMPFAIL`): the unit names it.
+const RESTART: u8 = 75;
+
 /// What a command for devices says to a configuration without any.
 pub const NO_DEVICES: &str = "The configuration has [views], which reads pictures of another program. It has no axis and no camera";
 
-pub fn run(args: &Args) -> anyhow::Result<()> {
+/// Serves until a signal. Returns the exit code.
+pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let config = Arc::new(Config::load(&args.config)?);
     for doubt in &config.doubts {
         tracing::warn!("{}: look again: {doubt}", args.config.display());
@@ -38,6 +43,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let greeting = format!("carved serves the instrument {:?}:", config.rig_name);
     Daemon { claim, config, mode: Mode::Hardware, instrument: Instrument { rig, second, sampler }, interlock, listener, greeting }
         .run(|_| async { Ok(()) })
+        .map(|departure| match departure {
+            Departure::EndsRun => ExitCode::SUCCESS,
+            Departure::LeavesRun => ExitCode::from(RESTART),
+        })
 }
 
 /// Opens the rig and its sampler, or the folder of another program.

@@ -11,9 +11,10 @@ use axum::response::{IntoResponse, Redirect, Response};
 use rust_embed::{EmbeddedFile, RustEmbed};
 use std::io::Read;
 
-/// Empty until the page is built. `build.rs` makes cargo look for it again.
+/// Empty until the page is built, and always without the feature `page`. `build.rs` makes cargo look for it again.
 #[derive(RustEmbed)]
-#[folder = "web/dist"]
+#[cfg_attr(feature = "page", folder = "web/dist")]
+#[cfg_attr(not(feature = "page"), folder = "web/none")]
 #[allow_missing = true]
 struct Dist;
 

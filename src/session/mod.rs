@@ -25,7 +25,7 @@ mod subset;
 mod tally;
 mod worker;
 
-pub use driver::{Driver, DriverError};
+pub use driver::{Departure, Driver, DriverError};
 pub use halt::Halt;
 pub use handle::{Accepted, Command, EventLog, Live, Missed, Publisher, Refusal, SessionHandle, Shown, Towards, channel};
 pub use heartbeat::Heartbeat;

@@ -244,6 +244,26 @@ fn a_signal_in_the_middle_of_a_move_leaves_the_shaft_standing_short_of_its_targe
     assert_eq!((&status["ready"], &status["plate"]["removable"]), (&json!(true), &json!(true)), "{status}");
 }
 
+/// `systemctl reload` and an upgrade of the package: the next daemon continues the run by itself.
+#[test]
+fn a_daemon_that_leaves_for_a_restart_leaves_its_run_to_the_next_one() {
+    let instrument = start(&SLOW, POLICY);
+    let way = instrument.in_mid_move("r1");
+    instrument.daemon.signal("USR1");
+    let Instrument { daemon, rig, scene, config, data, dir } = instrument;
+    assert_eq!(daemon.ended(), Some(75));
+    let angle = rig.shaft().angle_rad();
+    until("the shaft to stand", || rig.shaft().angle_rad().to_bits() == angle.to_bits());
+    assert!(angle > way.0 && angle < way.1 - 0.1 * (way.1 - way.0), "stands at {angle} rad on the way {way:?}");
+    assert_eq!(json(&data.join("runs/r1/run.json"))["outcome"], Value::Null);
+    let daemon = Daemon::serve(&config, &data);
+    let instrument = Instrument { daemon, rig, scene, config, data, dir };
+    let status = instrument.daemon.wait("the run to go on", |s| s["state"] == "Suspended");
+    assert_eq!((&status["run"]["id"], &status["run"]["outcome"]), (&json!("r1"), &Value::Null), "{status}");
+    assert!(status["plate"]["needs"].as_str().unwrap().contains("A01"), "{status}");
+    instrument.aborted("r1");
+}
+
 /// The first status of a daemon that has read what earlier runs left.
 fn started(daemon: &Daemon) -> Value {
     daemon.wait("the first word", |s| s["not_ready_reason"] != "starting")

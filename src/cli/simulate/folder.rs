@@ -67,6 +67,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let folder = args.data.clone();
     Daemon { claim, config: Arc::new(config), mode: Mode::Simulated, instrument, interlock, listener, greeting }
         .run(move |handle| async move { job.run(handle, &folder).await })
+        .map(|_| ())
 }
 
 /// The daemon's sampler, and a vendor's program that begins when a run waits for pictures.

@@ -164,7 +164,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         scope.spawn(move || cables.follow(rig, &ended));
         let served = daemon.run(move |handle| async move { job.run(handle, &folder).await });
         drop(running);
-        served
+        served.map(|_| ())
     })
 }
 

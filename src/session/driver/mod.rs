@@ -90,6 +90,15 @@ pub enum DriverError {
     WorkerPanicked,
 }
 
+/// What becomes of a run in progress when the daemon ends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Departure {
+    /// It ends `interrupted`.
+    EndsRun,
+    /// It keeps its place for the next start, which continues it as after a crash.
+    LeavesRun,
+}
+
 /// Life cycle of the daemon.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Life {
@@ -97,7 +106,13 @@ enum Life {
     Starting,
     Up,
     /// The daemon ends once all threads are joined.
-    Stopping,
+    Stopping(Departure),
+}
+
+impl Life {
+    fn is_stopping(self) -> bool {
+        matches!(self, Self::Stopping(_))
+    }
 }
 
 impl Driver {
@@ -127,8 +142,8 @@ impl Driver {
         }
     }
 
-    /// Serves commands until `shutdown`. Then the motors stop, the record is closed and all threads are joined.
-    pub async fn run(self, mut mailbox: mpsc::Receiver<Command>, shutdown: impl Future<Output = ()>) -> Result<(), DriverError> {
+    /// Serves commands until `shutdown`. Then the motors stop, the record is closed or left open, and all threads are joined.
+    pub async fn run(self, mut mailbox: mpsc::Receiver<Command>, shutdown: impl Future<Output = Departure>) -> Result<(), DriverError> {
         let (heartbeat, halt) = (self.heartbeat.clone(), self.publisher.halt().clone());
         let mut d = Running::new(self);
         d.first_report();
@@ -136,15 +151,15 @@ impl Driver {
         let mut beat = tokio::time::interval(heartbeat::INTERVAL);
         let mut look = tokio::time::interval(search::LOOK);
         loop {
-            if d.life == Life::Stopping && d.is_at_rest() {
+            if d.life.is_stopping() && d.is_at_rest() {
                 d.go(Trigger::Joined);
                 return Ok(d.final_report()?);
             }
             tokio::select! {
                 biased;
-                () = &mut shutdown, if d.life != Life::Stopping => d.shut_down(),
+                departure = &mut shutdown, if !d.life.is_stopping() => d.shut_down(departure),
                 // Not only through the mailbox: the client may disconnect before its command is queued.
-                () = halt.pressed(), if d.life != Life::Stopping => d.emergency_pressed(),
+                () = halt.pressed(), if !d.life.is_stopping() => d.emergency_pressed(),
                 message = next_message(&mut d.run) => match message {
                     Message::Progress(progress) => d.progress(progress),
                     Message::Recovered(ended) => d.recovered(ended),
@@ -158,11 +173,11 @@ impl Driver {
                 _ = look.tick(), if d.run.is_some() => d.show_camera(),
                 // Commands wait for a device check: a run needs the instrument. The check takes milliseconds if no device is lost. If one
                 // is lost, commands do not wait, because no run can start.
-                command = mailbox.recv(), if d.life != Life::Stopping && !d.devices.are_looked_at() => {
+                command = mailbox.recv(), if !d.life.is_stopping() && !d.devices.are_looked_at() => {
                     match command {
                         Some(command) => d.command(command),
                         // Every handle is dropped. No command can arrive any more, not even one that ends the daemon.
-                        None => d.shut_down(),
+                        None => d.shut_down(Departure::EndsRun),
                     }
                 }
             }

@@ -27,7 +27,7 @@ use super::room::{self, DiskRoom};
 use super::run::{AfterWork, Request, RunInProgress, Work};
 use super::sealing::{seal_run, seal_well};
 use super::snapshot::{self, Parts, left_specimen, run_status};
-use super::{Driver, Life, commands, faults, resume, start};
+use super::{Departure, Driver, Life, commands, faults, resume, start};
 use crate::api::{self, HandoffNeeds};
 use crate::config::Config;
 use crate::notify::Notices;
@@ -222,7 +222,7 @@ impl Running {
         self.calibration_ages();
         self.show_index();
         self.show_notices();
-        if self.life != Life::Stopping {
+        if !self.life.is_stopping() {
             // Before the device check: the check takes the instrument, and a run that continues needs it.
             self.try_the_store();
             self.look();
@@ -230,8 +230,8 @@ impl Running {
         }
     }
 
-    pub fn shut_down(&mut self) {
-        self.life = Life::Stopping;
+    pub fn shut_down(&mut self, departure: Departure) {
+        self.life = Life::Stopping(departure);
         self.ask(Request::ShutDown);
         self.go(Trigger::ShutDown);
         if self.run.is_some() {
@@ -283,6 +283,11 @@ impl Running {
 
     pub fn is_held_by_operator(&self) -> bool {
         self.state().run.as_ref().is_some_and(RunState::is_held_by_operator)
+    }
+
+    /// Whether the daemon ends without ending the run. An end that was asked for earlier comes first.
+    fn leaves_run(&self) -> bool {
+        self.life == Life::Stopping(Departure::LeavesRun) && self.run.as_ref().is_some_and(|run| run.request() == Request::ShutDown)
     }
 
     fn left_specimen(&self, views_planned: u32) -> Option<SpecimenStatus> {
@@ -1082,6 +1087,10 @@ impl Running {
 
     /// Ends the run as requested, once the numbers of released specimens are computed.
     fn end_run(&mut self) {
+        if self.leaves_run() {
+            // The next start finds what a crash leaves. It computes numbers that are missing.
+            return self.forget_run();
+        }
         self.recover();
         if !self.is_delayed(Continuation::End) {
             self.end_now();
@@ -1118,7 +1127,7 @@ impl Running {
         let change = self.over(&record);
         match asked {
             Request::Abort => self.go_with(Trigger::MotorsStopped, change),
-            Request::Stop if self.life != Life::Stopping => self.go_with(Trigger::Joined, change),
+            Request::Stop if !self.life.is_stopping() => self.go_with(Trigger::Joined, change),
             // The daemon ends later, when all threads are joined.
             _ => self.publish(change),
         }
@@ -1180,7 +1189,7 @@ impl Running {
             let (well, allowed) = (planned.well.clone(), run.record().method.policy.deadlines_s.of(Phase::Measure));
             tracing::info!(well, attempt, "the numbers of a specimen that was let go are made from its frames");
             // A requested end of the daemon is not a crash, and must not count as a failed attempt.
-            if self.life != Life::Stopping {
+            if !self.life.is_stopping() {
                 self.event(Some(&well), EventData::SpecimenRecovering(RecoveryBegun { attempt }));
             }
             self.run.iter_mut().for_each(|run| run.numbers_mut().begin(std::mem::take(&mut wells), &folder, allowed));

@@ -59,7 +59,7 @@ impl Parts<'_> {
         let asked = self.run.map_or(Request::Nothing, RunInProgress::request);
         Pending {
             hold: self.run.is_some_and(RunInProgress::works) && matches!(asked, Request::Hold | Request::Halt),
-            stop: self.life == Life::Stopping || asked == Request::Stop,
+            stop: self.life.is_stopping() || asked == Request::Stop,
             abort: asked == Request::Abort,
         }
     }
@@ -83,7 +83,7 @@ impl Parts<'_> {
     /// Why a run would be refused now. `None` if it would be accepted.
     fn not_ready(&self) -> Option<String> {
         match self.life {
-            Life::Stopping => return Some("shutting down".into()),
+            Life::Stopping(_) => return Some("shutting down".into()),
             Life::Starting => return Some("starting".into()),
             Life::Up => {}
         }
@@ -141,6 +141,7 @@ fn needs(take_out: Option<&str>, bring: Option<&str>) -> Option<String> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::Departure;
     use super::super::run::tests::run;
     use super::*;
     use crate::session::Driver;
@@ -193,7 +194,7 @@ mod tests {
             lost: Some(Device::Camera),
             is_checked: true,
             no_room: Some("one well: it is full"),
-            life: Life::Stopping,
+            life: Life::Stopping(Departure::EndsRun),
             ..parts(&latched, &loader)
         };
         let reason = |parts: &Parts| snapshot(parts).not_ready_reason.unwrap();

@@ -8,7 +8,7 @@
 use super::bench::{Bench, RUN, bench, count, indexed, journalled, on_this_thread, plan, scratch};
 use crate::session::handle::{SessionHandle, Towards};
 use crate::session::worker::{Progress, RunEnd};
-use crate::session::{State, Status};
+use crate::session::{Departure, State, Status};
 use carved_records::{EventData, Phase, RunOutcome};
 use carved_store::testing::trace as disk_trace;
 use std::path::Path;
@@ -208,7 +208,7 @@ fn an_abort_on_a_full_disk_is_written_once_there_is_room_or_when_the_daemon_ends
                         b.d.try_the_store();
                         is_whole(&b, dir.path(), RunOutcome::Aborted, &when);
                     }
-                    b.d.shut_down();
+                    b.d.shut_down(Departure::EndsRun);
                     b.d.final_report().unwrap();
                     was_full |= disk_trace::was_full();
                     disk_trace::end();

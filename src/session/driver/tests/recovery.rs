@@ -115,7 +115,7 @@ fn a_daemon_that_was_asked_to_end_has_not_died_of_them() {
         drop(let_go(dir.path(), &["A01", "A02"]));
         for _ in 0..4 {
             let mut b = bench(dir.path(), true);
-            b.d.shut_down();
+            b.d.shut_down(Departure::EndsRun);
         }
         let b = bench(dir.path(), true);
         assert_eq!((of_well(&b, 0).outcome, count(&journalled(dir.path()), kind::SPECIMEN_RECOVERING)), (None, 5));
