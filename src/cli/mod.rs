@@ -18,6 +18,8 @@ mod import;
 mod index;
 mod measure;
 mod notify;
+#[doc(hidden)]
+pub mod parsers;
 mod plate;
 mod reconstruct;
 mod reference;

@@ -17,6 +17,7 @@ mod import;
 mod import_plate;
 mod notices;
 mod output_command;
+mod parsers;
 mod provenance;
 mod reconstruct;
 mod reference;
