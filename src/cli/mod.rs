@@ -20,6 +20,8 @@ mod index;
 mod manual;
 mod measure;
 mod notify;
+#[doc(hidden)]
+pub mod parsers;
 mod plate;
 mod reconstruct;
 mod reference;

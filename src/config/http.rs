@@ -22,7 +22,7 @@ pub struct HttpSettings {
     /// File with the bearer token that every client must send; readable by the daemon alone (mode 0600). Write the whole path: a
     /// relative one begins in the working directory of the daemon.
     pub token_file: Option<PathBuf>,
-    /// Deadline for the head of a request, ms.
+    /// Deadline for the head of a request, ms. A client that reads nothing of its answer for so long is cut too.
     #[schemars(extend("x-level" = "expert"))]
     pub head_timeout_ms: u64,
     /// Deadline for the body of a request, ms.

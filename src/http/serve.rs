@@ -20,6 +20,7 @@ use hyper::server::conn::http1;
 use hyper::service::{Service, service_fn};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
+use nix::sys::socket::{setsockopt, sockopt};
 use std::io;
 use std::net::SocketAddr;
 use std::pin::pin;
@@ -93,7 +94,7 @@ pub async fn serve_routes(
     let mut shutdown = pin!(shutdown);
     loop {
         tokio::select! {
-            accepted = next_client(&listener, &slots) => match accepted {
+            accepted = next_client(&listener, &slots, settings) => match accepted {
                 Ok((stream, peer, slot)) => {
                     let served = connection(stream, peer, slot, builder(settings), router.clone(), closing.clone());
                     connections.spawn(served);
@@ -113,11 +114,18 @@ pub async fn serve_routes(
     Ok(())
 }
 
-async fn next_client(listener: &TcpListener, slots: &Arc<Semaphore>) -> io::Result<(TcpStream, Peer, OwnedSemaphorePermit)> {
+async fn next_client(
+    listener: &TcpListener,
+    slots: &Arc<Semaphore>,
+    settings: &HttpSettings,
+) -> io::Result<(TcpStream, Peer, OwnedSemaphorePermit)> {
     let slot = slots.clone().acquire_owned().await.map_err(io::Error::other)?;
     let (stream, peer) = listener.accept().await?;
     // Answers are small, and clients wait for them.
     stream.set_nodelay(true)?;
+    // A client that does not read its answer would keep its slot for ever: hyper has no deadline for writing.
+    let unread_ms = u32::try_from(settings.head_timeout_ms).unwrap_or(u32::MAX);
+    setsockopt(&stream, sockopt::TcpUserTimeout, &unread_ms)?;
     Ok((stream, Peer(peer.ip().to_canonical()), slot))
 }
 

@@ -20,6 +20,7 @@ mod import_plate;
 mod manual;
 mod notices;
 mod output_command;
+mod parsers;
 mod provenance;
 mod reconstruct;
 mod reference;

@@ -123,6 +123,36 @@ fn five_percent_lost_packets_cost_time_but_no_view() {
     assert!(counters.resent_packets > 0, "packets were lost and asked for again: {counters:?}");
 }
 
+/// Times need a quiet machine, so the limits are judged by `make qa ROW=R8` and not here.
+#[test]
+#[ignore = "measures times: make qa ROW=R8"]
+fn lost_doubled_and_swapped_packets_cost_little_time_and_no_view() {
+    let emulated = rig(10.0);
+    let small = AravisSettings { packet_size: 1500, ..camera_settings(&emulated) };
+    let mut devices = Rig { rotation: Box::new(axis(&emulated)), camera: camera::open(small).unwrap() };
+    devices.camera.arm().unwrap();
+    let mut seconds = |lost_ppm, doubled_ppm, swapped_ppm| {
+        let camera = emulated.faults().camera();
+        camera.lose_packets_ppm(lost_ppm);
+        camera.double_packets_ppm(doubled_ppm);
+        camera.swap_packets_ppm(swapped_ppm);
+        let turns = (0..3).map(|_| {
+            let began = Instant::now();
+            let turned = turn(&emulated, &mut devices, ViewOrder::Sequential);
+            let took = began.elapsed().as_secs_f64();
+            holds(&emulated, &turned);
+            took
+        });
+        turns.fold(f64::INFINITY, f64::min)
+    };
+    let none = seconds(0, 0, 0);
+    for (name, [lost, doubled, swapped]) in
+        [("1 % lost", [10_000, 0, 0]), ("5 % lost", [50_000, 0, 0]), ("5 % doubled", [0, 50_000, 0]), ("5 % swapped", [0, 0, 50_000])]
+    {
+        println!("figure: {name}: turn longer by {:.1} % (fastest of 3)", 100.0 * (seconds(lost, doubled, swapped) / none - 1.0));
+    }
+}
+
 #[test]
 fn a_frame_that_never_comes_and_a_trigger_that_is_not_heard_are_tried_again() {
     let emulated = rig(10.0);

@@ -89,6 +89,15 @@ fn dribble_nothing(mut stream: TcpStream) {
     assert!(!matches!(&ended, Err(why) if why.kind() == ErrorKind::WouldBlock), "{ended:?}");
 }
 
+/// The only slot is taken by a client that asks for more than the buffers hold and reads nothing.
+#[test]
+fn a_client_that_reads_nothing_loses_its_slot() {
+    let rig = Rig::with(HttpSettings { head_timeout_ms: 300, max_connections: 1, ..settings() }, Vec::new());
+    let mut greedy = connect(rig.address);
+    greedy.write_all(&b"GET /openapi.json HTTP/1.1\r\nHost: localhost\r\n\r\n".repeat(400)).unwrap();
+    assert_eq!(rig.get("/v1/status").status, 200);
+}
+
 #[test]
 fn a_client_over_the_number_of_slots_waits_for_one() {
     let rig = Rig::with(HttpSettings { max_connections: 1, ..settings() }, Vec::new());

@@ -15,7 +15,7 @@ use std::path::Path;
 
 /// One angle per picture, in the order of the pictures.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) enum Angles {
+pub(in crate::cli) enum Angles {
     /// Angles of the axis, deg.
     Degrees(Vec<f64>),
     /// Angles omega, rad.
@@ -23,7 +23,7 @@ pub(super) enum Angles {
 }
 
 /// The pictures of a plate, for a list that names files.
-pub(super) struct PlatePictures<'a> {
+pub(in crate::cli) struct PlatePictures<'a> {
     /// Numbers of the views in the order of the turn.
     pub views: &'a [u32],
     /// Every picture with the number of its view.
@@ -61,7 +61,8 @@ fn column(name: &str) -> Option<Column> {
 /// The number of a line in the file, from 1, and its fields.
 type Row = (usize, Vec<String>);
 
-fn parse(text: &str, pictures: &[String], plate: Option<&PlatePictures>) -> anyhow::Result<Angles> {
+/// The angles in the text of such a file.
+pub(in crate::cli) fn parse(text: &str, pictures: &[String], plate: Option<&PlatePictures>) -> anyhow::Result<Angles> {
     let lines = (1..).zip(text.trim_start_matches('\u{feff}').lines());
     let lines: Vec<(usize, &str)> = lines.filter(|(_, l)| !l.trim().is_empty() && !l.trim_start().starts_with('#')).collect();
     let Some((_, first)) = lines.first() else { bail!("found no line, expected one angle per picture") };

@@ -7,7 +7,7 @@
 //! ```
 //! Everything is read and checked before anything is written. With --plate, `plate` does this for each well.
 
-mod angles;
+pub(super) mod angles;
 mod frames;
 mod natural;
 mod plate;

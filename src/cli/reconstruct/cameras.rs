@@ -52,7 +52,8 @@ pub(in crate::cli) fn read(file: &Path) -> anyhow::Result<Cameras> {
     parse(&text).with_context(name)
 }
 
-fn parse(text: &str) -> anyhow::Result<Cameras> {
+/// The cameras in the text of such a file.
+pub(in crate::cli) fn parse(text: &str) -> anyhow::Result<Cameras> {
     match text.trim_start().chars().next() {
         Some('{') => psi(text),
         Some('[') => matrices(text),

@@ -48,8 +48,12 @@ pub(in crate::cli) fn read(path: &Path, bayer: bool) -> anyhow::Result<Input> {
     if length > MOST_BYTES {
         bail!("the file has {} MB; expected a picture of {} MB at most", length >> 20, MOST_BYTES >> 20);
     }
-    let bytes = carved_files::read(path).context("cannot be read")?;
-    let reader = ImageReader::new(Cursor::new(&bytes)).with_guessed_format().context("cannot be read")?;
+    decode(&carved_files::read(path).context("cannot be read")?, bayer)
+}
+
+/// The picture in the bytes of a file.
+pub(in crate::cli) fn decode(bytes: &[u8], bayer: bool) -> anyhow::Result<Input> {
+    let reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().context("cannot be read")?;
     if reader.format().is_none() {
         bail!("found no picture, expected PNG, JPEG, TIFF or BMP");
     }
@@ -78,7 +82,7 @@ pub(in crate::cli) fn read(path: &Path, bayer: bool) -> anyhow::Result<Input> {
              mean; read it with --bayer, or give the picture in colour"
         );
     }
-    Ok(Input { frame: RawFrame::new(width, height, format, pixels)?, sha256: sha256_hex(&bytes), bits })
+    Ok(Input { frame: RawFrame::new(width, height, format, pixels)?, sha256: sha256_hex(bytes), bits })
 }
 
 /// Cameras with 10, 12 and 14 bits store their counts unscaled in 16 bits: the largest count shows which it was.

@@ -19,7 +19,7 @@ pub(super) mod input;
 mod mosaic;
 mod output;
 mod overlay;
-mod shapes;
+pub(super) mod shapes;
 
 use annotation::Annotations;
 use anyhow::{Context, bail};

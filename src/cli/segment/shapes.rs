@@ -31,7 +31,7 @@ const BEYOND_PX: f64 = 2.0;
 
 /// Why a file gives no outline.
 #[derive(Debug, thiserror::Error)]
-pub(super) enum ShapesError {
+pub(in crate::cli) enum ShapesError {
     #[error("it is not readable JSON ({0}); save the shapes again in FishInspector")]
     NotJson(#[from] serde_json::Error),
     #[error("FishInspector has excluded this picture (\"enabled\" is off); tick the picture in its list")]
@@ -56,7 +56,7 @@ pub(super) enum ShapesError {
 
 /// The outline of the larva in a file.
 #[derive(Debug, PartialEq)]
-pub(super) struct Outline {
+pub(in crate::cli) struct Outline {
     /// The key that it is stored under.
     pub feature: &'static str,
     /// In carved's pixel coordinates: centre of the first pixel (0, 0).
@@ -64,7 +64,7 @@ pub(super) struct Outline {
 }
 
 /// The outline in the text of a file of a picture of that size. Other keys are ignored.
-pub(super) fn read(text: &[u8], size: [usize; 2]) -> Result<Outline, ShapesError> {
+pub(in crate::cli) fn read(text: &[u8], size: [usize; 2]) -> Result<Outline, ShapesError> {
     let file: Value = serde_json::from_slice(text)?;
     if file.get("enabled").is_some_and(|on| on.as_bool() == Some(false) || on.as_f64() == Some(0.0)) {
         return Err(ShapesError::Excluded);

@@ -14,6 +14,8 @@ mod knowledge;
 mod link;
 mod one_sided;
 mod pace;
+#[cfg(any(test, feature = "testing"))]
+pub mod parsers;
 mod port;
 mod reference;
 mod relay;

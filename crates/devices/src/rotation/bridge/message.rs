@@ -4,7 +4,7 @@
 
 /// A message of the bridge.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) enum Message {
+pub(in crate::rotation) enum Message {
     /// The answer to a request, or the greeting after a start.
     Ok,
     /// VAST's IN.1: in position.
@@ -18,7 +18,7 @@ pub(super) enum Message {
 }
 
 /// The messages of a line. A line with anything else in it is one [`Message::Other`].
-pub(super) fn of(line: &str) -> Vec<Message> {
+pub(in crate::rotation) fn of(line: &str) -> Vec<Message> {
     let line = line.trim();
     let mut rest = line;
     let mut found = Vec::new();

@@ -16,7 +16,7 @@
 
 mod dialogue;
 mod list;
-mod message;
+pub(super) mod message;
 mod settings;
 
 pub use settings::VastBridgeSettings;

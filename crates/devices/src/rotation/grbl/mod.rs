@@ -26,7 +26,7 @@ mod geometry;
 mod intervention;
 mod linear;
 mod outputs;
-mod report;
+pub(super) mod report;
 mod settings;
 mod specimen;
 mod talk;

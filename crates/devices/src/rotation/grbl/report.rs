@@ -11,7 +11,7 @@ use std::fmt::{self, Display};
 
 /// One line from the controller.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) enum Line {
+pub(in crate::rotation) enum Line {
     /// The line was understood and queued. A motion is not finished yet.
     Ok,
     /// The line was refused.
@@ -34,7 +34,7 @@ pub(super) enum Line {
 
 /// A status report.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Status {
+pub(in crate::rotation) struct Status {
     pub state: State,
     /// The number after the state: `Hold:1`, `Door:0`, grblHAL's `Alarm:10`.
     pub detail: Option<u16>,
@@ -48,7 +48,7 @@ pub(super) struct Status {
 
 /// The state of the controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum State {
+pub(in crate::rotation) enum State {
     Idle,
     Run,
     Jog,

@@ -127,7 +127,7 @@ impl std::fmt::Display for Request {
 
 /// An answer of the module.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Reply {
+pub(in crate::rotation) struct Reply {
     pub host: u8,
     pub module: u8,
     pub status: u8,

@@ -15,7 +15,7 @@
 //! the same flag (NI) as a person who interrupts a move. After an own stop this flag counts as reported.
 
 mod flags;
-mod packet;
+pub(super) mod packet;
 mod settings;
 mod wire;
 

@@ -24,7 +24,7 @@ pub(super) fn stop(device: u8, axis: u8) -> String {
 
 /// The reply to a command.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Reply {
+pub(in crate::rotation) struct Reply {
     pub device: u8,
     pub axis: u8,
     pub id: Option<u8>,
@@ -38,7 +38,7 @@ pub(super) struct Reply {
 
 /// A line from the controller.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) enum Line {
+pub(in crate::rotation) enum Line {
     /// A reply with a correct checksum.
     Reply(Reply),
     /// A reply without a checksum. Checksums were not switched on, or a restart has switched them off.

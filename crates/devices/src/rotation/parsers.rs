@@ -1,0 +1,29 @@
+//! The parsers of what controllers send, for tests that feed them bytes of any kind. Each returns what was read, as text.
+
+use super::tmcl::frame::{BYTES, Reply};
+use super::{bridge, grbl, zaber};
+
+fn lines<T: std::fmt::Debug>(bytes: &[u8], parse: impl Fn(&str) -> T) -> String {
+    String::from_utf8_lossy(bytes).split('\n').map(|line| format!("{:?}\n", parse(line))).collect()
+}
+
+/// Lines of Grbl and grblHAL.
+pub fn grbl(bytes: &[u8]) -> String {
+    lines(bytes, grbl::report::Line::parse)
+}
+
+/// Datagrams of TMCL.
+pub fn tmcl(bytes: &[u8]) -> String {
+    let (datagrams, _) = bytes.as_chunks::<BYTES>();
+    datagrams.iter().map(|datagram| format!("{:?}\n", Reply::decode(*datagram))).collect()
+}
+
+/// Lines of the Zaber ASCII protocol.
+pub fn zaber(bytes: &[u8]) -> String {
+    lines(bytes, zaber::packet::Line::parse)
+}
+
+/// Lines of the VAST trigger bridge.
+pub fn bridge(bytes: &[u8]) -> String {
+    lines(bytes, bridge::message::of)
+}

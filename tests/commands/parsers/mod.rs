@@ -1,0 +1,45 @@
+//! Every parser that bytes from outside reach, fed with the corpus and with mutations of it: none may panic.
+//!
+//! The corpus is in `tests/commands/data/parsers`, one folder per parser.
+
+mod mutate;
+mod targets;
+
+use mutate::Mutations;
+use std::panic::catch_unwind;
+use std::path::{Path, PathBuf};
+use targets::TARGETS;
+
+/// Mutations of each file of the corpus.
+const MUTATIONS: usize = 150;
+
+fn corpus(name: &str) -> Vec<(PathBuf, Vec<u8>)> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/commands/data/parsers").join(name);
+    let files = std::fs::read_dir(&folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
+    let mut files: Vec<_> = files.map(|entry| entry.unwrap().path()).map(|path| (path.clone(), std::fs::read(path).unwrap())).collect();
+    files.sort();
+    assert!(!files.is_empty(), "{} is empty", folder.display());
+    files
+}
+
+#[test]
+fn no_parser_panics_on_its_corpus_or_on_mutations_of_it() {
+    let mut panics = Vec::new();
+    let mut inputs = 0;
+    for (name, parse) in TARGETS {
+        let files = corpus(name);
+        for (number, (path, content)) in files.iter().enumerate() {
+            let others: Vec<&[u8]> = files.iter().map(|(_, other)| other.as_slice()).collect();
+            for (mutation, input) in
+                std::iter::once(content.clone()).chain(Mutations::new(number as u64, content, &others)).take(MUTATIONS).enumerate()
+            {
+                inputs += 1;
+                if catch_unwind(|| parse(&input)).is_err() {
+                    panics.push(format!("{name}: mutation {mutation} of {}: {}", path.display(), input.escape_ascii()));
+                }
+            }
+        }
+    }
+    println!("figure: {inputs} inputs to {} parsers, {} panics", TARGETS.len(), panics.len());
+    assert!(panics.is_empty(), "{}", panics.join("\n"));
+}
