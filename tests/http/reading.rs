@@ -35,7 +35,7 @@ fn the_methods_that_a_plan_may_name_are_served() {
     let answer = Rig::start().get("/v1/methods");
     assert_eq!(answer.status, 200);
     let expected = serde_json::json!({"methods": [
-        {"name": "", "version": null, "asd": 21, "order": "coarse_to_fine", "epsilon": 0.05, "voxel_um": 6.93}]});
+        {"name": "standard", "version": null, "asd": 21, "order": "coarse_to_fine", "epsilon": 0.05, "voxel_um": 6.93}]});
     assert_eq!(answer.json(), expected);
 }
 
