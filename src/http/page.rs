@@ -100,7 +100,7 @@ fn file(asked: &HeaderMap, path: &str) -> Option<Response> {
 /// A file that is there as `.gz` alone.
 fn packed(asked: &HeaderMap, path: &str) -> Option<Response> {
     let mut file = Dist::get(&format!("{path}.gz"))?;
-    let mime = if path.ends_with(".html") { "text/html" } else { "application/json" };
+    let mime = if path.strip_suffix(".html").is_some() { "text/html" } else { "application/json" };
     let as_it_is = accepts(asked, "gzip");
     if !as_it_is {
         let mut text = Vec::new();
