@@ -7,7 +7,7 @@
 #![cfg(feature = "aravis")]
 
 use crate::common::bench::{Bench, bead, larva, plan};
-use crate::common::receiver::{Receiver, Reply};
+use crate::common::receiver::{Received, Receiver, Reply};
 use crate::common::{Daemon, json};
 use crate::monitoring;
 use hardware_sim::scene::Specimen;
@@ -91,7 +91,7 @@ fn larvae_are_refused_or_flagged_without_a_gate_and_measured_with_one_that_is_fr
     let status = bench.measured(&daemon, "in-time", "strict", &[larva("A01")]);
     assert!(status["run"]["results"][0]["outcome"] == "succeeded" && !flags(&status).contains(&"bead_gate"), "{status}");
     assert_eq!(status["calibration"]["gate"]["id"], gate["gate"]["id"], "{status}");
-    let ended: Vec<Value> = receiver.wait(3).iter().map(|request| request.json()).collect();
+    let ended: Vec<Value> = receiver.wait(3).iter().map(Received::json).collect();
     let of = |notice: &Value| (notice["event"].clone(), notice["run"]["id"].clone(), notice["instrument"]["uuid"].clone());
     let expected = ["too-early", "beads", "in-time"].map(|run| (json!("run.ended"), json!(run), status["instrument"]["uuid"].clone()));
     assert_eq!(ended.iter().map(of).collect::<Vec<_>>(), expected);

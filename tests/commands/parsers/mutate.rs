@@ -38,7 +38,7 @@ impl<'a> Mutations<'a> {
         Self { state: seed, content, others }
     }
 
-    /// SplitMix64.
+    /// The generator `SplitMix64`.
     fn next_u64(&mut self) -> u64 {
         self.state = self.state.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.state;
