@@ -15,6 +15,7 @@ mod disk_full;
 mod early_stop;
 mod folder;
 mod live_estimate;
+#[cfg(feature = "aravis")] // the tests that use it need a camera
 mod monitoring;
 mod one_well;
 mod optics;
