@@ -1,7 +1,7 @@
 # `make run` shows the instrument at work on its emulated rig; `make help` lists the rest.
 
 .DEFAULT_GOAL := help
-.PHONY: help build run test test-rust test-clients test-page test-python test-service qa tutorial lint bench deb deb-test
+.PHONY: help build run test test-rust test-page test-python test-service qa tutorial lint bench deb deb-test
 .PHONY: offline offline-test web contract deny deps-build deps-web deps-python deps-test deps-bench deps-package deps-machine
 
 CARGO ?= cargo
@@ -30,19 +30,15 @@ run: build ## build, then the emulated rig with its demo plate (ARGS="..." goes 
 # Most integration tests wait for a daemon or for a motor that moves in real time: three at a time per core keep the cores busy.
 test: export RUST_TEST_THREADS ?= $(shell expr 3 '*' $$(nproc))
 
-# The clients' tests wait for a browser and for daemons, so they run beside the Rust tests. The daemon that they use is the one that
-# `cargo test` has built for the integration tests, so that nothing is compiled twice. What they print follows when they have ended.
+# The daemon that the page and the Python client are tested against is the one that `cargo test` has built for the integration tests, so that
+# nothing is compiled twice.
 test: deps-build deps-test deps-python $(PAGE) ## unit, integration and doc tests; the page's in headless Chromium; the Python client's; the unit file
-	$(CARGO) test --workspace --locked --no-run
-	$(MAKE) --no-print-directory --jobs 2 --keep-going test-rust test-clients
+	$(MAKE) --no-print-directory --keep-going test-rust test-page test-python test-service
 
 test-rust:
 	$(CARGO) test --workspace --locked --no-fail-fast
 
-test-clients: export CARVED_BIN = $(abspath $(TARGET_DIR))/debug/carved
-test-clients:
-	@$(MAKE) --no-print-directory test-page test-python test-service > $(TARGET_DIR)/test-clients.log 2>&1; \
-		code=$$?; cat $(TARGET_DIR)/test-clients.log; exit $$code
+test-page test-python test-service: export CARVED_BIN = $(abspath $(TARGET_DIR))/debug/carved
 
 test-page:
 	cd web && npm run --silent test
@@ -53,7 +49,6 @@ test-python:
 
 test-service:
 	if [ -x systemd/verify.sh ]; then systemd/verify.sh; fi
-	python3 -m tests.reliability --binary "$(CARVED_BIN)" --scale short R15 R16
 
 # ROW="R1 R13" selects rows, SCALE=full their size; CONTROL=1 breaks what each row names, so that every row must report a miss.
 qa: build deps-python deps-test ## attacks the release program from outside, row by row: docs/reliability.md (ROW=R13 SCALE=full CONTROL=1)

@@ -83,8 +83,8 @@ mod tests {
         }
     }
 
-    fn fault(seq: u64, code: &FaultCode) -> Fault {
-        Fault::of(&Recorded::new(seq, code, "found".into(), String::new()), RunUnderFault::None)
+    fn fault(seq: u64, code: &FaultCode, run: RunUnderFault) -> Fault {
+        Fault::of(&Recorded::new(seq, code, "found".into(), String::new()), run)
     }
 
     fn of(state: State, run: Option<RunStatus>, faults: Vec<Fault>) -> Status {
@@ -96,16 +96,18 @@ mod tests {
         use EventName::{PersonNeeded, RunEnded, RunHeld};
         use State::{Complete, Execute, Held, Holding, Idle};
         let (open, alone, over) = (run(None, false), run(None, true), run(Some(RunOutcome::Succeeded), false));
-        let (lost, stop) = (fault(1, &fault_table::CAMERA_LOST), fault(2, &fault_table::EMERGENCY_STOP));
-        assert!(!lost.operator_required && stop.operator_required);
+        // The same fault calls for a person once the run does not go on by itself any more.
+        let [late, waits] = [RunUnderFault::GoesOnByItself, RunUnderFault::Waits].map(|run| fault(1, &fault_table::CAMERA_NO_FRAME, run));
+        let stop = fault(2, &fault_table::EMERGENCY_STOP, RunUnderFault::Waits);
+        assert!(!late.operator_required && waits.operator_required && stop.operator_required);
         let script: Vec<(Status, Vec<EventName>, bool)> = vec![
             // After a start the last run is shown again.
             (of(Complete, Some(over.clone()), vec![]), vec![], false),
             (of(Execute, Some(open.clone()), vec![]), vec![], false),
-            (of(Holding, Some(alone.clone()), vec![lost.clone()]), vec![], false),
-            (of(Held, Some(alone.clone()), vec![lost.clone()]), vec![RunHeld], false),
-            (of(Held, Some(alone.clone()), vec![lost.clone()]), vec![], false),
-            (of(Held, Some(open.clone()), vec![lost]), vec![PersonNeeded], true),
+            (of(Holding, Some(alone.clone()), vec![late.clone()]), vec![], false),
+            (of(Held, Some(alone.clone()), vec![late.clone()]), vec![RunHeld], false),
+            (of(Held, Some(alone), vec![late]), vec![], false),
+            (of(Held, Some(open.clone()), vec![waits]), vec![PersonNeeded], true),
             (of(Execute, Some(open.clone()), vec![]), vec![], false),
             (of(Held, Some(open.clone()), vec![]), vec![RunHeld], true),
             (of(Execute, Some(open.clone()), vec![]), vec![], false),
@@ -127,7 +129,7 @@ mod tests {
     #[test]
     fn what_still_stands_after_a_restart_is_noticed_again() {
         let open = Some(run(None, false));
-        let stands = of(State::Held, open, vec![fault(2, &fault_table::EMERGENCY_STOP)]);
+        let stands = of(State::Held, open, vec![fault(2, &fault_table::EMERGENCY_STOP, RunUnderFault::None)]);
         for _boot in 0..2 {
             assert_eq!(Watch::default().see(&stands).len(), 1);
         }

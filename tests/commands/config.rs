@@ -88,7 +88,7 @@ fn breaches_name_file_key_value_and_expectation_all_at_once() {
     assert!(said.contains("refuses to listen on 0.0.0.0:8420") && said.contains("\"http://x\" in allowed_hosts"), "{said}");
     assert!(said.contains("12 value(s)"), "{said}");
     let said = check(&text.replace("[store]", "token_file = \"/no/such/token\"\n[store]"));
-    assert!(said.contains("cannot read token_file /no/such/token") && said.contains("1 value(s)"), "{said}");
+    assert!(said.contains("token_file: cannot read /no/such/token") && said.contains("1 value(s)"), "{said}");
     let said = stderr(&run(&["config", "check", "/no/such/file.toml"]));
     assert!(said.contains("/no/such/file.toml"), "{said}");
 }
