@@ -36,7 +36,7 @@ export function progressWords({ name, wells, done, failed, waits }: ReplayProgre
 /** Difference of a number from the first one: `+1.2 %`. Pure. */
 export function difference(first: number | null, again: number | null): string {
   if (first === null || again === null || first === 0) return "–";
-  const percent = 100 * (again / first - 1);
+  const percent = Number((100 * (again / first - 1)).toFixed(1));
   return `${percent > 0 ? "+" : ""}${grouped(percent, 1)} %`;
 }
 

@@ -26,6 +26,8 @@ export async function openPage(
   { width = 1440, height = 960, hasTouch = false } = {},
 ): Promise<{ page: Page; complaints: string[] }> {
   const context = await browser.newContext({ viewport: { width, height }, hasTouch });
+  // A busy machine that draws in software needs longer than the usual 30 s.
+  context.setDefaultTimeout(90_000);
   const page = await context.newPage();
   const complaints: string[] = [];
   page.on("pageerror", (error) => complaints.push(String(error)));

@@ -77,7 +77,10 @@ export class Daemon {
 
   async status(after?: number): Promise<Status> {
     const wait = after === undefined ? "" : `?wait=5&after=${after}`;
-    const response = await fetch(`${this.url}/v1/status${wait}`);
+    const response = await fetch(`${this.url}/v1/status${wait}`).catch((error: Error) => {
+      const ended = `exit code ${this.#child.exitCode}, signal ${this.#child.signalCode}`;
+      throw new Error(`no status (${String(error.cause)}; ${ended})\n${this.log}`, { cause: error });
+    });
     assert.equal(response.status, 200);
     return (await response.json()) as Status;
   }

@@ -22,6 +22,7 @@ test("how far measuring again has come is said in words, with the wells that fai
 test("a change is told in per cent of the first number", () => {
   assert.equal(difference(200, 203), "+1.5 %");
   assert.equal(difference(200, 199), "\u22120.5 %");
+  assert.equal(difference(200, 200.01), "0.0 %");
   assert.equal(difference(null, 1), "–");
   assert.equal(difference(1, null), "–");
 });
