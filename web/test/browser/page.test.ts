@@ -290,7 +290,10 @@ test("a chosen well shows what is stored of it, and the page says whose pictures
     [...document.querySelectorAll<HTMLImageElement>("#views-list img")].every((image) => image.naturalWidth > 0),
   );
   assert.equal(await strip.nth(0).getAttribute("aria-pressed"), "true");
-  assert.match(await text("standing"), /Area 3\.425 mm² by the outlines, .* 1\.5 SD above the mean of 12 larvae .* 93 % of such/s);
+  assert.match(
+    await text("standing"),
+    /Area 3\.425 mm² by the outlines, .* 1\.5 SD above the mean of 12 larvae .* 93 % of such/s,
+  );
   assert.equal(await page.locator("#standing svg").getAttribute("data-z"), "1.500");
   await shoot(page, "stored");
   await strip.nth(2).click();
