@@ -15,7 +15,19 @@ fn every_line_is_understood_and_written_again_as_it_was() {
     for (line, event) in JOURNAL.lines().zip(events()) {
         assert!(!matches!(event.body.data, EventData::Other { .. }), "{line}");
         let was: serde_json::Value = serde_json::from_str(line).unwrap();
-        assert_eq!(serde_json::to_value(&event).unwrap(), was);
+        let mut now = serde_json::to_value(&event).unwrap();
+        take_newer_keys(&mut now, &was);
+        assert_eq!(now, was);
+    }
+}
+
+/// Removes the keys that the journal's build did not know. They say nothing about its events, so they are null.
+fn take_newer_keys(now: &mut serde_json::Value, was: &serde_json::Value) {
+    if let (Some(now), Some(was)) = (now.as_object_mut(), was.as_object()) {
+        now.retain(|key, value| was.contains_key(key) || !value.is_null());
+        for (key, value) in now {
+            take_newer_keys(value, &was[key]);
+        }
     }
 }
 
