@@ -28,6 +28,8 @@ use std::time::{Duration, Instant};
 
 /// How often a wait checks the latch. Received bytes wake it at once.
 const LATCH_LOOK: Duration = Duration::from_millis(50);
+/// A wait that lasts longer than it should by more than this shows that the computer did not run this thread.
+const LATE_WAKE: Duration = Duration::from_millis(20);
 /// Longest wait until the kernel takes a few bytes. It takes them at once unless the device is dead.
 const WRITE_TIMEOUT: Duration = Duration::from_millis(200);
 /// Longest wait until the other computer accepts a connection.
@@ -277,7 +279,8 @@ impl Link {
         self.transmitter.lock().transport = fresh.transmitter.lock().transport.take();
     }
 
-    fn await_some<T>(&mut self, until: Instant, mut take: impl FnMut(&mut Self) -> Option<T>) -> Result<Option<T>, DeviceError> {
+    /// Waits for bytes until `take` returns something; `None` if it returned nothing until `until`.
+    fn await_some<T>(&mut self, mut until: Instant, mut take: impl FnMut(&mut Self) -> Option<T>) -> Result<Option<T>, DeviceError> {
         loop {
             // Checked first: an answer that comes after a stop is of no use to the request that the stop has ended.
             if self.is_ended() {
@@ -286,12 +289,21 @@ impl Link {
             if let Some(taken) = take(self) {
                 return Ok(Some(taken));
             }
-            let left = until.saturating_duration_since(Instant::now());
-            if left.is_zero() {
-                return Ok(None);
+            if self.receive_until(&mut until)? {
+                return Ok(take(self));
             }
-            self.receive(left.min(LATCH_LOOK))?;
         }
+    }
+
+    /// Waits for bytes until `until`, or for [`LATCH_LOOK`] if that is shorter, and keeps them. Returns whether the time is over; bytes
+    /// that had arrived by then are kept too. Time in which the computer did not run this thread does not count, so `until` moves: a
+    /// controller that is emulated or on the same computer did not run either.
+    fn receive_until(&mut self, until: &mut Instant) -> Result<bool, DeviceError> {
+        let begun = Instant::now();
+        let wait = until.saturating_duration_since(begun).min(LATCH_LOOK);
+        self.receive(wait)?;
+        *until += begun.elapsed().saturating_sub(wait + LATE_WAKE);
+        Ok(wait.is_zero())
     }
 
     /// A line that has already arrived; `None` without one. Does not wait.
@@ -315,17 +327,14 @@ impl Link {
             let mut state = self.transmitter.lock();
             self.transmitter.write(&mut state, question)?;
         }
-        let until = Instant::now() + wait;
-        let mut lines = Vec::new();
-        while lines.is_empty() {
-            let left = until.saturating_duration_since(Instant::now());
-            if left.is_zero() {
-                break;
+        let mut until = Instant::now() + wait;
+        loop {
+            let over = self.receive_until(&mut until)?;
+            let lines: Vec<String> = std::iter::from_fn(|| self.take_line()).collect();
+            if over || !lines.is_empty() {
+                return Ok(lines);
             }
-            self.receive(left)?;
-            lines.extend(std::iter::from_fn(|| self.take_line()));
         }
-        Ok(lines)
     }
 
     /// Like [`Self::probe`], for answers that are not lines. Returns the bytes that came; none without an answer.
@@ -335,14 +344,8 @@ impl Link {
             let mut state = self.transmitter.lock();
             self.transmitter.write(&mut state, question)?;
         }
-        let until = Instant::now() + wait;
-        while self.pending.is_empty() {
-            let left = until.saturating_duration_since(Instant::now());
-            if left.is_zero() {
-                break;
-            }
-            self.receive(left)?;
-        }
+        let mut until = Instant::now() + wait;
+        while !self.receive_until(&mut until)? && self.pending.is_empty() {}
         Ok(std::mem::take(&mut self.pending))
     }
 
@@ -400,5 +403,23 @@ impl Link {
 impl Drop for Link {
     fn drop(&mut self) {
         self.transmitter.lock().transport = None;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Write;
+    use std::net::TcpListener;
+
+    #[test]
+    fn an_answer_that_has_arrived_is_read_although_the_time_is_over() {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let mut link = Link::tcp("controller", &listener.local_addr().unwrap().to_string(), Stop::default()).unwrap();
+        let (mut controller, _) = listener.accept().unwrap();
+        assert_eq!(link.line(Instant::now()).unwrap(), None);
+        controller.write_all(b"ok\nrest").unwrap();
+        assert_eq!(link.line(Instant::now()).unwrap().as_deref(), Some("ok"));
+        assert_eq!(link.line(Instant::now()).unwrap(), None);
     }
 }
