@@ -96,15 +96,15 @@ fn a_volume_is_told_with_its_spread_while_the_capillary_turns_and_is_the_measure
     assert_eq!(views[ASD as usize - 1]["volume_um3"], measurement["volume_um3"], "of all views, to the last bit");
     assert_eq!(views[ASD as usize - 1]["volume_sd_um3"], measurement["volume_sd_um3"]);
 
-    let told: Vec<&Value> = seen.iter().filter(|s| !s["volume_um3"].is_null()).collect();
-    assert!(!told.is_empty() && seen.iter().any(|s| s["volume_um3"].is_null()), "{seen:?}");
+    // On a slow computer the first estimate may be ready after the last poll of the turn. The status at the end always has one.
+    assert!(seen.iter().any(|s| s["volume_um3"].is_null()), "{seen:?}");
     for specimen in &seen {
         let nothing = specimen["volume_um3"].is_null();
         assert!(KEYS.iter().all(|key| specimen[key].is_null() == nothing), "{specimen}");
         assert_eq!(specimen["hull_volumes_um3"].as_array().unwrap().len() as u64, specimen["view"].as_u64().unwrap());
     }
     // The events agree with the status.
-    for specimen in told {
+    for specimen in seen.iter().filter(|s| !s["volume_um3"].is_null()) {
         assert!(views.iter().any(|view| KEYS.iter().all(|key| view[key] == specimen[key])), "{specimen}");
     }
     let [specimen, well] = [&end["specimen"], &end["run"]["results"][0]];
