@@ -18,13 +18,17 @@ pub fn background(camera: &Camera, capillary: &Capillary, optics: &Optics) -> Ve
     let middle = ((width as f64 - 1.0) / 2.0, (height as f64 - 1.0) / 2.0);
     let corner = middle.0.hypot(middle.1).max(1.0);
     let walls: Vec<WallColumn> = (0..width).map(|u| WallColumn::new(camera, capillary, u as f64)).collect();
+    let along: Vec<f64> = (0..width).map(|u| (u as f64 - middle.0) / corner).collect();
+    let waves: Vec<f64> = along.iter().map(|du| 0.4 * (3.1 * du + 0.7).sin()).collect();
     let mut light = vec![[0.0f32; 3]; width * height];
     light.par_chunks_mut(width).enumerate().for_each(|(v, row)| {
+        let dv = (v as f64 - middle.1) / corner;
+        let wave = (2.3 * dv - 0.4).cos();
         for (u, pixel) in row.iter_mut().enumerate() {
-            let (du, dv) = ((u as f64 - middle.0) / corner, (v as f64 - middle.1) / corner);
+            let du = along[u];
             let vignette = 1.0 - optics.vignetting * (du * du + dv * dv);
             // A slow slope and a slow wave, as of a lamp that is not centred behind its diffuser.
-            let uneven = 1.0 + optics.unevenness * (0.5 * du - 0.3 * dv + 0.4 * (3.1 * du + 0.7).sin() * (2.3 * dv - 0.4).cos());
+            let uneven = 1.0 + optics.unevenness * (0.5 * du - 0.3 * dv + waves[u] * wave);
             let glass = walls[u].transmission(v as f64, capillary);
             *pixel = std::array::from_fn(|k| (optics.light_rgb[k] * vignette * uneven * glass[k]) as f32);
         }
@@ -68,14 +72,14 @@ impl WallColumn {
                 let shifted = v_px - capillary.fringe_px * (1.0 - k as f64);
                 // Distance outside the bore.
                 let from_inner = outward * (shifted - self.inner[side]);
-                let line = |at: f64, depth: f64| 1.0 - depth * (-0.5 * ((from_inner - at) / wall.line_px).powi(2)).exp();
+                let line = |at: f64, depth: f64| 1.0 - depth * decay(0.5 * ((from_inner - at) / wall.line_px).powi(2));
                 // Grey between the lines, with half a pixel of transition.
                 let within = step_over(from_inner / 0.5) * step_over((thickness - from_inner) / 0.5);
                 // The wall bends light away on both sides of its line.
                 let halo = if from_inner > 0.0 {
-                    0.25 * capillary.wall_contrast * (-(from_inner - thickness).abs() / 1.6).exp()
+                    0.25 * capillary.wall_contrast * decay((from_inner - thickness).abs() / 1.6)
                 } else {
-                    wall.bore_shade * (from_inner / capillary.bore_shade_px).exp()
+                    wall.bore_shade * decay(-from_inner / capillary.bore_shade_px)
                 };
                 *value *= line(0.0, strength * capillary.wall_contrast)
                     * line(thickness, 0.6 * strength * capillary.wall_contrast)
@@ -89,5 +93,11 @@ impl WallColumn {
 
 /// A smooth step from 0 to 1 around 0.
 fn step_over(t: f64) -> f64 {
-    1.0 / (1.0 + (-4.0 * t).exp())
+    // exp(9.5 * 4) does not differ from the limit either.
+    if t < -9.5 { 0.0 } else { 1.0 / (1.0 + decay(4.0 * t)) }
+}
+
+/// exp(-x), and 0 where 1 - exp(-x) is 1 in f64. Most pixels are far from the walls.
+fn decay(x: f64) -> f64 {
+    if x > 38.0 { 0.0 } else { (-x).exp() }
 }
