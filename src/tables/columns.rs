@@ -255,7 +255,12 @@ pub const AFTER: &[Column] = &[
     col("qc_residual_view_px", Number, Check("residual_view_px", "found"), "residual of the worst view"),
     col("qc_scatter_px", Number, Check("scatter_px", "found"), "distance of the edges from the outlines of the slices"),
     col("qc_overlap_percent", Number, Check("overlap_percent", "found"), "least overlap of a view with the hull that no view misses"),
-    col("qc_volume_sd_percent", Number, Check("volume_sd_percent", "found"), "standard deviation of the volume from views and calibration"),
+    col(
+        "qc_volume_sd_percent",
+        Number,
+        Check("volume_sd_percent", "found"),
+        "standard deviation of the volume: views, calibration, corners, fins",
+    ),
     col("qc_uy_px", Number, Check("uy_px", "found"), "axis of the turn less that of the rig"),
     col("qc_gamma_deg", Number, Check("gamma_deg", "found"), "tilt of the axis in the picture less that of the rig"),
     col("qc_alpha_deg", Number, Check("alpha_deg", "found"), "tilt of the axis in depth less that of the rig"),

@@ -643,7 +643,7 @@ impl ViewRecord {
 impl SpecimenRecord {
     /// Adds the comparison with reference larvae of the same age: volume and area in standard deviations from their mean, and
     /// the number that is allowed.
-    pub fn held_against(&mut self, [volume_z, area_z]: [Option<f64>; 2], limit: f64) {
+    pub fn compare_with_references(&mut self, [volume_z, area_z]: [Option<f64>; 2], limit: f64) {
         let quality = self.quality.take().unwrap_or_default().among_references(volume_z, area_z, limit);
         self.flags.retain(|f| !OFF_REFERENCES.contains(&f.as_str()));
         add_raised(&mut self.flags, &quality);

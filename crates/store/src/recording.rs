@@ -81,7 +81,7 @@ impl MeasurementFile {
         let reference = recording.specimen.age_of_larva().filter(|_| !references.is_empty()).map(standing);
         if let Some(standing) = &reference {
             let trusted = record.measurement.estimator.name();
-            record.held_against(standing.z(trusted), recording.method.quality.reference_z);
+            record.compare_with_references(standing.z(trusted), recording.method.quality.reference_z);
         }
         if !recording.missing_views.is_empty() {
             record.flags.push(MISSING_VIEWS.into());

@@ -1,4 +1,5 @@
-//! What a start restores from the journal and the runs of the previous daemon process.
+//! What a start restores from the journal and the runs of the previous daemon process. `Running::take_up` calls these functions in
+//! order.
 
 use super::super::{Publisher, State};
 use carved_records::{EndRequest, Event, EventData, InstrumentState, Mode, RunOutcome, RunState};

@@ -67,7 +67,7 @@ pub(crate) struct TurnFacts<'a> {
     pub calibration: Option<CalibrationOff>,
     /// Distance between the edges and the outlines of the slices fitted to them, px.
     pub scatter_px: Option<f64>,
-    /// Standard deviation of the volume from views and calibration, %.
+    /// Standard deviation of the volume from views, calibration, corners and fins, %.
     pub volume_sd_percent: Option<f64>,
 }
 
