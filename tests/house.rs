@@ -32,6 +32,7 @@ const MAY_DEPEND_ON: &[(&str, &[&str])] = &[
     ("crates/records", &["carved-core"]),
     ("crates/devices", &["carved-core", "carved-files", "carved-records"]),
     ("crates/store", &["carved-core", "carved-files", "carved-records"]),
+    ("crates/offline", &["carved-core", "carved-records", "carved-store"]),
     // The emulated rig must not share code with carved: a wrong sign in shared code would not show.
     ("hardware-sim", &[]),
 ];

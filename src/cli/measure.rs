@@ -10,9 +10,11 @@ mod bulk;
 
 use super::stored::{self, Stored};
 use super::told;
-use crate::session::numbers::{self, Computed, NumbersError};
 use anyhow::{Context, ensure};
+use carved_core::pipeline::SegmentedFrame;
 use carved_core::surface::Mesh;
+use carved_offline::recording::{self, Computed, NumbersError};
+use carved_records::LedgerEntry;
 use carved_records::Method;
 use carved_store::{MEASUREMENT, MeasurementFile, RecordingFiles, RecordingReader, RunRecord, StoreError};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -180,15 +182,21 @@ pub(super) fn compute_with_hull(reader: &RecordingReader, method: &Method) -> an
 
 /// As [`compute_with_hull`], with a bar that counts the views.
 fn compute_with(reader: &RecordingReader, method: &Method, bar: &ProgressBar) -> anyhow::Result<Computed> {
-    let entries = numbers::entries(reader, method)?;
+    let entries = recording::views(reader, method).map_err(|error| of_recording(reader, error))?;
     bar.set_length(entries.len() as u64);
-    let found = numbers::with_hull(reader, method, &entries, |_, _| {
+    let seen = |_: &LedgerEntry, _: &SegmentedFrame| {
         bar.inc(1);
         Ok(())
-    });
+    };
+    let found = recording::compute(reader, method, &entries, seen);
     bar.finish_and_clear();
-    found.map_err(|error| match error {
+    found.map_err(|error| of_recording(reader, error))
+}
+
+/// The error with what it is about, if it does not say so itself.
+fn of_recording(reader: &RecordingReader, error: NumbersError) -> anyhow::Error {
+    match error {
         NumbersError::Pipeline(_) => anyhow::Error::new(error).context(reader.folder().display().to_string()),
-        other => other.into(),
-    })
+        error => error.into(),
+    }
 }

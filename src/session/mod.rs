@@ -21,7 +21,6 @@ pub mod replays;
 mod search;
 mod sentence;
 mod state;
-mod subset;
 mod tally;
 mod worker;
 

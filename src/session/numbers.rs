@@ -1,117 +1,18 @@
-//! Computes the numbers of a recorded specimen from its frames, and writes the files of a measured specimen.
+//! Writes the files of a measured specimen, and puts its numbers into the status of its well.
 //!
 //! ```text
-//! ledger ─ frames ─ look (parallel) ─ observe, in their order ─ finish ──> surface, numbers ──┬─> mesh.ply, model.glb, measurement.json
-//!   live run: the same pipeline, frame by frame as they are taken ──────────────────────────┘ └─> the well's line of the status
+//! surface, numbers (of the live run, or of `carved_offline::recording`) ──┬─> mesh.ply, model.glb, measurement.json
+//!                                                                         └─> the well's line of the status
 //! ```
 
 use super::live;
-use super::subset::{SubsetError, subset};
 use crate::export;
-use carved_core::pipeline::{Finished, Pipeline, PipelineError, SegmentedFrame};
 use carved_core::profile::Picture;
-use carved_core::reconstruction::HullModel;
 use carved_core::surface::{Colours, Mesh};
-use carved_records::{LedgerEntry, Method, Mode, ReferenceStatus, SpecimenKind, SpecimenOutcome, WellStatus};
-use carved_store::{self, MEASUREMENT, MeasurementFile, Recording, RecordingReader, RecordingWriter, ReplayWriter, StoreError, durable};
-use rayon::prelude::*;
+use carved_records::{LedgerEntry, Method, Mode, ReferenceStatus, SpecimenOutcome, WellStatus};
+use carved_store::{MEASUREMENT, MeasurementFile, RecordingReader, RecordingWriter, ReplayWriter, StoreError, durable};
 use std::path::Path;
 use std::sync::Arc;
-
-/// Why a recording has no numbers.
-#[derive(Debug, thiserror::Error)]
-pub enum NumbersError {
-    #[error(transparent)]
-    Store(#[from] StoreError),
-    #[error(transparent)]
-    Pipeline(#[from] PipelineError),
-    #[error(transparent)]
-    Subset(#[from] SubsetError),
-    /// The caller of the computation ended it.
-    #[error("the computation was cancelled")]
-    Cancelled,
-}
-
-/// The views of a finished recording that this method measures: all captured ones, or an even subset if the method asks for fewer.
-///
-/// # Errors
-/// A recording that is not finished, or views of which the method's number do not stand evenly around the turn.
-pub fn entries<'a>(reader: &'a RecordingReader, method: &Method) -> Result<Vec<&'a LedgerEntry>, NumbersError> {
-    reader.require_finished()?;
-    let captured = reader.recording().method.asd;
-    let counted: Vec<&LedgerEntry> = reader.recording().ledger.counted().collect();
-    Ok(if method.asd == captured { counted } else { subset(&counted, captured, method.asd)? })
-}
-
-/// Surface and numbers of these views of a recording by this method. They are bit-identical to those of a live run. `looked` is called with
-/// each view and its segmented frame, from several threads. An error of it ends the computation.
-///
-/// # Errors
-/// A frame is missing or differs from its record, or the pipeline gives no number.
-pub fn of_recording(
-    reader: &RecordingReader,
-    method: &Method,
-    entries: &[&LedgerEntry],
-    looked: impl Fn(&LedgerEntry, &SegmentedFrame) -> Result<(), NumbersError> + Sync,
-) -> Result<(Mesh, MeasurementFile), NumbersError> {
-    with_hull(reader, method, entries, looked).map(|found| (found.mesh, found.file))
-}
-
-/// What a recording gives.
-pub struct Computed {
-    /// The surface, um.
-    pub mesh: Mesh,
-    /// The numbers.
-    pub file: MeasurementFile,
-    /// The voxels that were counted.
-    pub hull: HullModel,
-}
-
-/// As [`of_recording`], with the voxels that were counted.
-///
-/// # Errors
-/// As [`of_recording`].
-pub fn with_hull(
-    reader: &RecordingReader,
-    method: &Method,
-    entries: &[&LedgerEntry],
-    looked: impl Fn(&LedgerEntry, &SegmentedFrame) -> Result<(), NumbersError> + Sync,
-) -> Result<Computed, NumbersError> {
-    let recording = reader.recording();
-    let sphere = recording.specimen.specimen == SpecimenKind::Bead;
-    let settings = method.pipeline(&recording.rig.camera, sphere).map_err(PipelineError::from)?;
-    let mut pipeline = Pipeline::new(settings.compared_with(reader.empty_capillary()?.as_ref())?)?;
-    let look = |entry: &LedgerEntry| {
-        let seen = pipeline.look(&reader.frame(entry)?)?;
-        looked(entry, &seen)?;
-        Ok::<_, NumbersError>(seen)
-    };
-    // Look at all frames before any is judged, so that the reported error is always the first one of the turn, on any number of threads.
-    let seen = entries.par_iter().map(|entry| look(entry)).collect::<Vec<_>>().into_iter().collect::<Result<Vec<_>, _>>()?;
-    for (entry, seen) in entries.iter().zip(&seen) {
-        if entry.closure {
-            pipeline.observe_closure(seen);
-        } else {
-            pipeline.observe(entry.view, entry.omega, seen)?;
-        }
-    }
-    if recording.ended_after_views.is_some() {
-        pipeline.end_early()?;
-    }
-    let Finished { mesh, record, hull } = pipeline.finish_with_hull()?;
-    let mut fluorescence = None;
-    if let Some(second) = &recording.rig.second {
-        let mut frames = Vec::new();
-        for entry in entries {
-            frames.extend(reader.second(entry)?.map(|frame| (*entry, frame)));
-        }
-        let frames = frames.iter().map(|(entry, frame)| (*entry, frame));
-        fluorescence = carved_store::fluorescence(&mesh, &record.measurement, &second.optics, frames);
-    }
-    let as_if = Recording { method: method.clone(), ..recording.clone() };
-    let file = MeasurementFile { fluorescence, ..MeasurementFile::new(&as_if, &reader.references()?, record) };
-    Ok(Computed { mesh, file, hull })
-}
 
 /// Writes the files of a measured specimen. Returns the model for the page.
 ///

@@ -2,15 +2,17 @@
 //! replay --method` does the same from the command line, with the same files.
 //!
 //! ```text
-//! begin ─► thread "replays" ── well by well: frames ─ numbers::with_hull ─ numbers::keep_beside ─► RUN/WELL/replays/NAME/
+//! begin ─► thread "replays" ── well by well: frames ─ recording::compute ─ numbers::keep_beside ─► RUN/WELL/replays/NAME/
 //!              │                              │
 //!              └─ threads of its own, of the  └─ before each frame: waits while a run is under way, ends when the daemon ends
 //!                 lowest priority
 //! ```
 //! A run has the computer for itself: nothing begins while one is under way, and what is computed when one starts rests until it is over.
 
-use super::numbers::{self, NumbersError};
+use super::numbers;
 use super::{SessionHandle, Status};
+use carved_offline::Stopped;
+use carved_offline::recording::{self, Computed, NumbersError};
 use carved_records::Method;
 use carved_store::RecordingReader;
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -155,7 +157,7 @@ impl Replays {
             let measured = catch_unwind(AssertUnwindSafe(|| pool.install(|| self.measure(&folder, &name, &method, runtime))));
             let why = match measured {
                 Ok(Ok(())) => None,
-                Ok(Err(NumbersError::Cancelled)) => return,
+                Ok(Err(NumbersError::Stopped(_))) => return,
                 Ok(Err(error)) => Some(error.to_string()),
                 Err(_) => Some("the computation panicked; the log has more".into()),
             };
@@ -172,18 +174,18 @@ impl Replays {
     fn measure(&self, folder: &Path, name: &str, method: &Method, runtime: &Handle) -> Result<(), NumbersError> {
         runtime.block_on(self.rest())?;
         let reader = RecordingReader::open(folder)?;
-        let entries = numbers::entries(&reader, method)?;
-        let (mesh, file) = numbers::of_recording(&reader, method, &entries, |_, _| runtime.block_on(self.rest()))?;
+        let entries = recording::views(&reader, method)?;
+        let Computed { mesh, file, .. } = recording::compute(&reader, method, &entries, |_, _| runtime.block_on(self.rest()))?;
         numbers::keep_beside(&reader, name, method, &mesh, &file)?;
         Ok(())
     }
 
     /// Waits while a run is under way.
-    async fn rest(&self) -> Result<(), NumbersError> {
+    async fn rest(&self) -> Result<(), Stopped> {
         let mut closing = self.closing.subscribe();
         tokio::select! {
             biased;
-            _ = closing.wait_for(|closing| *closing) => Err(NumbersError::Cancelled),
+            _ = closing.wait_for(|closing| *closing) => Err(Stopped),
             () = self.session.until(|status| !is_under_way(status)) => Ok(()),
         }
     }
@@ -238,6 +240,6 @@ mod tests {
         assert!(matches!(replays.rest().now_or_never(), Some(Ok(()))), "the run is over");
         run(&publisher, None);
         replays.closing.send_replace(true);
-        assert!(matches!(replays.rest().now_or_never(), Some(Err(NumbersError::Cancelled))), "the daemon ends");
+        assert!(matches!(replays.rest().now_or_never(), Some(Err(Stopped))), "the daemon ends");
     }
 }

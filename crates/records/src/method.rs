@@ -70,7 +70,7 @@ pub struct Method {
 impl Ranged for Method {
     const RANGES: &'static [Range<Self>] = ranges![
         // The number of stops is also limited by the rig's steps.
-        asd: 3.0, 100_000.0, "views";
+        asd: Self::LEAST_ASD as f64, 100_000.0, "views";
         epsilon: 0.0, 0.499, "of the views";
         voxel_um: 0.1, 1000.0, "um";
     ];
@@ -124,6 +124,9 @@ fn papers_box() -> BoxUm {
 }
 
 impl Method {
+    /// The least number of views that enclose a volume. Views half a turn apart show the same silhouette, so two are not enough.
+    pub const LEAST_ASD: u32 = 3;
+
     /// Checks that a camera is outside of the box at any angle of the turn.
     ///
     /// # Errors

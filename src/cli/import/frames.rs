@@ -5,7 +5,6 @@
 //! ```
 
 use super::natural::{chunks, natural};
-use crate::cli::segment::blocks;
 use crate::cli::segment::input::{self, Kind};
 use anyhow::{Context, bail, ensure};
 use carved_core::frame::{PixelFormat, RawFrame};
@@ -138,7 +137,7 @@ fn look_at(path: &Path, bayer: bool) -> anyhow::Result<Looked> {
     let frame = &input.frame;
     let kind = input.kind();
     let picture = Picture::from_frame(frame);
-    let blocky = picture.planes().first().is_some_and(|plane| blocks::too_blocky(plane, picture.width()).is_some());
+    let blocky = picture.planes().first().is_some_and(|plane| carved_offline::picture::too_blocky(plane, picture.width()).is_some());
     Ok(Looked { path: path.to_owned(), pixels_sha256: sha256_hex(frame.bytes()), file_sha256: input.sha256, kind, blocky })
 }
 

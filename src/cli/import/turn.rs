@@ -7,7 +7,7 @@
 
 use anyhow::{Context, ensure};
 use carved_core::units::{Sense, Steps, StepsPerRevolution};
-use carved_devices::acquisition::RevolutionPlan;
+use carved_records::Method;
 
 /// Largest difference between a step and its angle, deg: below the promised 0.001, and above the 0.0005 by which a list with three decimals
 /// is rounded.
@@ -78,7 +78,7 @@ pub(super) fn turn(mut omega_deg: Vec<f64>, closure: bool) -> anyhow::Result<Tur
     }
     let carved = omega_deg.len() - usize::from(closure);
     let asd = u32::try_from(carved).context("too many views")?;
-    let least = RevolutionPlan::LEAST_ASD;
+    let least = Method::LEAST_ASD;
     ensure!(
         asd >= least,
         "found {asd} views{}, expected {least} at least to enclose a volume",

@@ -8,41 +8,11 @@
 //! ```
 
 use anyhow::{Context, anyhow, bail};
-use carved_core::geometry::{Camera, Projection};
+use carved_core::geometry::Projection;
+use carved_offline::silhouettes::{Cameras, Psi};
 use nalgebra::{Matrix3, Matrix3x4};
-use serde::Deserialize;
 use serde_json::Value;
 use std::path::Path;
-
-#[derive(Debug, PartialEq)]
-pub(in crate::cli) enum Cameras {
-    /// One camera in front of a capillary that turns.
-    Psi(Psi),
-    /// One camera per view, without assumptions.
-    Matrices {
-        projections: Vec<Projection>,
-        /// The name of each matrix's image, if the file has names.
-        names: Option<Vec<String>>,
-    },
-}
-
-#[derive(Debug, PartialEq, Deserialize)]
-pub(in crate::cli) struct Psi {
-    #[serde(flatten)]
-    pub camera: Camera,
-    /// Angle of the capillary in each view, rad.
-    pub omega: Vec<f64>,
-}
-
-impl Cameras {
-    /// The number of cameras, and their type in words.
-    pub fn count(&self) -> (usize, &'static str) {
-        match self {
-            Self::Psi(psi) => (psi.omega.len(), "angles in omega"),
-            Self::Matrices { projections, .. } => (projections.len(), "matrices"),
-        }
-    }
-}
 
 pub(in crate::cli) fn read(file: &Path) -> anyhow::Result<Cameras> {
     let name = || format!("--cameras {}", file.display());

@@ -9,34 +9,24 @@
 //! Everything is read and checked before anything is computed, and everything is computed before anything is written. A set that cannot be
 //! measured is refused, also on stdout as `{"flags": [..], "error": ".."}`, with exit code 3.
 
-mod bounds;
 pub(super) mod cameras;
-mod measured;
-mod mirror;
 mod output;
-mod report;
-mod turntable;
 pub(super) mod views;
 
 use crate::cli::output::PIPE_CLOSED;
 use crate::cli::told;
-use anyhow::{Context, bail};
-use cameras::Cameras;
-use carved_core::geometry::{BoxUm, VoxelGrid};
-use carved_core::reconstruction::{CalibrationSettings, ReconstructionSettings, SurfaceSettings};
+use anyhow::Context;
+use carved_core::geometry::BoxUm;
+use carved_core::reconstruction::{ReconstructionSettings, SurfaceSettings};
+use carved_offline::silhouettes::{self, Cameras, Refusal, Settings, SilhouettesError, Step, View};
+use serde_json::{Map, Value, json};
 use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
-use views::View;
 
 /// Exit code for a refused set.
 const REFUSED: u8 = 3;
-
-/// The paper's finer sampling density.
-const DEFAULT_VOXEL_UM: f64 = 6.93;
-/// Number of voxels for a grid without a unit and without a given size: the same as in the paper's box at the default size.
-const DEFAULT_VOXELS: f64 = 15e6;
 
 /// Silhouettes and cameras in, model and measurements out
 #[derive(Debug, clap::Args)]
@@ -90,15 +80,6 @@ pub enum Unit {
     None,
 }
 
-impl Unit {
-    fn name(self) -> &'static str {
-        match self {
-            Self::Um => "um",
-            Self::None => "none",
-        }
-    }
-}
-
 fn parse_box(text: &str) -> Result<BoxUm, String> {
     let numbers: Vec<f64> = text
         .split(',')
@@ -127,7 +108,7 @@ pub fn run(args: &Args) -> ExitCode {
     match reconstruct(args) {
         Ok(report) => say(&report, ExitCode::SUCCESS),
         Err(error) => {
-            let flags: Vec<&str> = error.downcast_ref::<measured::Refusal>().map(measured::Refusal::flag).into_iter().collect();
+            let flags: Vec<&str> = refusal(&error).map(Refusal::flag).into_iter().collect();
             let error = told(&error);
             note!("carved: {error}");
             say(&serde_json::json!({"flags": flags, "error": error}), ExitCode::from(REFUSED))
@@ -135,74 +116,39 @@ pub fn run(args: &Args) -> ExitCode {
     }
 }
 
+/// The refusal that an error is.
+fn refusal(error: &anyhow::Error) -> Option<&Refusal> {
+    match error.downcast_ref() {
+        Some(SilhouettesError::Refused(refusal)) => Some(refusal),
+        _ => None,
+    }
+}
+
 fn reconstruct(args: &Args) -> anyhow::Result<serde_json::Value> {
     let destination = output::Destination::choose(args.out.as_deref(), &args.views, args.force)?;
+    let settings = settings(args);
     // The command line is checked before any file is read.
-    let mut bounds = given_box(args);
-    bounds.map(|bounds| grid(args, bounds)).transpose()?;
-    let mut clock = report::Clock::new(Instant::now());
-    let mut cameras = cameras::read(&args.cameras)?;
+    settings.check().context("--box and --voxel")?;
+    let mut clock = Clock::new(Instant::now());
+    let cameras = cameras::read(&args.cameras)?;
     let views = views::read(&args.views)?;
     let views = in_order(&cameras, views)?;
-    let (count, what) = cameras.count();
-    if count != views.len() {
-        bail!(
-            "{}: {count} {what}, but {} holds {} images; one per view is expected",
-            args.cameras.display(),
-            args.views.display(),
-            views.len()
-        );
-    }
-    if let (Cameras::Psi(psi), Some(view)) = (&cameras, views.first()) {
-        let (width, height) = (psi.camera.width as usize, psi.camera.height as usize);
-        if (width, height) != (view.mask.width(), view.mask.height()) {
-            bail!(
-                "{} is {} x {} px, but {} gives the sensor as {width} x {height}",
-                view.path.display(),
-                view.mask.width(),
-                view.mask.height(),
-                args.cameras.display()
-            );
+    let mut step = |step: Step| {
+        match step {
+            Step::Checked => clock.split("read"),
+            Step::Carved => clock.split("carve"),
+            Step::Calibrated => clock.split("calibrate"),
+            Step::Measured => clock.split("reconstruct"),
+            Step::View => {}
         }
-    }
-    let mirrored = unmirrored(&mut cameras, &views, &mut bounds)?;
-    let voxel = args.voxel.filter(|v| v.is_finite() && *v > 0.0).unwrap_or(0.0);
-    let bounds = match (bounds, &cameras) {
-        (Some(bounds), _) => bounds,
-        (None, Cameras::Matrices { projections, .. }) => bounds::derived(projections, &views, bounds::middle(projections, &views)?, voxel)?,
-        (None, Cameras::Psi(psi)) => bounds::of_turn(psi, &views, voxel)?,
+        Ok(())
     };
-    let mut grid = grid(args, bounds)?;
-    clock.split("read");
-    let surface = SurfaceSettings { fairing_lambda: args.fairing_lambda, fairing_iterations: args.fairing_iterations };
-    // Masks are used as they are, because the origin of their edges is unknown.
-    let calibration = CalibrationSettings { enabled: !args.no_calibrate, edge_sd_px: 0.0, ..CalibrationSettings::default() };
-    let settings = ReconstructionSettings { epsilon: args.epsilon, surface, calibration };
-    let table = match &cameras {
-        Cameras::Matrices { projections, .. } if args.calibrate => Some(turntable::find(projections, &views, bounds, args.unit)?),
-        _ => None,
-    };
-    let mut measured = match &cameras {
-        _ if views.iter().all(View::is_blank) => measured::empty(&views, &cameras),
-        Cameras::Psi(psi) => measured::turn(psi, grid, &views, settings, args.sphere, &mut clock)?,
-        Cameras::Matrices { projections, .. } => match &table {
-            None => measured::hull(projections, grid, &views, settings, args.sphere)?,
-            Some(table) => {
-                let (measured, along_axis) = turntable::measure(table, &views, bounds, grid.size(), settings, args.sphere, &mut clock)?;
-                grid = along_axis;
-                measured
-            }
-        },
-    };
-    clock.split("reconstruct");
-    if mirrored {
-        mirror::mesh(&mut measured);
-        measured.doubts.push(mirror::SAID.into());
-    }
+    let solved = silhouettes::reconstruct(cameras, &views, &settings, &mut step).map_err(|error| of_options(args, error))?;
+    let measured = solved.measured();
     let mesh_path = match &measured.mesh {
         Some(mesh) => {
             let mut ply = Vec::new();
-            crate::export::write_ply(mesh, args.unit.name(), &mut ply)?;
+            crate::export::write_ply(mesh, settings.unit.name(), &mut ply)?;
             Some(destination.write(&ply)?)
         }
         None => None,
@@ -211,11 +157,38 @@ fn reconstruct(args: &Args) -> anyhow::Result<serde_json::Value> {
     for doubt in &measured.doubts {
         note!("carved: {doubt}");
     }
-    let report = report::report(&measured, &views, &cameras, &grid, mesh_path.as_deref(), &clock)?;
-    let mut report = table.iter().fold(report, turntable::told);
-    report["mirrored_world"] = mirrored.into();
-    let report = if mirrored { mirror::report(report, table.is_some()) } else { report };
-    Ok(report::in_unit(report, args.unit))
+    Ok(solved.report(&views, mesh_path.as_deref(), clock.spent)?)
+}
+
+fn settings(args: &Args) -> Settings {
+    let surface = SurfaceSettings { fairing_lambda: args.fairing_lambda, fairing_iterations: args.fairing_iterations };
+    Settings {
+        bounds: args.bounds,
+        voxel: args.voxel,
+        unit: match args.unit {
+            Unit::Um => silhouettes::Unit::Um,
+            Unit::None => silhouettes::Unit::None,
+        },
+        sphere: args.sphere,
+        turntable: args.calibrate,
+        reconstruction: silhouettes::settings(args.epsilon, !args.no_calibrate, surface),
+    }
+}
+
+/// The error with the options that it is about.
+fn of_options(args: &Args, error: SilhouettesError) -> anyhow::Error {
+    let about = match &error {
+        SilhouettesError::Count { .. } | SilhouettesError::Size { .. } => {
+            format!("--cameras {}, --views {}", args.cameras.display(), args.views.display())
+        }
+        SilhouettesError::View { .. } => format!("--views {}", args.views.display()),
+        SilhouettesError::Grid(_) | SilhouettesError::GridAlongAxis(_) => "--box and --voxel".into(),
+        SilhouettesError::Box(_) => "--box".into(),
+        SilhouettesError::NoTurn(_) => "--calibrate".into(),
+        SilhouettesError::Mirrored(_) => "--cameras".into(),
+        _ => return error.into(),
+    };
+    anyhow::Error::new(error).context(about)
 }
 
 /// The views in the order of the cameras' names, if they have names.
@@ -224,39 +197,26 @@ fn in_order(cameras: &Cameras, mut views: Vec<View>) -> anyhow::Result<Vec<View>
     let stem = |name: &str| std::path::Path::new(name).file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
     let mut ordered = Vec::with_capacity(names.len());
     for name in names {
-        let at = views.iter().position(|v| stem(&v.name()) == stem(name)).with_context(|| format!("--views: found no image for {name}"))?;
+        let at = views.iter().position(|v| stem(&v.name) == stem(name)).with_context(|| format!("--views: found no image for {name}"))?;
         ordered.push(views.swap_remove(at));
     }
     Ok(ordered)
 }
 
-/// The box of the command line or of the unit. `None` if it must be derived from the silhouettes.
-fn given_box(args: &Args) -> Option<BoxUm> {
-    args.bounds.or((args.unit == Unit::Um).then_some(BoxUm::PAPER))
+/// Duration of each step, ms.
+struct Clock {
+    last: Instant,
+    spent: Map<String, Value>,
 }
 
-/// Mirrors cameras and box if the matrices are those of a mirrored world. Returns whether they are.
-fn unmirrored(cameras: &mut Cameras, views: &[View], bounds: &mut Option<BoxUm>) -> anyhow::Result<bool> {
-    let Cameras::Matrices { projections, .. } = cameras else { return Ok(false) };
-    if views.iter().all(View::is_blank) {
-        return Ok(false);
+impl Clock {
+    fn new(now: Instant) -> Self {
+        Self { last: now, spent: Map::new() }
     }
-    let at = match bounds {
-        Some(bounds) => std::array::from_fn(|a| f64::midpoint(bounds.min[a], bounds.max[a])),
-        None => bounds::middle(projections, views)?,
-    };
-    let mirrored = mirror::is_mirrored(projections, at)?;
-    if mirrored {
-        *projections = mirror::projections(projections)?;
-        *bounds = bounds.map(mirror::bounds);
-    }
-    Ok(mirrored)
-}
 
-fn grid(args: &Args, bounds: BoxUm) -> anyhow::Result<VoxelGrid> {
-    let voxel = args.voxel.unwrap_or_else(|| match args.unit {
-        Unit::Um => DEFAULT_VOXEL_UM,
-        Unit::None => ((0..3).map(|a| bounds.max[a] - bounds.min[a]).product::<f64>() / DEFAULT_VOXELS).cbrt(),
-    });
-    VoxelGrid::new(bounds, voxel).context("--box and --voxel")
+    fn split(&mut self, what: &str) {
+        let now = Instant::now();
+        self.spent.insert(what.into(), json!(now.duration_since(self.last).as_secs_f64() * 1e3));
+        self.last = now;
+    }
 }

@@ -1,36 +1,12 @@
 //! Silhouettes from a folder.
 
 use anyhow::{Context, bail};
-use carved_core::carver::Leaves;
-use carved_core::profile::{Columns, Mask};
+use carved_offline::silhouettes::View;
 use image::{ImageFormat, ImageReader};
 use rayon::prelude::*;
 use std::fs::File;
 use std::io::BufReader;
-use std::path::{Path, PathBuf};
-
-pub(in crate::cli) struct View {
-    pub path: PathBuf,
-    pub mask: Mask,
-    /// Columns of the coverage if the image is anti-aliased, else of the mask.
-    pub columns: Columns,
-}
-
-impl View {
-    /// Whether the silhouette reaches the first or last column of the image, where the specimen continues.
-    pub fn leaves(&self) -> Leaves {
-        let reaches = |u: usize| self.columns.get(u).is_some();
-        Leaves { left: reaches(0), right: reaches(self.mask.width() - 1) }
-    }
-
-    pub fn is_blank(&self) -> bool {
-        self.columns.extent().is_none()
-    }
-
-    pub fn name(&self) -> String {
-        self.path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
-    }
-}
+use std::path::Path;
 
 /// Reads the PNG and PGM files of a folder, sorted by name in byte order. Other files are ignored.
 pub(in crate::cli) fn read(folder: &Path) -> anyhow::Result<Vec<View>> {
@@ -58,7 +34,7 @@ pub(in crate::cli) fn read(folder: &Path) -> anyhow::Result<Vec<View>> {
         }
     }
     // All files are read before any is judged, so that the same error is reported on any number of threads.
-    paths.into_par_iter().map(view).collect::<Vec<_>>().into_iter().collect()
+    paths.par_iter().map(|path| view(path)).collect::<Vec<_>>().into_iter().collect()
 }
 
 fn unreadable(path: &Path) -> String {
@@ -78,23 +54,11 @@ fn reader(path: &Path) -> anyhow::Result<ImageReader<BufReader<File>>> {
 }
 
 /// Reads a view. Grey values are coverage; transparent pixels are not covered. A view may be blank.
-fn view(path: PathBuf) -> anyhow::Result<View> {
-    let name = || path.display().to_string();
-    let image = reader(&path)?.decode().with_context(|| unreadable(&path))?;
+fn view(path: &Path) -> anyhow::Result<View> {
+    let image = reader(path)?.decode().with_context(|| unreadable(path))?;
     let (width, height) = (image.width() as usize, image.height() as usize);
     let pixels = image.into_luma_alpha8();
     let coverage: Vec<u8> = pixels.pixels().map(|p| ((u32::from(p[0]) * u32::from(p[1]) + 127) / 255) as u8).collect();
-    let mask = Mask::from_coverage(width, height, coverage.clone()).with_context(name)?;
-    let columns =
-        if is_anti_aliased(&coverage, &mask) { Columns::from_coverage(width, height, &coverage) } else { Columns::from_mask(&mask) };
-    Ok(View { path, mask, columns })
-}
-
-/// Whether grey values are the covered share of a pixel: they then occur only along edges, and all other pixels are black or white.
-fn is_anti_aliased(coverage: &[u8], mask: &Mask) -> bool {
-    let grey = coverage.iter().filter(|&&c| c != 0 && c != 255).count();
-    let (width, data) = (mask.width(), mask.data());
-    let edges = data.chunks_exact(width).map(|row| row.windows(2).filter(|w| w[0] != w[1]).count()).sum::<usize>()
-        + data.iter().zip(data.iter().skip(width)).filter(|(a, b)| a != b).count();
-    grey <= 3 * edges
+    let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    View::from_coverage(name, width, height, &coverage).with_context(|| path.display().to_string())
 }

@@ -1,6 +1,5 @@
 //! Reads a picture file of any common type as a frame of a camera.
 
-use super::mosaic;
 use anyhow::{Context, bail};
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_records::sha256_hex;
@@ -75,7 +74,7 @@ pub(in crate::cli) fn decode(bytes: &[u8], bayer: bool) -> anyhow::Result<Input>
         (image, false) => eight_bits(&image.into_rgb16().into_raw()),
     };
     if format == PixelFormat::Mono8
-        && let Some(step) = mosaic::step_grey(&pixels, width as usize)
+        && let Some(step) = carved_offline::picture::step_grey(&pixels, width as usize)
     {
         bail!(
             "found what looks like a colour camera's mosaic: every second pixel differs from those beside it by {step:.1} grey values in the \

@@ -12,11 +12,9 @@
 //! stop the others.
 
 mod annotation;
-pub(super) mod blocks;
 mod compare;
 mod empty;
 pub(super) mod input;
-mod mosaic;
 mod output;
 mod overlay;
 pub(super) mod shapes;
@@ -24,7 +22,6 @@ pub(super) mod shapes;
 use annotation::Annotations;
 use anyhow::{Context, bail};
 use carved_core::profile::{Method, Picture, SegmentSettings, Segmenters};
-use carved_core::range::Ranged;
 use carved_store::durable;
 use empty::Empty;
 use output::{Names, Report};
@@ -198,8 +195,7 @@ pub(super) fn read_settings(file: &Path) -> anyhow::Result<SegmentSettings> {
     let name = || format!("--settings {}", file.display());
     let text = carved_files::read_to_string(file).with_context(|| format!("{}: cannot be read", name()))?;
     let settings: SegmentSettings = toml::from_str(&text).with_context(name)?;
-    let retired = settings.retired_keys().map(|key| format!("{key} is no longer a setting and has no effect; remove it"));
-    let breaches: Vec<String> = settings.outside().iter().map(ToString::to_string).chain(retired).collect();
+    let breaches = carved_offline::picture::breaches(&settings);
     if !breaches.is_empty() {
         bail!("{}: {}", name(), breaches.join("; "));
     }

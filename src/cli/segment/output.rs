@@ -1,10 +1,10 @@
 //! The results of a picture: names without conflicts, and the files.
 
-use super::blocks;
 use super::input::Input;
 use super::{overlay, shapes};
 use anyhow::{Context, bail};
-use carved_core::profile::{Detection, EdgePoint, Picture, Polygon, Profile, ProfileError, ProfileQuality, SegmentSettings, Walls};
+use carved_core::profile::{EdgePoint, Picture, Polygon, Profile, ProfileError, SegmentSettings};
+use carved_offline::picture::{ProfileReport, too_blocky};
 use carved_store::{Software, StoreError, durable};
 use image::codecs::png::PngEncoder;
 use image::{ExtendedColorType, ImageEncoder};
@@ -117,16 +117,6 @@ struct InputReport {
     bits: Option<u32>,
 }
 
-#[derive(Serialize)]
-struct ProfileReport {
-    area_px: usize,
-    /// Area enclosed by the sub-pixel outlines. Adding 0 turns the -0 of an empty sum into 0.
-    area_px2: f64,
-    detection: Detection,
-    quality: ProfileQuality,
-    walls: Walls,
-}
-
 /// Contents of `STEM.edge.json`.
 #[derive(Serialize)]
 struct EdgeFile<'a> {
@@ -192,19 +182,13 @@ impl<'a> Report<'a> {
         match found {
             Err(e) => self.fail(e.to_string()),
             Ok((picture, profile)) => {
-                self.warning = blocks::too_blocky(&picture.planes()[1], picture.width()).map(|ratio| {
+                self.warning = too_blocky(&picture.planes()[1], picture.width()).map(|ratio| {
                     format!(
                         "lossy compression left steps between its blocks {ratio:.1} times those inside them: the outline may be wrong; save \
                          pictures without loss, or as JPEG of quality 95"
                     )
                 });
-                self.profile = Some(ProfileReport {
-                    area_px: profile.mask.area_px(),
-                    area_px2: profile.edge.iter().map(Polygon::area_px2).sum::<f64>() + 0.0,
-                    detection: profile.detection,
-                    quality: profile.quality,
-                    walls: profile.walls,
-                });
+                self.profile = Some(ProfileReport::of(&profile));
                 self.drawn = Some((picture, profile));
             }
         }
@@ -231,7 +215,7 @@ impl<'a> Report<'a> {
                     (Some(_), 2..) => format!("; {} has room for the largest of {outlines} outlines only", shapes::SUFFIX),
                     _ => String::new(),
                 };
-                format!("{} ({:.2}), {} px{warning}{left_out}", p.detection.kind.name(), p.detection.confidence, p.area_px)
+                format!("{} ({:.2}), {} px{warning}{left_out}", p.detection.kind.name(), p.detection.confidence, p.area_px())
             }
             (None, None) => "not looked at".into(),
         }

@@ -13,6 +13,7 @@
 use super::super::numbers;
 use super::super::worker::{self, Overrun};
 use carved_core::surface::Mesh;
+use carved_offline::recording::{Computed, compute};
 use carved_records::LedgerEntry;
 use carved_records::{Phase, PlannedWell, SpecimenOutcome, WellStatus, WellTimes};
 use carved_store::{MeasurementFile, RecordingReader, RecordingWriter, RunRecord, StoreError};
@@ -224,10 +225,10 @@ impl StoredNumbers {
             return Ok(Self { closed: true, ..found });
         }
         let entries: Vec<&LedgerEntry> = found.reader.recording().ledger.counted().collect();
-        match numbers::of_recording(&found.reader, &found.reader.recording().method, &entries, |_, _| Ok(())) {
-            Ok(made) => {
-                numbers::tell(&mut found.result, &made.1, asd);
-                found.numbers = Some(Box::new(made));
+        match compute(&found.reader, &found.reader.recording().method, &entries, |_, _| Ok(())) {
+            Ok(Computed { mesh, file, .. }) => {
+                numbers::tell(&mut found.result, &file, asd);
+                found.numbers = Some(Box::new((mesh, file)));
             }
             Err(error) => found.result.end(SpecimenOutcome::Failed, Some(&error.to_string())),
         }

@@ -6,7 +6,7 @@
 //! ```
 
 use carved_core::units::{Steps, StepsPerRevolution};
-use carved_records::ViewOrder;
+use carved_records::{Method, ViewOrder};
 
 /// One stop of the axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -41,16 +41,13 @@ pub enum PlanError {
 }
 
 impl RevolutionPlan {
-    /// The least number of views that enclose a volume. Views half a turn apart show the same silhouette, so two are not enough.
-    pub const LEAST_ASD: u32 = 3;
-
     /// Plans `asd` axial views evenly around the turn, and the closure view.
     ///
     /// # Errors
     /// Fewer than three views, or more views than steps.
     pub fn new(asd: u32, steps_per_revolution: StepsPerRevolution, order: ViewOrder) -> Result<Self, PlanError> {
-        if asd < Self::LEAST_ASD {
-            return Err(PlanError::TooFew { asd, least: Self::LEAST_ASD });
+        if asd < Method::LEAST_ASD {
+            return Err(PlanError::TooFew { asd, least: Method::LEAST_ASD });
         }
         let [num, den] = <[u32; 2]>::from(steps_per_revolution);
         // With asd <= num / den neighbours are at least one step apart, so no two are rounded to the same step.

@@ -19,9 +19,8 @@ use super::rig;
 use crate::cli::run::code_of;
 use anyhow::{Context, bail, ensure};
 use carved_core::frame::RawFrame;
-use carved_devices::acquisition::RevolutionPlan;
 use carved_records::picture_name::{self, Pattern};
-use carved_records::{Mode, RunOutcome, SpecimenOutcome, WellStatus, is_plain_name};
+use carved_records::{Method, Mode, RunOutcome, SpecimenOutcome, WellStatus, is_plain_name};
 use carved_store::{RunRecord, durable};
 use part::{DoneWell, Part};
 use plan::Plan;
@@ -222,7 +221,7 @@ pub(super) fn is_one_specimen(paths: &[PathBuf]) -> anyhow::Result<()> {
     for number in paths.iter().filter_map(|path| tree::without_well(path)) {
         *fish.entry(number).or_default() += 1;
     }
-    fish.retain(|_, pictures| *pictures >= RevolutionPlan::LEAST_ASD);
+    fish.retain(|_, pictures| *pictures >= Method::LEAST_ASD);
     let numbers: Vec<u32> = fish.into_keys().collect();
     ensure!(
         numbers.len() < 2,
@@ -235,7 +234,7 @@ pub(super) fn is_one_specimen(paths: &[PathBuf]) -> anyhow::Result<()> {
     for well in paths.iter().filter_map(|path| picture_name::read(Path::new(path.file_name()?), None)?.well) {
         *wells.entry(well).or_default() += 1;
     }
-    let wells: Vec<&String> = wells.iter().filter(|(_, pictures)| **pictures >= RevolutionPlan::LEAST_ASD).map(|(well, _)| well).collect();
+    let wells: Vec<&String> = wells.iter().filter(|(_, pictures)| **pictures >= Method::LEAST_ASD).map(|(well, _)| well).collect();
     ensure!(
         wells.len() < 2,
         "the names say {} wells, {}; expected the pictures of one specimen. To import them as a plate, give --plate BARCODE",

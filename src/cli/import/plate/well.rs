@@ -6,11 +6,12 @@ use crate::cli::import::rig::Sources;
 use crate::cli::import::write::{self, Failure};
 use crate::cli::import::{Args, Imported, frames, recording};
 use crate::cli::told;
-use crate::session::numbers::{self, NumbersError};
+use crate::session::numbers;
 use anyhow::Context;
 use carved_core::frame::RawFrame;
 use carved_core::pipeline::SegmentedFrame;
 use carved_core::profile::Mask;
+use carved_offline::recording::{Computed, NumbersError, compute};
 use carved_records::{LedgerEntry, PlannedWell, SpecimenOutcome, WellStatus, sha256_hex};
 use carved_store::{Recording, RecordingReader};
 use std::collections::BTreeMap;
@@ -112,12 +113,12 @@ impl Well<'_> {
             }
             Ok(())
         };
-        let numbers = numbers::of_recording(&reader, &stored.method, &entries, keep_mask);
+        let numbers = compute(&reader, &stored.method, &entries, keep_mask);
         for (view, mask) in masks.into_inner().unwrap_or_else(PoisonError::into_inner) {
             writer.add_profile(view, &mask)?;
         }
         match numbers {
-            Ok((mesh, file)) => {
+            Ok(Computed { mesh, file, .. }) => {
                 numbers::keep(&mut writer, &mesh, &file)?;
                 numbers::tell(&mut status, &file, self.plan.method.asd);
             }

@@ -1,20 +1,43 @@
 //! An even subset of the views of a turn, with which a method of fewer views measures it.
 
-use carved_devices::acquisition::RevolutionPlan;
-use carved_records::LedgerEntry;
+use carved_records::{LedgerEntry, Method};
 
 /// Why a turn cannot be measured with this number of views.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum SubsetError {
+    /// The number does not divide that of the captured views.
     #[error("{asd} views (asd): {captured} views were captured, of which {asd} do not stand evenly around the turn; possible are {}", .possible.iter().map(u32::to_string).collect::<Vec<_>>().join(", "))]
-    NoDivisor { captured: u32, asd: u32, possible: Vec<u32> },
+    NoDivisor {
+        /// Views captured.
+        captured: u32,
+        /// Views requested.
+        asd: u32,
+        /// The numbers that are possible.
+        possible: Vec<u32>,
+    },
+    /// A view is missing.
     #[error("{asd} views (asd): the ledger has no view {view}")]
-    NoView { asd: u32, view: u32 },
+    NoView {
+        /// Views requested.
+        asd: u32,
+        /// Number of the missing view.
+        view: u32,
+    },
+    /// A view is not in its place.
     #[error(
         "{asd} views (asd): view {view} stands {off_deg:.2} deg from its even place around the turn, more than the {spacing_deg:.2} deg between \
          captured views: this turn has no even subset; measure it whole"
     )]
-    Uneven { asd: u32, view: u32, off_deg: f64, spacing_deg: f64 },
+    Uneven {
+        /// Views requested.
+        asd: u32,
+        /// Number of the view.
+        view: u32,
+        /// Distance from its even place, deg.
+        off_deg: f64,
+        /// Spacing of the captured views, deg.
+        spacing_deg: f64,
+    },
 }
 
 /// Every (captured / asd)-th view, starting at view 0, and the closure view.
@@ -22,7 +45,7 @@ pub enum SubsetError {
 /// # Errors
 /// No such views, or views that do not stand evenly around the turn.
 pub(super) fn subset<'a>(entries: &[&'a LedgerEntry], captured: u32, asd: u32) -> Result<Vec<&'a LedgerEntry>, SubsetError> {
-    let possible: Vec<u32> = (RevolutionPlan::LEAST_ASD..=captured).filter(|n| captured.is_multiple_of(*n)).collect();
+    let possible: Vec<u32> = (Method::LEAST_ASD..=captured).filter(|n| captured.is_multiple_of(*n)).collect();
     if !possible.contains(&asd) {
         return Err(SubsetError::NoDivisor { captured, asd, possible });
     }

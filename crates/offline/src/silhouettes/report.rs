@@ -1,35 +1,14 @@
 //! The JSON object that `carved reconstruct` prints.
 
-use super::Unit;
-use super::cameras::Cameras;
 use super::measured::Measured;
-use super::views::View;
+use super::{Cameras, Unit, View};
 use carved_core::geometry::VoxelGrid;
 use carved_core::statistics::mean;
 use serde_json::{Map, Value, json};
 use std::path::Path;
-use std::time::Instant;
 
 const OVERLAP_RULE: &str = "intersection over union of the view's mask (inside = 128 or more) and the image of the hull's \
     surface before fairing; a pixel of that image is inside where its centre lies in the projection of a triangle";
-
-/// Duration of each step, ms.
-pub(super) struct Clock {
-    last: Instant,
-    spent: Map<String, Value>,
-}
-
-impl Clock {
-    pub fn new(now: Instant) -> Self {
-        Self { last: now, spent: Map::new() }
-    }
-
-    pub fn split(&mut self, what: &str) {
-        let now = Instant::now();
-        self.spent.insert(what.into(), json!(now.duration_since(self.last).as_secs_f64() * 1e3));
-        self.last = now;
-    }
-}
 
 pub(super) fn report(
     measured: &Measured,
@@ -37,14 +16,11 @@ pub(super) fn report(
     cameras: &Cameras,
     grid: &VoxelGrid,
     mesh: Option<&Path>,
-    clock: &Clock,
-) -> anyhow::Result<Value> {
+    timing_ms: Map<String, Value>,
+) -> Result<Value, serde_json::Error> {
     let counts = grid.counts();
     let mut report = match &measured.measurement {
-        Some(measurement) => match serde_json::to_value(measurement)? {
-            Value::Object(map) => map,
-            other => anyhow::bail!("a measurement is an object, found {other}"),
-        },
+        Some(measurement) => serde_json::from_value(serde_json::to_value(measurement)?)?,
         None => nothing(),
     };
     // The list of views shows their number.
@@ -59,7 +35,7 @@ pub(super) fn report(
         .zip(&measured.views)
         .enumerate()
         .map(|(index, (view, judged))| {
-            json!({"index": index, "name": view.name(), "used": judged.used, "reason": judged.reason, "dy_px": judged.dy_px,
+            json!({"index": index, "name": view.name, "used": judged.used, "reason": judged.reason, "dy_px": judged.dy_px,
                    "residual_px": judged.residual_px, "overlap": judged.overlap})
         })
         .collect();
@@ -87,7 +63,7 @@ pub(super) fn report(
     report.insert("cameras".into(), json!(cameras.count().1));
     report.insert("flags".into(), json!(measured.flags));
     report.insert("mesh".into(), json!(mesh));
-    report.insert("timing_ms".into(), Value::Object(clock.spent.clone()));
+    report.insert("timing_ms".into(), Value::Object(timing_ms));
     Ok(Value::Object(report))
 }
 

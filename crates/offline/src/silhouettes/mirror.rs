@@ -8,29 +8,36 @@
 //! those of the mirror image.
 
 use super::measured::Measured;
-use anyhow::{Context, bail};
-use carved_core::geometry::{BoxUm, Projection};
+use carved_core::geometry::{BoxUm, Projection, ProjectionError};
 use serde_json::{Value, json};
 
+/// Some cameras have the specimen in front of them and others behind.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "the specimen lies {few} the camera(s) of view {views} (counted from 0) and {rest} all others: the matrices are not of one world. Check the \
+     sign of the determinant of their left 3 x 3 parts, and the box"
+)]
+pub struct MixedWorlds {
+    few: &'static str,
+    rest: &'static str,
+    views: String,
+}
+
 /// Whether the world is mirrored. `at` is a point of the specimen.
-pub(super) fn is_mirrored(projections: &[Projection], at: [f64; 3]) -> anyhow::Result<bool> {
+pub(super) fn is_mirrored(projections: &[Projection], at: [f64; 3]) -> Result<bool, MixedWorlds> {
     let behind: Vec<usize> = (0..projections.len()).filter(|&i| projections[i].depth(at) < 0.0).collect();
     if behind.is_empty() || behind.len() == projections.len() {
         return Ok(!behind.is_empty());
     }
     let (few, rest) = if 2 * behind.len() > projections.len() { ("before", "behind") } else { ("behind", "before") };
     let odd: Vec<usize> = if few == "behind" { behind } else { (0..projections.len()).filter(|i| !behind.contains(i)).collect() };
-    bail!(
-        "the specimen lies {few} the camera(s) of view {} (counted from 0) and {rest} all others: the matrices are not of one world. Check the \
-         sign of the determinant of their left 3 x 3 parts, and the box",
-        odd.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
-    )
+    Err(MixedWorlds { few, rest, views: odd.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ") })
 }
 
 /// The matrices for the mirrored world.
-pub(super) fn projections(of: &[Projection]) -> anyhow::Result<Vec<Projection>> {
+pub(super) fn projections(of: &[Projection]) -> Result<Vec<Projection>, ProjectionError> {
     let mirrored = |p: &Projection| Projection::from_matrix(p.rows().map(|[x, y, z, t]| [-x, y, z, t]));
-    of.iter().map(|p| mirrored(p).context("--cameras, mirrored")).collect()
+    of.iter().map(mirrored).collect()
 }
 
 pub(super) fn bounds(of: BoxUm) -> BoxUm {

@@ -1,8 +1,7 @@
 //! Measures the three kinds of sets of silhouettes: a turn of one camera, views of any cameras, or an empty capillary.
 
-use super::cameras::{Cameras, Psi};
-use super::report::Clock;
-use super::views::View;
+use super::{Cameras, Psi, SilhouettesError, Step, View};
+use crate::Stopped;
 use carved_core::calibration::{Bad, Calibration, Moved, VIEWS_LEAST, VrvCheck, VrvVerdict, directions, widest_gap};
 use carved_core::carver::Leaves;
 use carved_core::fins::Fin;
@@ -16,30 +15,43 @@ use rayon::prelude::*;
 
 /// The use of a view.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Judged {
+pub struct Judged {
+    /// Whether the view counts.
     pub used: bool,
+    /// Why it does not count.
     pub reason: Option<String>,
+    /// Shift of the silhouette down the image against the turn's camera, px. `None` without a calibration.
     pub dy_px: Option<f64>,
+    /// Root mean square distance of its edges from those that the other views make expected, px. `None` without a calibration.
     pub residual_px: Option<f64>,
     /// Overlap of its mask with the image of the hull. `None` for a blank view.
     pub overlap: Option<f64>,
 }
 
 /// The result for a set.
-pub(super) struct Measured {
+#[derive(Debug)]
+pub struct Measured {
     /// `None` for an empty capillary.
     pub measurement: Option<Measurement>,
+    /// The surface. `None` for an empty capillary.
     pub mesh: Option<Mesh>,
+    /// The voxels that were counted. `None` for an empty capillary.
+    pub hull: Option<HullModel>,
     /// The free edges of the fins that the views of a turn agree on.
     pub fins: Vec<Fin>,
+    /// What became of each view.
     pub views: Vec<Judged>,
     /// The camera of a turn, with the angles of its views, rad.
     pub psi: Option<(Camera, Vec<f64>)>,
+    /// The calibration of the turn. `None` where it is measured with the camera as given.
     pub calibration: Option<Calibration>,
     /// The residual volumes by which the calibration was judged. `None` without a calibration.
     pub vrv: Option<VrvCheck>,
+    /// Number of views that may miss a voxel of the hull.
     pub budget: u32,
+    /// Whether the hull reaches the end of the box.
     pub touches_box: bool,
+    /// What a reader must know of the numbers, as in `docs/files.md`.
     pub flags: Vec<&'static str>,
     /// Reasons to doubt the numbers, in plain words.
     pub doubts: Vec<String>,
@@ -47,21 +59,38 @@ pub(super) struct Measured {
 
 /// A set that gives no numbers, with its flag.
 #[derive(Debug, thiserror::Error)]
-pub(super) enum Refusal {
+pub enum Refusal {
+    /// Too few views show something.
     #[error(
         "{used} of {given} views show something; {needed} are needed: opposite views are mirror images, and fewer leave the specimen open on a side"
     )]
-    FewViews { used: usize, given: usize, needed: usize },
+    FewViews {
+        /// Views that show something.
+        used: usize,
+        /// Views given.
+        given: usize,
+        /// Views needed.
+        needed: usize,
+    },
+    /// Too few directions.
     #[error(
         "the angles of {views} views see edges in {found} directions; {needed} are needed to close a body. Check the angles: is omega in rad, and one per view?"
     )]
-    FewDirections { found: usize, views: usize, needed: usize },
+    FewDirections {
+        /// Directions found.
+        found: usize,
+        /// Views that show something.
+        views: usize,
+        /// Directions needed.
+        needed: usize,
+    },
 }
 
 /// A body that is seen from fewer directions is open on one side.
 const DIRECTIONS_LEAST: usize = 4;
 
 impl Refusal {
+    /// Its flag.
     pub fn flag(&self) -> &'static str {
         match self {
             Self::FewViews { .. } | Self::FewDirections { .. } => "few_views",
@@ -77,6 +106,7 @@ pub(super) fn empty(views: &[View], cameras: &Cameras) -> Measured {
     Measured {
         measurement: None,
         mesh: None,
+        hull: None,
         fins: Vec::new(),
         views: vec![Judged { reason: Some(Bad::Blank.to_string()), ..Judged::default() }; views.len()],
         psi: match cameras {
@@ -99,8 +129,8 @@ pub(super) fn turn(
     views: &[View],
     settings: ReconstructionSettings,
     sphere: bool,
-    clock: &mut Clock,
-) -> anyhow::Result<Measured> {
+    step: &mut dyn FnMut(Step) -> Result<(), Stopped>,
+) -> Result<Measured, SilhouettesError> {
     let seen: Vec<usize> = (0..views.len()).filter(|&i| !views[i].is_blank()).collect();
     if seen.len() < VIEWS_LEAST {
         return Err(Refusal::FewViews { used: seen.len(), given: views.len(), needed: VIEWS_LEAST }.into());
@@ -114,10 +144,11 @@ pub(super) fn turn(
     for &i in &seen {
         let view = &views[i];
         reconstruction.observe_edges(&view.mask, &[], view.columns.clone(), psi.omega[i], view.leaves())?;
+        step(Step::View)?;
     }
-    clock.split("carve");
+    step(Step::Carved)?;
     let calibrated = reconstruction.calibrate();
-    clock.split("calibrate");
+    step(Step::Calibrated)?;
     let TurnModel { model, hull, calibration, projections, fins, .. } = reconstruction.measure(calibrated, sphere)?;
     let vrv = calibration.as_ref().ok().map(|judged| judged.vrv);
     let calibration = calibration.map(|judged| judged.calibration);
@@ -170,6 +201,7 @@ pub(super) fn turn(
         calibration: calibration.ok(),
         vrv,
         budget: hull.carver().budget(),
+        hull: Some(hull),
         touches_box: model.touches_box,
         flags,
         doubts,
@@ -207,7 +239,7 @@ fn raised_by_calibration(found: &Calibration, seen: &[usize]) -> Vec<Raised> {
 
 const GATE: &str =
     "warning: another axis than the calibrated one leaves a larger hull: the views do not quite agree on one turn of one body";
-const BOX: &str = "warning: the hull reaches the end of the box, and may go on outside: widen --box";
+const BOX: &str = "warning: the hull reaches the end of the box, and may go on outside: widen it";
 
 fn say_moved(moved: Moved, seen: &[usize]) -> String {
     format!(
@@ -226,12 +258,14 @@ pub(super) fn hull(
     views: &[View],
     settings: ReconstructionSettings,
     sphere: bool,
-) -> anyhow::Result<Measured> {
+    step: &mut dyn FnMut(Step) -> Result<(), Stopped>,
+) -> Result<Measured, SilhouettesError> {
     let seen: Vec<usize> = (0..views.len()).filter(|&i| !views[i].is_blank()).collect();
     let mut hull = HullModel::new(grid, seen.len(), settings)?;
     for &i in &seen {
         hull.observe(&views[i].mask, &[], &projections[i], Leaves::default())
-            .map_err(|e| anyhow::Error::from(e).context(views[i].path.display().to_string()))?;
+            .map_err(|source| SilhouettesError::View { name: views[i].name.clone(), source })?;
+        step(Step::View)?;
     }
     let model = hull.finish(sphere)?;
     let shown: Vec<&View> = seen.iter().map(|&i| &views[i]).collect();
@@ -257,6 +291,7 @@ pub(super) fn hull(
         calibration: None,
         vrv: None,
         budget: hull.carver().budget(),
+        hull: Some(hull),
         touches_box,
         flags: raised.iter().filter(|(raised, _)| *raised).map(|(_, name)| *name).collect(),
         doubts: low_overlap(&overlaps).into_iter().chain(touches_box.then(|| BOX.to_owned())).collect(),

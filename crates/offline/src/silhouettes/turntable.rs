@@ -1,4 +1,4 @@
-//! `--calibrate` with matrices: if they are those of a turn, it is measured like psi's turns and reported in the world of the matrices.
+//! Matrices of a turn: it is measured like psi's turns and reported in the world of the matrices.
 //!
 //! ```text
 //!  matrices, box ── Turntable ── psi, angles ── measured::turn ── mesh, positions: back into the world
@@ -6,13 +6,10 @@
 //!                      └── no turn: refused
 //! ```
 
-use super::Unit;
-use super::cameras::Psi;
 use super::measured::{self, Measured};
-use super::report::Clock;
-use super::views::View;
-use anyhow::Context;
-use carved_core::geometry::{BoxUm, Projection, Turntable, VoxelGrid};
+use super::{Psi, SilhouettesError, Step, Unit, View};
+use crate::Stopped;
+use carved_core::geometry::{BoxUm, NoTurn, Projection, Turntable, VoxelGrid};
 use carved_core::reconstruction::ReconstructionSettings;
 use serde_json::{Value, json};
 
@@ -22,10 +19,10 @@ const PUBLISHED_PX_PER_UM: f64 = 1.0 / 5.5;
 const MARGIN_PX: f64 = 20.0;
 
 /// Finds the turn to which the matrices belong.
-pub(super) fn find(projections: &[Projection], views: &[View], bounds: BoxUm, unit: Unit) -> anyhow::Result<Turntable> {
+pub(super) fn find(projections: &[Projection], views: &[View], bounds: BoxUm, unit: Unit) -> Result<Turntable, NoTurn> {
     let sensor = views.first().map_or([0; 2], |v| [v.mask.width() as u32, v.mask.height() as u32]);
     let kx = (unit == Unit::None).then_some(PUBLISHED_PX_PER_UM);
-    Turntable::of(projections, sensor, &corners(bounds), kx).context("--calibrate")
+    Turntable::of(projections, sensor, &corners(bounds), kx)
 }
 
 /// Measures the turn. Mesh and positions are in the world of the matrices.
@@ -36,11 +33,11 @@ pub(super) fn measure(
     voxel: f64,
     settings: ReconstructionSettings,
     sphere: bool,
-    clock: &mut Clock,
-) -> anyhow::Result<(Measured, VoxelGrid)> {
-    let grid = VoxelGrid::new(seen(table, views, bounds), voxel / table.frame.scale).context("--box and --voxel, along the axis")?;
+    step: &mut dyn FnMut(Step) -> Result<(), Stopped>,
+) -> Result<(Measured, VoxelGrid), SilhouettesError> {
+    let grid = VoxelGrid::new(seen(table, views, bounds), voxel / table.frame.scale).map_err(SilhouettesError::GridAlongAxis)?;
     let psi = Psi { camera: table.camera.clone(), omega: table.omega.clone() };
-    let mut measured = measured::turn(&psi, grid, views, settings, sphere, clock)?;
+    let mut measured = measured::turn(&psi, grid, views, settings, sphere, step)?;
     for vertex in measured.mesh.iter_mut().flat_map(|mesh| &mut mesh.vertices) {
         *vertex = table.frame.to_world(*vertex);
     }

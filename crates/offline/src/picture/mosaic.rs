@@ -12,7 +12,7 @@ const LEAST_GREY: f64 = 1.0;
 const CHANCE: f64 = 8.0;
 
 /// Grey values by which the colours of the mosaic differ. `None` if the picture is no mosaic.
-pub(super) fn step_grey(pixels: &[u8], width: usize) -> Option<f64> {
+pub fn step_grey(pixels: &[u8], width: usize) -> Option<f64> {
     let mut rows = [Steps::default(); 2];
     for (v, row) in pixels.chunks_exact(width.max(1)).enumerate() {
         // Both neighbours are used, so that a gradient of the light cancels.

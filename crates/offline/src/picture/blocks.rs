@@ -13,7 +13,7 @@ const BLOCK_PX: usize = 8;
 const MOST: f64 = 2.1;
 
 /// The ratio of the steps at the borders of the blocks to those inside. `None` unless it is too large.
-pub(in crate::cli) fn too_blocky(plane: &[u8], width: usize) -> Option<f64> {
+pub fn too_blocky(plane: &[u8], width: usize) -> Option<f64> {
     let mut sums = [0u64; BLOCK_PX];
     let rows = plane.chunks_exact(width.max(1));
     let blocks = width.saturating_sub(1) / BLOCK_PX * rows.len();

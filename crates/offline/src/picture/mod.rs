@@ -1,0 +1,47 @@
+//! One picture of a specimen in its capillary: what its outline says, and reasons to doubt it.
+
+mod blocks;
+mod mosaic;
+
+pub use blocks::too_blocky;
+pub use mosaic::step_grey;
+
+use carved_core::profile::{Detection, Polygon, Profile, ProfileQuality, SegmentSettings, Walls};
+use carved_core::range::Ranged;
+use serde::Serialize;
+
+/// The numbers of a profile, as `carved segment` writes them.
+#[derive(Debug, Clone, Serialize)]
+pub struct ProfileReport {
+    area_px: usize,
+    /// Area enclosed by the sub-pixel outlines. Adding 0 turns the -0 of an empty sum into 0.
+    area_px2: f64,
+    /// What was detected in the picture.
+    pub detection: Detection,
+    quality: ProfileQuality,
+    walls: Walls,
+}
+
+impl ProfileReport {
+    /// The numbers of this profile.
+    pub fn of(profile: &Profile) -> Self {
+        Self {
+            area_px: profile.mask.area_px(),
+            area_px2: profile.edge.iter().map(Polygon::area_px2).sum::<f64>() + 0.0,
+            detection: profile.detection,
+            quality: profile.quality,
+            walls: profile.walls,
+        }
+    }
+
+    /// Pixels inside the mask.
+    pub fn area_px(&self) -> usize {
+        self.area_px
+    }
+}
+
+/// What is wrong with settings of the segmentation: values out of their ranges, and keys that have no effect any more.
+pub fn breaches(settings: &SegmentSettings) -> Vec<String> {
+    let retired = settings.retired_keys().map(|key| format!("{key} is no longer a setting and has no effect; remove it"));
+    settings.outside().iter().map(ToString::to_string).chain(retired).collect()
+}

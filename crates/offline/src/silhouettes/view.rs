@@ -1,0 +1,48 @@
+//! One silhouette.
+
+use carved_core::carver::Leaves;
+use carved_core::profile::{Columns, Mask, WrongMaskSize};
+
+/// A silhouette with its edges.
+#[derive(Debug, Clone)]
+pub struct View {
+    /// Name of its picture, for reports and errors.
+    pub name: String,
+    /// The pixels inside.
+    pub mask: Mask,
+    /// Columns of the coverage if the image is anti-aliased, else of the mask.
+    pub columns: Columns,
+}
+
+impl View {
+    /// The silhouette of 8-bit coverage, row by row. Grey values are the covered share of a pixel; from 128 on a pixel is inside.
+    ///
+    /// # Errors
+    /// Data that is not `width * height` long.
+    pub fn from_coverage(name: String, width: usize, height: usize, coverage: &[u8]) -> Result<Self, WrongMaskSize> {
+        let mask = Mask::from_coverage(width, height, coverage.to_vec())?;
+        let columns =
+            if is_anti_aliased(coverage, &mask) { Columns::from_coverage(width, height, coverage) } else { Columns::from_mask(&mask) };
+        Ok(Self { name, mask, columns })
+    }
+
+    /// Whether the silhouette reaches the first or last column of the image, where the specimen continues.
+    pub fn leaves(&self) -> Leaves {
+        let reaches = |u: usize| self.columns.get(u).is_some();
+        Leaves { left: reaches(0), right: reaches(self.mask.width() - 1) }
+    }
+
+    /// Whether it shows nothing.
+    pub fn is_blank(&self) -> bool {
+        self.columns.extent().is_none()
+    }
+}
+
+/// Whether grey values are the covered share of a pixel: they then occur only along edges, and all other pixels are black or white.
+fn is_anti_aliased(coverage: &[u8], mask: &Mask) -> bool {
+    let grey = coverage.iter().filter(|&&c| c != 0 && c != 255).count();
+    let (width, data) = (mask.width(), mask.data());
+    let edges = data.chunks_exact(width).map(|row| row.windows(2).filter(|w| w[0] != w[1]).count()).sum::<usize>()
+        + data.iter().zip(data.iter().skip(width)).filter(|(a, b)| a != b).count();
+    grey <= 3 * edges
+}
