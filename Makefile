@@ -1,8 +1,8 @@
 # `make run` shows the instrument at work on its emulated rig; `make help` lists the rest.
 
 .DEFAULT_GOAL := help
-.PHONY: help build run test test-rust test-page test-python test-service qa tutorial lint bench deb deb-test
-.PHONY: offline offline-test web contract deny deps-build deps-web deps-python deps-test deps-bench deps-package deps-machine
+.PHONY: help build run test test-rust test-page test-python test-module test-service qa tutorial lint bench deb deb-test
+.PHONY: offline offline-test wheel web contract deny deps-build deps-web deps-python deps-test deps-bench deps-package deps-machine
 
 CARGO ?= cargo
 # Arguments for `carved simulate`: make run ARGS="--listen 127.0.0.1:8085"
@@ -32,13 +32,13 @@ test: export RUST_TEST_THREADS ?= $(shell expr 3 '*' $$(nproc))
 
 # The daemon that the page and the Python client are tested against is the one that `cargo test` has built for the integration tests, so that
 # nothing is compiled twice.
-test: deps-build deps-test deps-python $(PAGE) ## unit, integration and doc tests; the page's in headless Chromium; the Python client's; the unit file
-	$(MAKE) --no-print-directory --keep-going test-rust test-page test-python test-service
+test: deps-build deps-test deps-python $(PAGE) ## unit, integration and doc tests; the page's in headless Chromium; the Python client's and module's; the unit file
+	$(MAKE) --no-print-directory --keep-going test-rust test-page test-python test-module test-service
 
 test-rust:
 	$(CARGO) test --workspace --locked --no-fail-fast
 
-test-page test-python test-service: export CARVED_BIN = $(abspath $(TARGET_DIR))/debug/carved
+test-page test-python test-module test-service: export CARVED_BIN = $(abspath $(TARGET_DIR))/debug/carved
 
 test-page:
 	cd web && npm run --silent test
@@ -46,6 +46,9 @@ test-page:
 
 test-python:
 	clients/python/check test
+
+test-module:
+	python/check test
 
 test-service:
 	if [ -x systemd/verify.sh ]; then systemd/verify.sh; fi
@@ -70,10 +73,14 @@ lint: deps-build deps-python $(NODE_MODULES) ## formatting, clippy with and with
 	fi
 	cd web && npm run --silent check
 	clients/python/check lint
+	python/check lint
 
 bench: deps-build deps-bench ## benchmarks, then other tools beside carved: docs/performance.md
 	$(CARGO) bench --workspace --locked
 	benches/peers/run.sh
+
+wheel: deps-build deps-python ## the Python module: python/dist/carved-*.whl
+	python/check wheel
 
 offline: deps-build ## carved for the nodes of a cluster, without libraries: target/offline/carved-VERSION-x86_64-linux.tar.gz
 	scripts/build-offline

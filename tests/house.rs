@@ -33,6 +33,7 @@ const MAY_DEPEND_ON: &[(&str, &[&str])] = &[
     ("crates/devices", &["carved-core", "carved-files", "carved-records"]),
     ("crates/store", &["carved-core", "carved-files", "carved-records"]),
     ("crates/offline", &["carved-core", "carved-records", "carved-store"]),
+    ("python", &["carved-core", "carved-offline", "carved-records", "carved-store"]),
     // The emulated rig must not share code with carved: a wrong sign in shared code would not show.
     ("hardware-sim", &[]),
 ];
@@ -169,6 +170,29 @@ fn crates_depend_only_on_what_stands_to_their_left() {
             .collect();
         assert!(used.iter().all(|name| allowed.contains(&name.as_str())), "{folder} depends on {used:?}, may depend on {allowed:?}");
     }
+}
+
+/// Crates with other features are compiled again: two minutes of processor time for the wheel of `python/check test`, and more for a test of
+/// this package after those of the workspace.
+#[test]
+fn all_tests_and_the_python_module_share_one_build() {
+    let crates = |of: &[&str]| -> BTreeSet<String> {
+        let listed = std::process::Command::new(env!("CARGO"))
+            .args(["tree", "--locked", "--prefix", "none", "--format", "{p} with {f}"])
+            .args(of)
+            .current_dir(env!("CARGO_MANIFEST_DIR"))
+            .output()
+            .unwrap();
+        assert!(listed.status.success(), "{}", String::from_utf8_lossy(&listed.stderr));
+        String::from_utf8(listed.stdout).unwrap().lines().map(|line| line.trim_end_matches(" (*)").to_owned()).collect()
+    };
+    let of_workspace = crates(&["--workspace", "--edges", "normal,build,dev"]);
+    let of_package = crates(&["--package", "carved", "--edges", "normal,build,dev"]);
+    let other: Vec<_> = of_package.difference(&of_workspace).collect();
+    assert!(other.is_empty(), "the workspace has these with other features, see [dev-dependencies] in Cargo.toml: {other:#?}");
+    let of_module = crates(&["--package", "carved-python", "--features", "shared-build", "--edges", "normal"]);
+    let other: Vec<_> = of_module.difference(&of_workspace).filter(|line| !line.starts_with("carved-python ")).collect();
+    assert!(other.is_empty(), "the tests have these with other features, see shared-build in python/Cargo.toml: {other:#?}");
 }
 
 #[test]

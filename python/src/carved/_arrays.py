@@ -1,0 +1,109 @@
+"""Checks of arrays. Every function names the argument in its errors."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from ._errors import InputError
+
+Bytes = npt.NDArray[np.uint8]
+Floats = npt.NDArray[np.float64]
+
+
+def picture(name: str, array: object) -> Bytes:
+    """A frame: uint8, `(height, width)` or `(height, width, 3)`, contiguous. A contiguous array is not copied."""
+    found = _array(name, array)
+    if found.dtype != np.uint8:
+        raise TypeError(f"{name}: the dtype is {found.dtype}, expected uint8")
+    if found.ndim not in (2, 3) or (found.ndim == 3 and found.shape[2] != 3):
+        raise InputError(f"{name}: the shape is {found.shape}, expected (height, width) or (height, width, 3)")
+    _not_empty(name, found)
+    return np.ascontiguousarray(found)
+
+
+def silhouette(name: str, array: object) -> Bytes:
+    """A silhouette: bool, or uint8 as coverage from 0 to 255, `(height, width)`. A contiguous uint8 array is not copied."""
+    found = _array(name, array)
+    if found.ndim != 2:
+        raise InputError(f"{name}: the shape is {found.shape}, expected (height, width)")
+    _not_empty(name, found)
+    if found.dtype == np.bool_:
+        return np.where(found, np.uint8(255), np.uint8(0))
+    if found.dtype != np.uint8:
+        raise TypeError(f"{name}: the dtype is {found.dtype}, expected bool, or uint8 with 255 inside")
+    if found.max() == 1:
+        raise InputError(f"{name}: the largest value is 1, expected 255 inside, or bool")
+    return np.ascontiguousarray(found)
+
+
+def silhouettes(name: str, stack: object) -> list[Bytes]:
+    """A stack `(views, height, width)` or a sequence of silhouettes of one size."""
+    found = [silhouette(f"{name}[{at}]", item) for at, item in enumerate(items(name, stack))]
+    _one_size(name, found)
+    return found
+
+
+def pictures(name: str, stack: object) -> list[Bytes]:
+    """A stack `(views, height, width[, 3])` or a sequence of frames of one size."""
+    found = [picture(f"{name}[{at}]", item) for at, item in enumerate(items(name, stack))]
+    _one_size(name, found)
+    return found
+
+
+def items(name: str, stack: object) -> Sequence[object]:
+    """The pictures of a stack, without a copy."""
+    if isinstance(stack, np.ndarray):
+        if stack.ndim < 3:
+            raise InputError(f"{name}: the shape is {stack.shape}, expected (views, height, width)")
+        found: Sequence[object] = list(stack)
+    elif isinstance(stack, Iterable) and not isinstance(stack, (str, bytes)):
+        found = list(stack)
+    else:
+        raise TypeError(f"{name}: found {type(stack).__name__}, expected an array or a sequence of arrays")
+    if not found:
+        raise InputError(f"{name}: found 0 views, expected at least 1")
+    return found
+
+
+def angles(values: object, views: int) -> list[float]:
+    """Angles in rad, one per view."""
+    found = np.asarray(values)
+    if found.ndim != 1 or found.dtype.kind not in "fiu":
+        raise TypeError(f"angles: found {found.ndim} dimensions of {found.dtype}, expected one list of numbers in rad")
+    if len(found) != views:
+        raise InputError(f"angles: found {len(found)} angles for {views} views, expected one per view")
+    for at, angle in enumerate(found):
+        if not math.isfinite(angle):
+            raise InputError(f"angles: found {angle} for view {at} (counted from 0), expected a finite number of rad")
+    return [float(angle) for angle in found]
+
+
+def names(values: Sequence[str] | None, views: int) -> list[str]:
+    """Names of the views. Without any, `view_00`, `view_01`, ..."""
+    if values is None:
+        return [f"view_{at:02d}" for at in range(views)]
+    found = list(values)
+    if len(found) != views or not all(isinstance(name, str) for name in found):
+        raise InputError(f"names: found {len(found)} for {views} views, expected one text per view")
+    return found
+
+
+def _array(name: str, array: object) -> npt.NDArray[np.generic]:
+    if not isinstance(array, np.ndarray):
+        raise TypeError(f"{name}: found {type(array).__name__}, expected a numpy array")
+    return array
+
+
+def _not_empty(name: str, array: npt.NDArray[np.generic]) -> None:
+    if 0 in array.shape:
+        raise InputError(f"{name}: the shape is {array.shape}, expected at least one pixel")
+
+
+def _one_size(name: str, found: list[Bytes]) -> None:
+    for at, item in enumerate(found):
+        if item.shape != found[0].shape:
+            raise InputError(f"{name}[{at}]: the shape is {item.shape}, expected {found[0].shape} as {name}[0]")
