@@ -4,7 +4,7 @@
 import { fetchGates, Refused } from "./api.ts";
 import { element, setText, show, svg } from "./dom.ts";
 import { counted, day, grouped } from "./format.ts";
-import { linearTicks } from "./ticks.ts";
+import { levelDigits, linearTicks } from "./ticks.ts";
 import type { GateRow } from "./status.ts";
 
 const QUANTITIES: Record<string, { name: string; digits: number }> = {
@@ -109,6 +109,8 @@ function controlChart(name: string, digits: number, points: readonly ChartPoint[
   const ends = points.flatMap((p) => [p.value - (p.sd ?? 0), p.value + (p.sd ?? 0), ...(p.limits ?? [])]);
   const levels = linearTicks(Math.min(...ends), Math.max(...ends));
   const [low, high] = [levels[0]!, levels.at(-1)!];
+  // Few gates may differ by less than the decimals of their numbers.
+  const decimals = Math.max(digits, levelDigits(levels));
   const [first, last] = [points[0]!.time, points.at(-1)!.time];
   const [right, bottom] = [WIDTH - MARGIN.right, HEIGHT - MARGIN.bottom];
   const x = (time: number) =>
@@ -122,7 +124,11 @@ function controlChart(name: string, digits: number, points: readonly ChartPoint[
   for (const level of levels) {
     chart.append(
       svg("line", { class: "grid", x1: MARGIN.left, x2: right, y1: y(level), y2: y(level) }),
-      svg("text", { class: "tick", x: MARGIN.left - 6, y: y(level) + 4, "text-anchor": "end" }, grouped(level, digits)),
+      svg(
+        "text",
+        { class: "tick", x: MARGIN.left - 6, y: y(level) + 4, "text-anchor": "end" },
+        grouped(level, decimals),
+      ),
     );
   }
   for (const side of [0, 1] as const) {

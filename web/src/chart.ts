@@ -4,7 +4,9 @@
 import { element, setText, svg } from "./dom.ts";
 import { counted, grouped, nanolitres, UM3_PER_NL } from "./format.ts";
 import type { Volumes } from "./history.ts";
-import { linearTicks, viewTicks } from "./ticks.ts";
+import type { VolumeWait } from "./status.ts";
+import { levelDigits, linearTicks, viewTicks } from "./ticks.ts";
+import { NOT_YET } from "./wellcard.ts";
 
 const MARGIN = { left: 62, right: 18, top: 14, bottom: 42 };
 
@@ -12,6 +14,8 @@ export interface Curve extends Volumes {
   well: string;
   viewsPlanned: number;
   hasEnded: boolean;
+  /** Why there is no estimate yet of the specimen under way. */
+  wait: VolumeWait | null;
   /** The reported volume, if the specimen is done. */
   measured: { volume_um3: number; sd_um3: number | null } | null;
 }
@@ -58,8 +62,9 @@ export class VolumeChart {
 }
 
 function nothing(curve: Curve | null): string {
-  if (curve?.hasEnded) return `No estimates of ${curve.well} are kept.`;
-  return "No estimate yet: it takes views from all sides.";
+  if (curve === null) return "There has been no run yet.";
+  if (curve.hasEnded) return `No estimates of ${curve.well} are kept.`;
+  return curve.wait === null ? "No estimate yet." : `Volume ${NOT_YET[curve.wait]}.`;
 }
 
 function caption({ well, estimates, hulls_um3: hulls, measured }: Curve, hasHull: boolean): string {
@@ -73,7 +78,9 @@ function caption({ well, estimates, hulls_um3: hulls, measured }: Curve, hasHull
   if (hasHull && hull !== undefined) {
     said.push(`hull ${nanolitres(hull)} after ${counted(hulls.length, "view")}, which is no estimate`);
   }
-  return `${well}: ${said.join("; ")}.`;
+  // On a busy computer the turn may end before the first estimate is ready.
+  const none = measured && estimates.length === 0 ? " No estimates were made during the turn." : "";
+  return `${well}: ${said.join("; ")}.${none}`;
 }
 
 interface Point {
@@ -95,7 +102,7 @@ function picture(curve: Curve, hasHull: boolean, width: number, height: number):
   const all = [...estimates, ...hulls, ...(measured ? [measured] : [])];
   const levels = linearTicks(Math.min(...all.map((p) => p.nl - p.sd)), Math.max(...all.map((p) => p.nl + p.sd)));
   const [low, high] = [levels[0]!, levels.at(-1)!];
-  const digits = Math.max(0, -Math.floor(Math.log10(levels[1]! - low) + 1e-9));
+  const digits = levelDigits(levels);
   const right = width - MARGIN.right;
   const bottom = height - MARGIN.bottom;
   const x = (view: number) => MARGIN.left + ((view - 1) / (views - 1)) * (right - MARGIN.left);

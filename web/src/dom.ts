@@ -41,3 +41,9 @@ export function svg(tag: string, attributes: Record<string, string | number>, ..
   made.append(...children);
   return made;
 }
+
+/** Scrolls to an element that a click far away has changed. Nothing moves if its upper end is in view. */
+export function bringIntoView(element: Element): void {
+  const { top } = element.getBoundingClientRect();
+  if (top < 0 || top > 0.8 * innerHeight) element.scrollIntoView({ block: "start" });
+}

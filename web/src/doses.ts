@@ -2,7 +2,7 @@
 
 import { element, svg } from "./dom.ts";
 import { counted, grouped, significant } from "./format.ts";
-import { linearTicks } from "./ticks.ts";
+import { levelDigits, linearTicks } from "./ticks.ts";
 import type { DoseCurve, DoseSeries, QuantityStatistics } from "./status.ts";
 
 /** `Z' of the controls: 0.62 (4 positive, 6 negative).`, or why there is none; empty without controls. Pure. */
@@ -67,7 +67,7 @@ function chart(series: DoseSeries, size: number, unit: string, choose: (well: st
   const values = [...points.map((p) => p.value / size), ...fitted.map((f) => f.value)];
   const levels = linearTicks(Math.min(...values), Math.max(...values));
   const [low, high] = [levels[0]!, levels.at(-1)!];
-  const digits = Math.max(0, -Math.floor(Math.log10(levels[1]! - low) + 1e-9));
+  const digits = levelDigits(levels);
   const y = (value: number) => bottom - ((value - low) / (high - low)) * (bottom - MARGIN.top);
   const label = `Response to ${series.condition.compound ?? "the dose"}, ${counted(points.length, "well")}`;
   const made = svg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img", "aria-label": label });

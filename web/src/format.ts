@@ -110,6 +110,12 @@ export function day(rfc3339: string): string {
   return `${date.getFullYear()}-${two(date.getMonth() + 1)}-${two(date.getDate())} ${hourOf(date)}`;
 }
 
+/** Local day and time of the browser with seconds: `2026-03-05 09:30:00`. */
+export function moment(rfc3339: string): string {
+  const [date = ""] = day(rfc3339).split(" ");
+  return Number.isNaN(Date.parse(rfc3339)) ? rfc3339 : `${date} ${clockTime(rfc3339)}`;
+}
+
 /** Local time of the browser without seconds: `09:30`. */
 export function hourOf(date: Date): string {
   return [date.getHours(), date.getMinutes()].map((n) => String(n).padStart(2, "0")).join(":");

@@ -9,7 +9,7 @@ import { Latest } from "./latest.ts";
 import { planWords } from "./planplate.ts";
 import type { Interval, QuantityStatistics, RunStatus, Statistics, WellGroup, WellValue } from "./status.ts";
 import { runKey } from "./stored.ts";
-import { linearTicks } from "./ticks.ts";
+import { levelDigits, linearTicks } from "./ticks.ts";
 
 export type Quantity = "volume" | "area" | "length";
 
@@ -167,7 +167,7 @@ function picture(
     .map((value) => value / size);
   const levels = linearTicks(Math.min(...all), Math.max(...all));
   const [low, high] = [levels[0]!, levels.at(-1)!];
-  const digits = Math.max(0, -Math.floor(Math.log10(levels[1]! - low) + 1e-9));
+  const digits = levelDigits(levels);
   const bottom = HEIGHT - MARGIN.bottom;
   const y = (value: number) => bottom - ((value / size - low) / (high - low)) * (bottom - MARGIN.top);
   const slot = (width - MARGIN.left - MARGIN.right) / groups.length;

@@ -13,7 +13,7 @@ import { PlateColouring } from "./colouring.ts";
 import { CommandRow } from "./commands.ts";
 import { keepLive } from "./connection.ts";
 import { Display } from "./display.ts";
-import { byId, setText, show } from "./dom.ts";
+import { bringIntoView, byId, setText, show } from "./dom.ts";
 import { WellFiles } from "./downloads.ts";
 import { EmergencyStop } from "./emergency.ts";
 import { FaultsView } from "./faults.ts";
@@ -28,6 +28,7 @@ import {
   count,
   diagnosis,
   finish,
+  Furthest,
   headline,
   nextStep,
   progress,
@@ -69,7 +70,7 @@ const commands = new CommandRow(byId);
 const newRun = new NewRun(byId);
 const token = new TokenForm(byId("token-form"), byId("token"));
 const colouring = new PlateColouring(byId("colour-by"), byId("scale-legend"), redraw);
-const results = new ResultsTable(byId("results"), byId("results-table"), choose);
+const results = new ResultsTable(byId("results"), byId("results-table"), lookAt);
 const log = new RunLog(byId);
 /** The volumes after each view of the instrument's run, and of a stored run that is shown instead. */
 const histories = { live: new VolumeHistory(), opened: new VolumeHistory() };
@@ -77,7 +78,7 @@ const stored = new StoredSpecimens();
 const models = new StoredModels(stored, (links) => links.mesh_glb);
 const colouredModels = new StoredModels(stored, (links) => links.coloured_glb);
 const standing = new StandingView(byId("standing"));
-const groups = new GroupsView(byId, choose);
+const groups = new GroupsView(byId, lookAt);
 const again = new AgainView(byId);
 const files = new WellFiles(byId("well-files"));
 const frameParts = {
@@ -114,6 +115,8 @@ type Planned = Pick<RunPlan, "plate_map" | "plate_format">;
 const NO_PLAN: Planned = { plate_map: [] };
 /** The plans of runs, by run. They are read once. */
 const plans = new Map<string, Planned>();
+
+const furthest = new Furthest();
 
 const opened = new OpenedRun(byId, {
   opened() {
@@ -158,6 +161,12 @@ function choose(well: string | null): void {
   redraw();
 }
 
+/** Chooses a well from a list or a picture below, far from its card. */
+function lookAt(well: string): void {
+  choose(well);
+  bringIntoView(byId("well-heading"));
+}
+
 function redraw(): void {
   if (newest) showAll(newest);
 }
@@ -195,7 +204,7 @@ function instrument(status: Status): void {
   show(byId("diagnosis"), below !== "");
   const bar = byId<HTMLProgressElement>("progress");
   bar.hidden = status.run === null;
-  bar.value = progress(status);
+  bar.value = furthest.of(status.run && runKey(status.run), progress(status));
   faults.update(status.faults, nextStep(status));
   commands.update(status);
   newRun.update(status);
@@ -233,6 +242,7 @@ function run(status: Status, detail: RunDetail | null): void {
       ...history.of(well.well),
       viewsPlanned: status.specimen?.views_planned ?? 0,
       hasEnded: well.outcome !== null,
+      wait: specimen?.well === well.well ? specimen.volume_wait : null,
       measured: well.volume_um3 === null ? null : { volume_um3: well.volume_um3, sd_um3: well.volume_sd_um3 },
     },
   );

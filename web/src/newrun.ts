@@ -158,7 +158,7 @@ export class NewRun {
       this.#draw();
       this.#list.replaceChildren(
         listOf(
-          "Read otherwise than it is written",
+          "Notes on the plate map",
           map.notes.map((n) => element("li", "quiet", n)),
         ),
       );

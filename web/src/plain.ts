@@ -118,6 +118,18 @@ export function progress(status: Status): number {
   return Math.min(1, (done(run) + measuring + Math.min(1, within)) / run.wells.total);
 }
 
+/** The largest share of a run that was reached: a specimen that is begun again does not move the progress bar back. */
+export class Furthest {
+  #run: string | null = null;
+  #share = 0;
+
+  of(run: string | null, share: number): number {
+    this.#share = run === this.#run ? Math.max(this.#share, share) : share;
+    this.#run = run;
+    return this.#share;
+  }
+}
+
 /** One line below the sentence: the progress of the run, or its end. */
 export function progressLine(status: Status): string {
   const run = status.run;

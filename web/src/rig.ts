@@ -93,7 +93,7 @@ function cameraWords(camera: CameraStatus): string {
 /** The newest calibration of the rig in one line. */
 export function calibrationWords(calibration: CalibrationStatus | null): string {
   // The daily beads have their own line.
-  if (calibration === null || calibration.kind === "gate") return "! none kept of this rig";
+  if (calibration === null || calibration.kind === "gate") return "! none of this rig is stored";
   const { kind, bead_bias_percent: bias, age_s, max_age_s, valid } = calibration;
   const parts = [`${valid ? "✓" : "!"} by ${kind}, ${age(age_s)} old`];
   if (!valid) parts.push(`valid for ${age(max_age_s)}`);
@@ -110,11 +110,11 @@ export function gateWords({ stands, summary, verdict, words }: GateStatus): stri
   return `${stands ? "✓" : "✕"} ${words.map((sentence) => capitalised(sentence.replace(/\.$/, ""))).join(". ")}.`;
 }
 
-/** Lost frames and packets. The number of good frames is left out: it rises only after each well, which looks like a loss. */
+/** Damaged frames and lost packets. Frames that never came are not counted here. The number of good frames is left out: it rises only after each well, which looks like a loss. */
 function frames(camera: CameraStatus): string {
   const parts: string[] = [];
   if (camera.failed_frames > 0) parts.push(`${grouped(camera.failed_frames)} failed`);
   if (camera.missing_packets > 0) parts.push(`${grouped(camera.missing_packets)} packets missing`);
   if (camera.resent_packets > 0) parts.push(`${grouped(camera.resent_packets)} packets sent again`);
-  return parts.length === 0 ? "✓ none lost" : parts.join(", ");
+  return parts.length === 0 ? "✓ none damaged" : parts.join(", ");
 }

@@ -2,7 +2,7 @@
 
 import { fetchRunEvents, Refused } from "./api.ts";
 import { element, setText, show } from "./dom.ts";
-import { capitalised, counted, day, duration, nanolitres, words } from "./format.ts";
+import { capitalised, counted, moment, duration, nanolitres, words } from "./format.ts";
 import { Latest } from "./latest.ts";
 import { OUTCOMES, PHASES } from "./plain.ts";
 import { flagWords, reasonWords } from "./reasons.ts";
@@ -186,7 +186,7 @@ export class RunLog {
     const shown = entries.filter(({ entry }) => this.#withSteps.checked || entry.weight !== "step").reverse();
     this.#list.replaceChildren(
       ...shown.map(({ event, entry }) => {
-        const time = element("time", "quiet", day(event.time));
+        const time = element("time", "quiet", moment(event.time));
         time.dateTime = event.time;
         const item = element(
           "li",

@@ -6,7 +6,7 @@
 // while the instrument works on it is shown as the instrument has it, and read again when it has ended.
 
 import { fetchRun, fetchRuns, Refused } from "./api.ts";
-import { element, setText, show } from "./dom.ts";
+import { bringIntoView, element, setText, show } from "./dom.ts";
 import { downloadLink } from "./downloads.ts";
 import { bytes, counted, day } from "./format.ts";
 import { Latest } from "./latest.ts";
@@ -219,6 +219,7 @@ export class OpenedRun {
       this.#files.replaceChildren();
       show(this.#banner, true);
     }
+    bringIntoView(this.#banner);
   }
 
   #show(detail: RunDetail | null): void {

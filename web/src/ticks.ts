@@ -18,6 +18,11 @@ export function linearTicks(lowest: number, highest: number): number[] {
   return Array.from({ length: last - first + 1 }, (_, i) => Number(((first + i) * step).toPrecision(12)));
 }
 
+/** The decimals that tell neighbouring levels of a linear axis apart. */
+export function levelDigits(levels: readonly number[]): number {
+  return Math.max(0, -Math.floor(Math.log10(levels[1]! - levels[0]!) + 1e-9));
+}
+
 /** Views to label on the axis: the first, the last, and round numbers between them with enough space. */
 export function viewTicks(views: number): number[] {
   const step = views <= 12 ? 2 : views <= 30 ? 5 : views <= 60 ? 10 : 20;

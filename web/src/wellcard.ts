@@ -128,7 +128,8 @@ function small(name: string, text: string, exact: string, what: string): HTMLEle
   return made;
 }
 
-const NOT_YET: Record<VolumeWait, string> = {
+/** Why there is no estimate of the volume. */
+export const NOT_YET: Record<VolumeWait, string> = {
   views: "not known yet: it takes views from more sides",
   computing: "not known yet: computing",
   slices: "known once the turn is measured: the slices so far do not determine it",

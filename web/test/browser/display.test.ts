@@ -107,6 +107,12 @@ afterEach(async () => {
 const text = async (id: string) => (await page.locator(`#${id}`).innerText()).trim();
 const until = (id: string, wanted: RegExp) => page.locator(`#${id}`).filter({ hasText: wanted }).waitFor();
 const wellButton = (name: string) => page.locator(`#plate button[data-well="${name}"]`);
+/** Waits until the upper end of an element is in the window. */
+const inView = (id: string) =>
+  page.waitForFunction((id) => {
+    const { top } = document.getElementById(id)!.getBoundingClientRect();
+    return top >= 0 && top < innerHeight;
+  }, id);
 const paintOf = (name: string) => wellButton(name).evaluate((b) => getComputedStyle(b).backgroundColor);
 
 test("an old run is found, opened with all that a live one shows, and closed; the commands stay the instrument's", async () => {
@@ -120,6 +126,7 @@ test("an old run is found, opened with all that a live one shows, and closed; th
     "opened-words",
     /^Stored run P-9-old: plate P-9, 2025-11-02 .*, imported, method standard, carved 0\.0\.9\./,
   );
+  await inView("opened");
   assert.equal(await wellButton("B01").getAttribute("data-condition"), "succeeded");
   assert.equal(await wellButton("A01").count(), 0);
   await wellButton("B01").click();
@@ -416,6 +423,7 @@ test("the table of wells sorts by each column, and leads to its wells", async ()
   assert.equal(await page.locator("#results-table th[aria-sort]").getAttribute("aria-sort"), "descending");
   await page.locator("#results-table").getByRole("button", { name: "A03" }).click();
   await until("well-heading", /^Well A03$/);
+  await inView("well-heading");
 });
 
 test("from two metres: colour over the whole width, wells done and the time of the end in large figures", async () => {

@@ -111,17 +111,40 @@ test("a rig that is not simulated bears no stamp", async () => {
   assert.equal(await page.locator("#stamp").isVisible(), false);
 });
 
+test("a specimen that is begun again does not move the progress bar back", async () => {
+  const turning = running(9);
+  server.publish(turning);
+  await page.goto(server.url);
+  await until("frame-whose", /views taken/);
+  const bar = () => page.locator("#progress").evaluate((bar: HTMLProgressElement) => bar.value);
+  const before = await bar();
+  server.publish({ ...turning, doing: "begins again", specimen: specimen("A02", []) });
+  await until("sentence", /^Begins again$/);
+  assert.equal(await bar(), before);
+  // Another run begins at its own place.
+  server.publish({
+    ...turning,
+    run: { ...turning.run!, id: "demo-2" },
+    doing: "another",
+    specimen: specimen("A02", []),
+  });
+  await until("sentence", /^Another$/);
+  assert.ok((await bar()) < before);
+});
+
 test("the volume so far: not told at first, then with its spread, its views and whether it has settled", async () => {
   const turning = running(9);
   server.publish(turning);
   await page.goto(server.url);
   await until("well-body", /Volume so far\s*not known yet: it takes views from more sides/);
   for (const [wait, words] of [
+    ["views", /not known yet: it takes views from more sides/],
     ["computing", /not known yet: computing/],
     ["slices", /known once the turn is measured/],
   ] as const) {
     server.publish({ ...turning, specimen: specimen("A02", carved(262_000_000, 20), { volume_wait: wait }) });
     await until("well-body", words);
+    await until("chart", words);
   }
   const told = { volume_um3: 251_000_000, volume_sd_um3: 1_300_000, volume_views: 8, converged: false };
   server.publish({ ...turning, revision: 2, specimen: specimen("A02", carved(262_000_000, 9), told) });
@@ -548,7 +571,7 @@ test("a rig with a second camera and a translation shows both, its light, and wh
     },
   });
   await page.goto(server.url);
-  await until("rig", /Frames\s*✓ none lost[\s\S]*Second camera\s*✓ Fluo 1\s*Its frames\s*3 packets missing/);
+  await until("rig", /Frames\s*✓ none damaged[\s\S]*Second camera\s*✓ Fluo 1\s*Its frames\s*3 packets missing/);
   const shown = (await text("rig")).replaceAll("\u202f", " ");
   for (const wanted of ["✓ at −5,000 µm", "background 240 of 255, 3.1 % saturated", "1,235 (higher is sharper)"]) {
     assert.ok(shown.includes(wanted), `${wanted} in ${shown}`);

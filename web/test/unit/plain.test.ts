@@ -11,6 +11,7 @@ import {
   canStop,
   diagnosis,
   handedOver,
+  Furthest,
   headline,
   nextStep,
   progress,
@@ -18,7 +19,7 @@ import {
   tally,
   toneOf,
 } from "../../src/plain.ts";
-import { linearTicks, roundBelow, viewTicks } from "../../src/ticks.ts";
+import { levelDigits, linearTicks, roundBelow, viewTicks } from "../../src/ticks.ts";
 import type { Fault, Hold } from "../../src/status.ts";
 import { fault, run, specimen, status, well } from "../support/statuses.ts";
 
@@ -26,6 +27,22 @@ const half = status({
   state: "Execute",
   run: run([well("A01", { outcome: "succeeded" }), well("A02")]),
   specimen: specimen("A02", new Array<number>(11).fill(1)),
+});
+
+test("the progress bar of a run does not move back, and another run has its own", () => {
+  const furthest = new Furthest();
+  assert.deepEqual(
+    (
+      [
+        ["a", 0.4],
+        ["a", 0],
+        ["a", 0.5],
+        ["b", 0.1],
+        [null, 0],
+      ] as const
+    ).map(([run, share]) => furthest.of(run, share)),
+    [0.4, 0.4, 0.5, 0.1, 0],
+  );
 });
 
 test("progress counts wells, and the specimen under way by its views", () => {
@@ -185,6 +202,8 @@ test("ticks are round and enclose the values", () => {
     [1e5, 3e5],
   ] as const) {
     const ticks = linearTicks(lowest, highest);
+    const labels = new Set(ticks.map((tick) => tick.toFixed(levelDigits(ticks))));
+    assert.equal(labels.size, ticks.length, `${lowest} to ${highest}: equal labels`);
     assert.ok(ticks.length >= 2 && ticks.length <= 9, `${ticks}`);
     assert.ok(ticks[0]! <= lowest && ticks.at(-1)! >= highest && ticks[0]! < ticks.at(-1)!, `${ticks}`);
   }
