@@ -39,7 +39,7 @@ export function standingsOf(measured: Measured | null, estimator: WellStatus["es
 /** `Volume 243.1 nL: 0.8 SD above the mean of 12 larvae, larger than 79 % of them`. Pure. */
 export function standingWords({ quantity, unit, mean, sd, z, n, percentile, group, by }: Standing): string {
   const side = z < 0 ? "below" : "above";
-  const share = percentile > 99 ? "more than 99" : percentile < 1 ? "less than 1" : grouped(percentile);
+  const share = percentile > 99 ? "More than 99" : percentile < 1 ? "Less than 1" : grouped(percentile);
   // Another number than the reported one says why it is another.
   const how = by === null ? "" : ` by ${ESTIMATORS[by] ?? by}, as the references were measured`;
   return `${quantity} ${significant(mean + z * sd)} ${unit}${how}: ${grouped(Math.abs(z), 1)} SD ${side} the mean of ${n} larvae (${group}). ${share} % of such larvae are smaller.`;

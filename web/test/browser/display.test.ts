@@ -421,6 +421,8 @@ test("the table of wells sorts by each column, and leads to its wells", async ()
   await volume.click();
   assert.deepEqual(await wells(), ["A04", "A03", "A02", "A01", "A05"], "no number comes last");
   assert.equal(await page.locator("#results-table th[aria-sort]").getAttribute("aria-sort"), "descending");
+  // The table is below the window's end, and the card of the well above its beginning.
+  await page.setViewportSize({ width: 1440, height: 400 });
   await page.locator("#results-table").getByRole("button", { name: "A03" }).click();
   await until("well-heading", /^Well A03$/);
   await inView("well-heading");

@@ -103,7 +103,7 @@ test("a larva stands where its estimator has references, and says its share in w
     standingWords(area!),
     "Area 3.080 mm²: 0.8 SD below the mean of 12 larvae (fixed, 3 dpf). 23 % of such larvae are smaller.",
   );
-  assert.match(standingWords({ ...area!, percentile: 99.6 }), / more than 99 % of such larvae are smaller\.$/);
-  assert.match(standingWords({ ...area!, percentile: 0.4 }), / less than 1 % of such larvae are smaller\.$/);
+  assert.match(standingWords({ ...area!, percentile: 99.6 }), / More than 99 % of such larvae are smaller\.$/);
+  assert.match(standingWords({ ...area!, percentile: 0.4 }), / Less than 1 % of such larvae are smaller\.$/);
   assert.deepEqual(standingsOf(null, null), []);
 });
