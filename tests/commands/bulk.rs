@@ -6,11 +6,13 @@
 //! ```
 
 use super::import_plate::{scene, shoot};
-use crate::common::{json, run, stderr};
+use crate::common::{carved, json, run, stderr};
 use hardware_sim::scene::Specimen;
 use serde_json::Value;
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::Stdio;
 
 struct Bench {
     dir: tempfile::TempDir,
@@ -66,6 +68,20 @@ fn text(path: &Path) -> &str {
     path.to_str().unwrap()
 }
 
+/// The files below a folder, by their path in it.
+fn tree(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    for entry in fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
+        let name = PathBuf::from(entry.file_name().unwrap());
+        if entry.is_dir() {
+            found.extend(tree(&entry).into_iter().map(|(inner, bytes)| (name.join(inner), bytes)));
+        } else {
+            found.insert(name, fs::read(&entry).unwrap());
+        }
+    }
+    found
+}
+
 #[test]
 fn shards_give_the_table_of_a_serial_measurement_byte_by_byte() {
     let bench = Bench::new();
@@ -79,6 +95,16 @@ fn shards_give_the_table_of_a_serial_measurement_byte_by_byte() {
         assert!(fs::read(bench.path("all").join(recording).join("measurement.json")).unwrap() == stored, "{recording}");
     }
     assert_eq!(bench.table(&["--measurements", text(&bench.path("all"))]), bench.table(&[]));
+
+    // As where a scheduler starts a job again while the first one still runs: both write each result.
+    let twins = [(); 2].map(|()| {
+        let mut twin = carved();
+        twin.args(["measure", "--jobs", "1", "--out"]).arg(bench.path("twins")).args(&bench.runs).stdout(Stdio::null()).spawn().unwrap()
+    });
+    for mut twin in twins {
+        assert!(twin.wait().unwrap().success());
+    }
+    assert!(tree(&bench.path("twins")) == tree(&bench.path("all")), "the same files with the same bytes, and none beside them");
 }
 
 #[test]

@@ -2,14 +2,27 @@
 
 use super::{StoreError, disk};
 use std::fs;
+use std::hash::{BuildHasher, Hasher, RandomState};
 use std::path::{Path, PathBuf};
 
 /// Replaces `path` by `bytes`. A reader, or a start after a crash, sees the old or the new file, never a mixture.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
+    write_by_way_of(".part", path, bytes)
+}
+
+/// As [`write`], where other processes and machines may write the same file at the same time: each has a temporary file of its own, and the
+/// last one wins.
+pub fn write_beside_others(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
+    // The standard library seeds each of these hashers at random.
+    let own = RandomState::new().build_hasher().finish();
+    write_by_way_of(&format!(".{own:016x}.part"), path, bytes)
+}
+
+fn write_by_way_of(suffix: &str, path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
     let at = |what| StoreError::io(what, path);
     let folder = folder_of(path);
     let mut name = path.file_name().unwrap_or_default().to_owned();
-    name.push(".part");
+    name.push(suffix);
     let part = folder.join(name);
     let written = disk::create(&part, bytes)
         .map_err(at("write"))
@@ -89,4 +102,28 @@ pub fn read_json<T: serde::de::DeserializeOwned>(path: &Path, expected: &'static
 /// The same of the bytes of the file `path`.
 pub fn parse_json<T: serde::de::DeserializeOwned>(path: &Path, text: &[u8], expected: &'static str) -> Result<T, StoreError> {
     serde_json::from_slice(text).map_err(|e| StoreError::Format { path: path.to_owned(), expected, found: e.to_string() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn those_that_write_the_same_file_at_the_same_time_do_not_disturb_each_other() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("result");
+        std::thread::scope(|scope| {
+            for byte in [1u8, 2] {
+                let path = &path;
+                scope.spawn(move || {
+                    for _ in 0..40 {
+                        write_beside_others(path, &vec![byte; 1 << 16]).unwrap();
+                        let found = fs::read(path).unwrap();
+                        assert!(found == vec![1; 1 << 16] || found == vec![2; 1 << 16], "a mixture");
+                    }
+                });
+            }
+        });
+        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1, "no temporary file is left");
+    }
 }

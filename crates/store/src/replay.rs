@@ -2,7 +2,7 @@
 //! run. The stored result is not changed.
 
 use super::{MEASUREMENT, Software, StoreError, durable, schema, sums};
-use carved_records::Method;
+use carved_records::{Method, sha256_hex};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -16,8 +16,9 @@ const FOLDER: &str = "replays";
 struct Replay {
     schema: String,
     software: Software,
-    /// RFC 3339, UTC.
-    replayed: String,
+    /// RFC 3339, UTC. `None` outside the run, where the results of two jobs must be equal byte by byte.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    replayed: Option<String>,
     /// `None`: the recording's own method.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     method_name: Option<String>,
@@ -31,8 +32,8 @@ struct Replay {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Replayed {
     pub software: Software,
-    /// RFC 3339, UTC.
-    pub replayed: String,
+    /// RFC 3339, UTC. `None` of results outside the run.
+    pub replayed: Option<String>,
     /// `None`: the recording's own method.
     pub method_name: Option<String>,
     pub method: Method,
@@ -130,7 +131,8 @@ impl ReplayWriter {
         }
     }
 
-    /// Writes the results, and the checksums last. `recording_sha256`: of `recording.json`, for results outside the run.
+    /// Writes the results, and the checksums last. `recording_sha256`: of `recording.json`, for results outside the run. Several processes,
+    /// also of several machines, may write the same results outside the run at the same time.
     ///
     /// # Errors
     /// A file cannot be written.
@@ -139,15 +141,18 @@ impl ReplayWriter {
         let replay = Replay {
             schema: SCHEMA.into(),
             software: Software::this(),
-            replayed: jiff::Timestamp::now().to_string(),
+            replayed: recording_sha256.is_none().then(|| jiff::Timestamp::now().to_string()),
             method_name: self.method_name.clone(),
             method: method.clone(),
             recording_sha256,
         };
-        durable::write_json(&self.folder.join(FILE), &replay)?;
-        for (name, bytes) in files {
-            durable::write(&self.folder.join(name), bytes)?;
+        let replay = durable::json_text(Path::new(FILE), &replay)?;
+        let files: Vec<(&str, &[u8])> =
+            std::iter::once((FILE, &*replay)).chain(files.iter().map(|(name, bytes)| (*name, &**bytes))).collect();
+        for (name, bytes) in &files {
+            durable::write_beside_others(&self.folder.join(name), bytes)?;
         }
-        durable::write(&self.folder.join(sums::FILE), sums::text(&sums::of_folder(&self.folder)?).as_bytes())
+        let sums = files.iter().map(|(name, bytes)| (PathBuf::from(name), sha256_hex(bytes))).collect();
+        durable::write_beside_others(&self.folder.join(sums::FILE), sums::text(&sums).as_bytes())
     }
 }

@@ -30,7 +30,7 @@ pub struct Options {
     /// With --out: only the K-th of N equal parts of the recordings, as in 3/16. Every part needs the same list of recordings.
     #[arg(long, value_name = "K/N", requires = "out", default_value = "1/1")]
     shard: Shard,
-    /// With --out: number of recordings that are measured at the same time [default: the number of processors]
+    /// With --out: number of processors to use, each for a recording of its own while there are enough [default: all processors]
     #[arg(long, value_name = "J", requires = "out")]
     jobs: Option<NonZeroUsize>,
     /// With --out: another method, a TOML file with the keys of a [methods.NAME] table [default: the method of each recording]
@@ -80,7 +80,9 @@ struct Summary {
     jobs: usize,
     threads_per_job: usize,
     elapsed_s: f64,
-    /// Plates of 96 wells that one processor measures in an hour. `None` if nothing was measured.
+    /// Time that this program has spent on processors. `None` where the system does not say it.
+    processor_s: Option<f64>,
+    /// Plates of 96 wells that one processor measures in an hour of its work. `None` if nothing was measured.
     plates_per_core_hour: Option<f64>,
 }
 
@@ -99,9 +101,10 @@ pub fn run(paths: &[PathBuf], out: &Path, options: &Options) -> anyhow::Result<E
     let mine: Vec<(&String, &PathBuf)> =
         named.iter().enumerate().filter(|(place, _)| options.shard.has(*place)).map(|(_, recording)| recording).collect();
     durable::create_folder(out)?;
-    let cores = std::thread::available_parallelism().map_or(1, NonZeroUsize::get);
-    let jobs = options.jobs.map_or(cores, NonZeroUsize::get).min(mine.len().max(1));
-    let threads_per_job = (cores / jobs).max(1);
+    // A scheduler may have given this job fewer processors than the machine has.
+    let processors = options.jobs.or_else(|| std::thread::available_parallelism().ok()).map_or(1, NonZeroUsize::get);
+    let jobs = processors.min(mine.len().max(1));
+    let threads_per_job = processors / jobs;
     let pools = (0..jobs).map(|_| ThreadPoolBuilder::new().num_threads(threads_per_job).build()).collect::<Result<Vec<_>, _>>();
     let pools = pools.context("cannot start the threads")?;
     let progress = Progress::new(mine.len());
@@ -141,17 +144,28 @@ pub fn run(paths: &[PathBuf], out: &Path, options: &Options) -> anyhow::Result<E
         }
     }
     let elapsed_s = began.elapsed().as_secs_f64();
-    let core_hours = elapsed_s * (jobs * threads_per_job).min(cores) as f64 / 3600.0;
+    let processor_s = processor_s();
+    let core_hours = processor_s.unwrap_or(elapsed_s * (jobs * threads_per_job) as f64) / 3600.0;
     let plates_per_core_hour = (measured > 0).then(|| measured as f64 / 96.0 / core_hours);
     let recordings = mine.len();
     let failed = failures.len();
-    let summary = Summary { recordings, measured, left_out, failed, jobs, threads_per_job, elapsed_s, plates_per_core_hour };
+    let summary = Summary { recordings, measured, left_out, failed, jobs, threads_per_job, elapsed_s, processor_s, plates_per_core_hour };
     say!("{}", serde_json::to_string(&summary)?);
     if failures.is_empty() {
         return Ok(ExitCode::SUCCESS);
     }
     note!("carved: {failed} recording(s) could not be measured:\n{}", failures.join("\n"));
     Ok(ExitCode::from(SOME_FAILED))
+}
+
+/// User and system time of this process.
+fn processor_s() -> Option<f64> {
+    // Linux counts in hundredths of a second. The second field, the program's name in brackets, may contain spaces.
+    const TICKS_PER_S: f64 = 100.0;
+    let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
+    let fields = stat.rsplit_once(')')?.1.split_ascii_whitespace();
+    let ticks: Vec<u64> = fields.skip(11).take(2).filter_map(|field| field.parse().ok()).collect();
+    (ticks.len() == 2).then(|| ticks.iter().sum::<u64>() as f64 / TICKS_PER_S)
 }
 
 /// The folder for results cannot be written.

@@ -92,7 +92,7 @@ fn replayed(planned: &PlannedWell, found: Replayed) -> Option<ReplayedWell> {
     numbers::tell(&mut result, &file, method.asd);
     Some(ReplayedWell {
         name: method_name?,
-        replayed,
+        replayed: replayed?,
         software_version: software.version,
         method_settings: serde_json::to_value(&method).unwrap_or_default(),
         result: result.into(),
