@@ -27,6 +27,7 @@ pub mod plate_map;
 mod policy;
 mod reference;
 mod state;
+mod treatment;
 mod well;
 
 pub use calibration::{CalibrationStatus, GateStatus};

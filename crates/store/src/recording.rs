@@ -73,7 +73,8 @@ impl MeasurementFile {
                 epsilon: measurement.epsilon,
                 simulated: recording.mode == Mode::Simulated,
                 strain: recording.specimen.strain.clone(),
-                treatment: recording.specimen.treatment.clone(),
+                treatment: recording.specimen.treatment_of_larva(),
+                untreated: recording.specimen.is_untreated(),
                 estimates: estimates(measurement),
             };
             Standing::of(&specimen, references)

@@ -33,8 +33,18 @@ pub struct Specimen {
     pub strain: Option<String>,
     /// Treatment by the plate map. `None` where the map does not state it.
     pub treatment: Option<String>,
+    /// Whether the plate map states that nothing was done to the larva: it matches untreated and living references.
+    pub untreated: bool,
     /// The numbers of every estimator.
     pub estimates: Vec<Estimate>,
+}
+
+/// Treatments of living larvae to which nothing was done. `living` is the paper's word for those that were not fixed.
+const UNTREATED: [&str; 6] = ["none", "no treatment", "untreated", "living", "live", "alive"];
+
+/// Whether a treatment says that nothing was done to a living larva.
+pub fn is_untreated(treatment: &str) -> bool {
+    UNTREATED.iter().any(|word| is_same(word, treatment))
 }
 
 /// Whether two words of an operator are the same.
@@ -184,7 +194,8 @@ impl Specimen {
             [("treatment", &self.treatment, &group.treatment), ("strain", &self.strain, &group.strain), ("cohort", &None, &group.cohort)];
         for (key, specimen, reference) in words {
             let Some(expected) = reference else { continue };
-            if !specimen.as_ref().is_some_and(|word| is_same(word, expected)) {
+            let is_untreated = key == "treatment" && self.untreated && is_untreated(expected);
+            if !is_untreated && !specimen.as_ref().is_some_and(|word| is_same(word, expected)) {
                 differs(key, specimen.clone().map(Known::Word), Some(Known::Word(expected.clone())));
             }
         }

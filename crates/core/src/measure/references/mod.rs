@@ -29,7 +29,7 @@ mod words;
 pub use estimate::{Estimate, FIELD, SUPPORT, VOXEL, estimates};
 pub use group::{Breach, Gap, Group, Moments, Quantity, References, SCHEMA};
 pub use joint::JointPlace;
-pub use matching::{Known, Mismatch, Missing, MissingReason, Specimen};
+pub use matching::{Known, Mismatch, Missing, MissingReason, Specimen, is_untreated};
 pub use predictive::{Place, Predictive};
 pub use stage::{Stage, StageShare};
 pub use standing::{Answer, EstimateStanding, Standing};

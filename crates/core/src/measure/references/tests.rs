@@ -33,7 +33,18 @@ fn specimen() -> Specimen {
         Estimate { estimator: FIELD, volume_um3: 2.7e8, area_um2: 3.4e6 },
     ];
     let (strain, treatment) = (None, None);
-    Specimen { dpf: 4.0, asd: 21, views: 21, voxel_um: 6.93, epsilon: 0.05, simulated: false, strain, treatment, estimates }
+    Specimen {
+        dpf: 4.0,
+        asd: 21,
+        views: 21,
+        voxel_um: 6.93,
+        epsilon: 0.05,
+        simulated: false,
+        strain,
+        treatment,
+        untreated: false,
+        estimates,
+    }
 }
 
 fn keys(mismatches: &[Mismatch]) -> Vec<&str> {
@@ -289,4 +300,20 @@ fn strain_and_treatment_of_the_plate_map_are_held_against_the_references() {
     let differ = mismatches(Some("nacre"), None);
     assert_eq!(keys(&differ), ["treatment", "strain"]);
     assert_eq!((&differ[0].specimen, &differ[1].specimen), (&None, &Some(Known::Word("nacre".into()))));
+}
+
+/// `living` references are those to which nothing was done: an untreated larva differs from them in nothing, whatever its own word is.
+#[test]
+fn an_untreated_larva_matches_living_references_and_not_fixed_ones() {
+    let mismatches = |treatment: &str, untreated: bool, reference: &str| {
+        let references = Group { treatment: Some(reference.into()), ..group("a", 4.0) };
+        let larva = Specimen { treatment: Some(treatment.into()), untreated, ..specimen() };
+        let standing = Standing::of(&larva, &[file(vec![references])]);
+        standing.by(VOXEL).unwrap().volume.known().unwrap().mismatches.clone()
+    };
+    for (treatment, reference) in [("none", "living"), ("untreated", "None"), ("immersion from 3 dpf", "living")] {
+        assert_eq!(keys(&mismatches(treatment, true, reference)), [""; 0], "{treatment}, {reference}");
+    }
+    assert_eq!(keys(&mismatches("none", true, "fixed")), ["treatment"]);
+    assert_eq!(keys(&mismatches("immersion from 3 dpf", false, "living")), ["treatment"]);
 }
