@@ -9,7 +9,7 @@
 //! ```
 //! Only files that are there are listed: raw frames may have been pruned.
 
-use crate::tables::method_hash;
+use crate::tables::{method_hash, ontology};
 use carved_records::{Mode, SpecimenKind};
 use carved_store::{Software, StoreError, StoredRun, StoredWell};
 use serde_json::{Value, json};
@@ -196,10 +196,19 @@ impl<'r> Graph<'r> {
             "datePublished": published, "license": license, "author": id(&self.agent), "identifier": record.id,
             "hasPart": self.parts, "mentions": self.actions,
         });
-        let has_larvae = record.plan.plate_map.iter().any(|planned| planned.specimen == SpecimenKind::Larva);
-        if has_larvae && record.mode != Mode::Simulated {
-            let fish = json!({"@id": "http://purl.obolibrary.org/obo/NCBITaxon_7955", "@type": "Taxon", "name": "Danio rerio"});
-            root["about"] = self.once(fish);
+        let terms = [(ontology::taxon as fn(&_) -> _, "Taxon"), (ontology::stage, "DefinedTerm"), (ontology::exposure, "DefinedTerm")];
+        let mut about: Vec<Value> = Vec::new();
+        for (term, kind) in terms.iter().filter(|_| record.mode != Mode::Simulated) {
+            for term in record.plan.plate_map.iter().filter_map(term) {
+                let address = format!("http://purl.obolibrary.org/obo/{}", term.id.replace(':', "_"));
+                let term = self.once(json!({"@id": address, "@type": kind, "name": term.name, "identifier": term.id}));
+                if !about.contains(&term) {
+                    about.push(term);
+                }
+            }
+        }
+        if !about.is_empty() {
+            root["about"] = about.into();
         }
         let mut graph = vec![
             json!({"@id": FILE, "@type": "CreativeWork", "conformsTo": id(CRATE), "about": id("./")}),

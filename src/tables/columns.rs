@@ -1,7 +1,7 @@
 //! The columns of the table of specimens: name, kind, meaning, and where the value comes from.
 
 use super::row::{Row, hash_of};
-use super::{Cell, Kind};
+use super::{Cell, Kind, ontology};
 use carved_records::{InstrumentIdentity, Mode, SpecimenKind};
 
 /// Where a value is.
@@ -85,6 +85,24 @@ pub const BEFORE: &[Column] = &[
     ),
     col("control", Text, Made(control), "`positive`, `negative`, or empty for no control"),
     col("replicate", Integer, Made(|r| r.well.planned.replicate.into()), "number of the repetition, from 1"),
+    col(
+        "taxon_id",
+        Text,
+        Made(|r| ontology::taxon(&r.well.planned).map(|term| term.id).into()),
+        "of a larva: its species in the NCBI Taxonomy",
+    ),
+    col(
+        "stage_id",
+        Text,
+        Made(|r| ontology::stage(&r.well.planned).map(|term| term.id).into()),
+        "of a larva from 2 to 29 dpf: its stage in the Zebrafish Developmental Stages Ontology (ZFS), from `dpf`",
+    ),
+    col(
+        "exposure_id",
+        Text,
+        Made(|r| ontology::exposure(&r.well.planned).map(|term| term.id).into()),
+        "of a larva with a compound: chemical treatment, in the Zebrafish Experimental Conditions Ontology (ZECO)",
+    ),
 ];
 
 /// The instrument of the run. Runs of earlier versions and imported runs have none.

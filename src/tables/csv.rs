@@ -23,7 +23,8 @@ pub fn text(table: &Table) -> String {
     writer.into_inner().map_or_else(|_| String::new(), |bytes| String::from_utf8_lossy(&bytes).into_owned())
 }
 
-fn cell(cell: &Cell) -> String {
+/// The text of a cell. Empty where it has no value.
+pub fn cell(cell: &Cell) -> String {
     match cell {
         Cell::Empty => String::new(),
         Cell::Text(text) => text.clone(),

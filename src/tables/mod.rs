@@ -2,13 +2,15 @@
 //!
 //! ```text
 //! run folders ── StoredRun ── specimens::table ─┐            ┌─ csv::text
-//!                         └── stations::table ──┴─► Table ───┤
-//!                                                            └─ parquet::bytes (feature `parquet`)
+//!                         └── stations::table ──┴─► Table ───┼─ parquet::bytes (feature `parquet`)
+//!                                                            └─ mihcsme::metadata
 //! ```
 //! A column is one entry of a list: name, kind, meaning and where its value comes from. The reference page is made from the same list.
 
 mod columns;
 pub mod csv;
+pub mod mihcsme;
+pub mod ontology;
 #[cfg(feature = "parquet")]
 pub mod parquet;
 mod row;

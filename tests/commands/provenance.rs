@@ -109,6 +109,59 @@ fn the_validator_of_ro_crates_accepts_a_run() {
 }
 
 #[test]
+#[cfg_attr(not(has_python), ignore = "no Python 3 with venv: apt-get install python3-venv")]
+fn mihcsme_comes_back_with_the_results_and_with_the_plate_map_as_it_was() {
+    let python = match venv::python("readers", "duckdb, mihcsme_py, pandas, polars, pyarrow", "tests/readers/requirements.txt") {
+        Ok(python) => python,
+        Err(why) => return strict::cannot_run(&format!("mihcsme-py cannot be installed: {why}")),
+    };
+    let dir = tempfile::tempdir().unwrap();
+    let run = plate(&dir.path().join("data"), "r1", "P-1", 4);
+    // As the laboratory has written it, with the names of the spreadsheet.
+    let record = run.join("run.json");
+    let mut stored = json(&record);
+    stored["mode"] = "imported".into();
+    stored["plan"]["metadata"] = json!({
+        "InvestigationInformation": {"DataOwner": {"First Name": "Kim"}, "DataCollaborator": {"ORCID  Data Collaborator_0": "https://orcid.org/0000-0002-1825-0097"}},
+        "StudyInformation": {"Study": {"Study Title": "Growth"}},
+        "AssayInformation": {"Specimen": {"Channel Transmission id": "1", "Channel 1 entity": "larva"}},
+        "AssayConditions": [{"Plate": "P-1", "Well": "A01", "Compound": "DMSO", "Medium": "E3"}],
+    });
+    std::fs::write(&record, stored.to_string()).unwrap();
+    let (file, back) = (dir.path().join("mihcsme.json"), dir.path().join("back.json"));
+    done(&carved().args(["export", "mihcsme"]).arg(&run).arg("--out").arg(&file).output().unwrap());
+    let program = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/readers/read_mihcsme.py");
+    let output = Command::new(&python).arg(&program).args([&file, &back]).output().unwrap();
+    done(&output);
+    let study: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let sample = json!({"Biosample Taxon": "NCBITaxon:7955", "Biosample Organism": "Danio rerio"});
+    assert_eq!(study, json!({"Study": {"Study Title": "Growth"}, "Biosample": sample}));
+
+    let model = json(&back);
+    assert_eq!(model["investigation_information"]["data_collaborators"][0]["orcid"], "https://orcid.org/0000-0002-1825-0097");
+    assert_eq!(model["assay_information"]["specimen"]["channels"][0]["entity"], "larva");
+    let larva = &model["assay_conditions"][0]["conditions"];
+    let numbers = example("larva.json");
+    for (condition, expected) in [
+        ("Medium", "E3".to_owned()),
+        ("carved_volume_um3", format!("{:?}", numbers["measurement"]["volume_um3"].as_f64().unwrap())),
+        ("carved_area_um2", format!("{:?}", numbers["measurement"]["area_um2"].as_f64().unwrap())),
+        ("carved_stage_id", "ZFS:0000036".into()),
+        ("carved_exposure_id", "ZECO:0000111".into()),
+        ("carved_outcome", "succeeded".into()),
+    ] {
+        assert_eq!(larva[condition], expected, "{condition}");
+    }
+    assert_eq!(model["assay_conditions"][1]["conditions"]["carved_flags"], "moved;residual");
+
+    // carved reads it as the plate map that it was.
+    let checked = carved().args(["plate", "check", "--json"]).arg(&back).output().unwrap();
+    done(&checked);
+    let map: Value = serde_json::from_slice(&checked.stdout).unwrap();
+    assert_eq!(map["plate_map"], stored["plan"]["plate_map"]);
+}
+
+#[test]
 fn a_report_has_everything_inside_and_escapes_what_plate_maps_say() {
     let dir = tempfile::tempdir().unwrap();
     let data = dir.path().join("data");

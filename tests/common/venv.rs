@@ -1,5 +1,6 @@
 //! Python packages of others, installed once per target folder.
 
+use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -16,6 +17,9 @@ pub fn python(name: &str, import: &str, requirements: &str) -> Result<PathBuf, S
         if output.status.success() { Ok(()) } else { Err(said.lines().last().unwrap_or("no reason was given").to_owned()) }
     };
     let wanted = Path::new(env!("CARGO_MANIFEST_DIR")).join(requirements);
+    // Several tests use the same packages, and run at the same time.
+    let lock = File::create(folder.with_extension("lock")).and_then(|lock| lock.lock().map(|()| lock));
+    let _lock = lock.map_err(|e| format!("{}: {e}", folder.display()))?;
     // Other versions than before are installed again.
     let installed = folder.join("requirements.txt");
     let text = std::fs::read(&wanted).map_err(|e| format!("{}: {e}", wanted.display()))?;

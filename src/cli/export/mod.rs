@@ -1,5 +1,6 @@
 //! `carved export`: stored runs in the formats of other programs.
 
+mod mihcsme;
 mod model;
 mod ome_tiff;
 mod ome_zarr;
@@ -25,6 +26,8 @@ pub enum Command {
     Methods(provenance::MethodsArgs),
     /// Make a run's folder an RO-Crate: files with their hashes, and what made them.
     Rocrate(provenance::CrateArgs),
+    /// Write the plate's MIHCSME metadata with the results as conditions, as the JSON of mihcsme-py, for OMERO.
+    Mihcsme(mihcsme::Args),
     /// Write the voxel model of a specimen as NRRD, for 3D Slicer, ITK and ParaView.
     Nrrd(model::NrrdArgs),
     /// Write the surface of a specimen as binary STL, for printers.
@@ -47,6 +50,7 @@ pub fn run(command: &Command) -> anyhow::Result<()> {
         Command::Statistics(args) => statistics::run(args),
         Command::Methods(args) => provenance::methods(args),
         Command::Rocrate(args) => provenance::rocrate(args),
+        Command::Mihcsme(args) => mihcsme::run(args),
         Command::Nrrd(args) => model::nrrd(args),
         Command::Stl(args) => model::stl(args),
         Command::Glb(args) => model::glb(args),
