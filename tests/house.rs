@@ -20,7 +20,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("session", &["api", "export", "config", "notify"]),
     // Stored runs as tables, for the API and the commands.
     ("tables", &[]),
-    ("report", &["tables"]),
+    ("report", &["export", "tables"]),
     ("http", &["api", "config", "notify", "session", "tables"]),
 ];
 

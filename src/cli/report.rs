@@ -4,7 +4,10 @@ use super::export::{read, write};
 use crate::report::html::report;
 use crate::tables::statistics::Flagged;
 use anyhow::ensure;
-use std::path::PathBuf;
+use carved_store::gates::GateFile;
+use carved_store::{StoreReader, StoredRun};
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Args)]
 pub struct Args {
@@ -17,6 +20,9 @@ pub struct Args {
     /// Leave specimens with flags out of the statistics. They are still listed.
     #[arg(long)]
     without_flagged: bool,
+    /// Folder with the bead gates of the instrument [default: `calibrations` in the data folder of the runs]
+    #[arg(long, value_name = "DIR")]
+    calibrations: Option<PathBuf>,
 }
 
 /// Writes the report.
@@ -28,8 +34,21 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     ensure!(is_html, "{}: the name of a report ends in .html", args.out.display());
     let runs = read(&args.runs)?;
     let flagged = if args.without_flagged { Flagged::Excluded } else { Flagged::Included };
-    let text = report(&runs, flagged)?;
+    let text = report(&runs, &gates(&runs, args.calibrations.as_deref())?, flagged)?;
     write(&args.out, text.as_bytes())?;
     note!("carved: {}: {} run(s), {:.1} MB", args.out.display(), runs.len(), text.len() as f64 / 1e6);
     Ok(())
+}
+
+/// The bead gates in these calibrations, or in the data folders of the runs. A copy of a run has none.
+fn gates(runs: &[StoredRun], calibrations: Option<&Path>) -> anyhow::Result<Vec<GateFile>> {
+    if let Some(folder) = calibrations {
+        return Ok(StoreReader::new(folder).with_calibrations(folder).gates()?);
+    }
+    let data = |run: &StoredRun| Some(run.folder().canonicalize().ok()?.parent()?.parent()?.to_owned());
+    let mut gates = Vec::new();
+    for folder in runs.iter().filter_map(data).collect::<BTreeSet<_>>() {
+        gates.extend(StoreReader::new(&folder).gates()?);
+    }
+    Ok(gates)
 }

@@ -4,12 +4,15 @@
 //!  head ─ plates ─ groups ─ controls ─ dose response ─ quality ─ beads ─ specimens ─ methods ─ table
 //! ```
 
+use super::chart::{Bead, Series};
 use super::methods::Methods;
+use super::model;
 use super::plots;
 use super::specimen::Specimen;
 use crate::tables::statistics::{Flagged, QuantityStatistics, Statistics, WellGroup};
 use base64::Engine;
 use carved_records::{Mode, SpecimenOutcome, WellCounts};
+use carved_store::gates::GateFile;
 use carved_store::{RunRecord, Software, StoreError, StoredRun};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use std::collections::BTreeMap;
@@ -34,19 +37,21 @@ struct Report<'r> {
     statistics: Statistics,
     specimens: Vec<Specimen>,
     methods: Vec<Methods>,
+    /// Bead gates of the instruments, oldest first.
+    gates: &'r [GateFile],
 }
 
-/// The report of runs.
+/// The report of runs. `gates`: the bead gates of their instruments, oldest first.
 ///
 /// # Errors
 /// A file that is there and cannot be read, or was altered.
-pub fn report(runs: &[StoredRun], flagged: Flagged) -> Result<String, ReportError> {
+pub fn report(runs: &[StoredRun], gates: &[GateFile], flagged: Flagged) -> Result<String, ReportError> {
     let mut specimens = Vec::new();
     for run in runs {
         specimens.extend(Specimen::all(run)?);
     }
     let methods = runs.iter().map(Methods::of).collect::<Result<_, _>>()?;
-    let report = Report { runs, statistics: Statistics::of(runs, flagged)?, specimens, methods };
+    let report = Report { runs, statistics: Statistics::of(runs, flagged)?, specimens, methods, gates };
     Ok(report.page()?.into_string())
 }
 
@@ -90,7 +95,7 @@ impl Report<'_> {
                     (self.controls())
                     (self.responses()?)
                     (self.quality())
-                    (self.beads())
+                    (self.beads()?)
                     (self.pictures())
                     (self.how())
                     (self.table())
@@ -171,7 +176,9 @@ impl Report<'_> {
             let Some(quantity) = self.quantity(name) else { continue };
             let of_larvae: Vec<&WellGroup> = quantity.groups.iter().filter(|group| group.condition.specimen == "larva").collect();
             let span = plots::span(&of_larvae, unit.0);
-            for part in of_larvae.chunks(COLUMNS) {
+            // Parts of nearly the same size: a rest of one or two groups would stand on a page of its own.
+            let parts = of_larvae.len().div_ceil(COLUMNS).max(1);
+            for part in of_larvae.chunks(of_larvae.len().div_ceil(parts).max(1)) {
                 figures.push(plots::distributions(part, span, unit)?);
             }
         }
@@ -274,7 +281,8 @@ impl Report<'_> {
         let mut flags: BTreeMap<&str, Vec<String>> = BTreeMap::new();
         for specimen in &self.specimens {
             for flag in &specimen.flags {
-                flags.entry(flag).or_default().push(format!("{} {}", specimen.run, specimen.well));
+                let well = if self.runs.len() > 1 { format!("{} {}", specimen.run, specimen.well) } else { specimen.well.clone() };
+                flags.entry(flag).or_default().push(well);
             }
         }
         html! {
@@ -299,13 +307,33 @@ impl Report<'_> {
         }
     }
 
-    fn beads(&self) -> Markup {
-        let beads: Vec<&Specimen> = self.specimens.iter().filter(|s| s.is_bead).collect();
-        html! {
-            @if !beads.is_empty() {
+    fn beads(&self) -> Result<Markup, ReportError> {
+        let mut beads: Vec<&Specimen> = self.specimens.iter().filter(|s| s.is_bead).collect();
+        // Times of one format: their order is that of their text.
+        beads.sort_by_key(|bead| &bead.started);
+        let several = self.runs.len() > 1;
+        let measured = |s: &&Specimen| {
+            let name = if several { format!("{} {}", s.run, s.well) } else { s.well.clone() };
+            Some(Bead { name, diameter_um: s.diameter_um?, is_flagged: !s.flags.is_empty() })
+        };
+        let diameters: Vec<Bead> = beads.iter().filter_map(measured).collect();
+        let series: Vec<Series> = Series::gates(self.gates).into_iter().chain(Series::individuals(&diameters)).collect();
+        let charts = series.iter().map(|series| Ok((series, series.draw()?))).collect::<Result<Vec<_>, ReportError>>()?;
+        Ok(html! {
+            @if !beads.is_empty() || !charts.is_empty() {
                 section {
                     h2 { "Beads" }
-                    table {
+                    @for (series, chart) in charts {
+                        figure {
+                            (svg(chart))
+                            figcaption {
+                                (series.title) "."
+                                @if series.has_limits() { " The green band has the control limits: orange is outside of them, or did not pass." }
+                                @else { " Too few for control limits." }
+                            }
+                        }
+                    }
+                    @if !beads.is_empty() { table {
                         thead { tr { th { "run" } th { "well" } th { "outcome" } th { "diameter, µm" } th { "roundness (rms), µm" } th { "aspect ratio" } th { "flags" } } }
                         tbody { @for bead in beads {
                             tr {
@@ -314,10 +342,10 @@ impl Report<'_> {
                                 td { (bead.aspect_ratio.map_or_else(String::new, |a| format!("{a:.4}"))) } td { (bead.flags.join(", ")) }
                             }
                         } }
-                    }
+                    } }
                 }
             }
-        }
+        })
     }
 
     fn pictures(&self) -> Markup {
@@ -338,7 +366,8 @@ impl Report<'_> {
         html! {
             section {
                 h2 { "Specimens" }
-                p.small { "Frames as they were taken, cut to the specimen: a larva from its side and from above. The outline is the one that was measured." }
+                p.small { "Frames as they were taken, cut to the specimen: a larva from its side and from above. The outline is the one that was measured. Below them the model from the side, from the front \
+                    and from above, at one scale; the bar is " (model::BAR_UM) " µm." }
                 @for run in self.runs {
                     @if self.runs.len() > 1 { h3 { (run.record().id) } }
                     div.cards { @for s in self.specimens.iter().filter(|s| s.run == run.record().id) { (card(s)) } }

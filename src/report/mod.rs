@@ -6,8 +6,10 @@
 //!            └─ tables, statistics ── plate, distributions, dose response ───┘
 //! ```
 
+mod chart;
 pub mod html;
 pub mod methods;
+mod model;
 mod pictures;
 mod plots;
 pub mod rocrate;

@@ -1,5 +1,8 @@
-//! The picture of a specimen for a report: the frame from its side, and from above, each cut to the specimen, with the outline drawn in.
+//! The pictures of a specimen for a report: the frame from its side, and from above, each cut to the specimen, with the outline drawn in, and
+//! the model from three sides.
 
+use super::model;
+use crate::export::read_ply;
 use carved_core::frame::PixelFormat;
 use carved_core::profile::Picture;
 use carved_store::{StoredWell, frames};
@@ -15,6 +18,9 @@ const ROOM: u32 = 24;
 /// Largest width, px. A plate of 96 wells with two pictures each stays below some MB.
 const WIDTH: u32 = 360;
 const QUALITY: u8 = 78;
+
+/// What the picture of a model shows.
+const MODEL: &str = "model from the side, from the front and from above";
 
 /// A picture as it stands in the report.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -41,7 +47,14 @@ pub fn of(well: &StoredWell) -> Vec<Shown> {
         let mask = image::load_from_memory(&well.files.read(&format!("profiles/view_{view:03}.png")).ok()??).ok()?.to_luma8();
         Some(Shown { words, jpeg: jpeg(&cut(picture, &mask)?)? })
     };
-    views(measurement).into_iter().filter_map(shown).collect()
+    views(measurement).into_iter().filter_map(shown).chain(model(well, measurement)).collect()
+}
+
+/// The model from three sides. It needs no frames.
+fn model(well: &StoredWell, measurement: &Value) -> Option<Shown> {
+    let mesh = read_ply(&well.files.read("mesh.ply").ok()??).ok()?;
+    let picture = model::from_three_sides(&mesh, model::to_body(measurement))?;
+    Some(Shown { words: MODEL.to_owned(), jpeg: jpeg(&picture)? })
 }
 
 /// The views to show, each with its name.

@@ -6,7 +6,7 @@
 //!  response ─────── wells over the logarithm of the dose, dose 0 at the left, the fitted curve, the EC50 with its interval
 //! ```
 
-use crate::tables::statistics::{DoseSeries, Interval, WellGroup};
+use crate::tables::statistics::{DoseSeries, Interval, WellCondition, WellGroup};
 use carved_records::{PlateFormat, well_name};
 use plotters::coord::ranged1d::{KeyPointHint, Ranged};
 use plotters::prelude::*;
@@ -14,14 +14,14 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use std::collections::BTreeMap;
 use std::error::Error;
 
-type Drawn = Result<String, Box<dyn Error + Send + Sync>>;
+pub(super) type Drawn = Result<String, Box<dyn Error + Send + Sync>>;
 
-const FONT: &str = "sans-serif";
+pub(super) const FONT: &str = "sans-serif";
 /// Colours that people with red-green blindness can distinguish (Okabe and Ito).
-const WELL: RGBColor = RGBColor(0, 114, 178);
-const FLAGGED: RGBColor = RGBColor(213, 94, 0);
-const REFERENCE: RGBColor = RGBColor(0, 158, 115);
-const GREY: RGBColor = RGBColor(110, 110, 110);
+pub(super) const WELL: RGBColor = RGBColor(0, 114, 178);
+pub(super) const FLAGGED: RGBColor = RGBColor(213, 94, 0);
+pub(super) const REFERENCE: RGBColor = RGBColor(0, 158, 115);
+pub(super) const GREY: RGBColor = RGBColor(110, 110, 110);
 
 /// A number of a well on a plate.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -194,15 +194,22 @@ fn names<X: Ranged<ValueType = f64>, Y: Ranged<ValueType = f64>>(
     for (i, group) in groups.iter().enumerate() {
         let (x, y) = chart.backend_coord(&(i as f64, low));
         let style = (FONT, 11).into_font().transform(FontTransform::Rotate90).color(&BLACK).pos(Pos::new(HPos::Left, VPos::Center));
-        let name = group.condition.words();
-        let short: String = if name.chars().count() > 38 { name.chars().take(37).chain(['…']).collect() } else { name };
-        root.draw(&Text::new(short, (x, y + 6), style))?;
+        root.draw(&Text::new(short_name(&group.condition), (x, y + 6), style))?;
     }
     Ok(())
 }
 
+/// The name of a group, short enough for its place. A long compound is cut before its dose, which tells groups apart.
+fn short_name(condition: &WellCondition) -> String {
+    let cut = |text: &str, limit: usize| {
+        if text.chars().count() > limit { text.chars().take(limit - 1).chain(['…']).collect() } else { text.to_owned() }
+    };
+    let compound = condition.compound.as_deref().map(|compound| cut(compound, 18));
+    cut(&WellCondition { compound, ..condition.clone() }.words(), 38)
+}
+
 /// An interval with room around the values.
-fn room(values: impl Iterator<Item = f64>) -> [f64; 2] {
+pub(super) fn room(values: impl Iterator<Item = f64>) -> [f64; 2] {
     let [low, high] = values.filter(|v| v.is_finite()).fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], v| [l.min(v), h.max(v)]);
     if low > high {
         return [0.0, 1.0];
@@ -289,6 +296,17 @@ impl plotters::coord::ranged1d::ValueFormatter<f64> for Decades {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn groups_that_differ_in_their_dose_have_different_names() {
+        let of = |dose: f64| {
+            let well = serde_json::json!({"well": "A01", "dpf": 4, "compound": "a compound with a rather long name, sodium salt",
+                "concentration": dose, "concentration_unit": "uM", "strain": "ABxTL", "treatment": "immersion"});
+            short_name(&WellCondition::of(&serde_json::from_value(well).unwrap()))
+        };
+        assert_eq!(of(0.03), "a compound with a… 0.03 uM, 4 dpf, AB…");
+        assert_ne!(of(0.03), of(0.1));
+    }
 
     #[test]
     fn a_plate_is_as_small_as_its_wells_allow_unless_the_plan_states_it() {

@@ -24,6 +24,8 @@ pub struct Specimen {
     pub area_sd_um2: Option<f64>,
     pub length_um: Option<f64>,
     pub diameter_um: Option<f64>,
+    /// When the recording began, RFC 3339.
+    pub started: Option<String>,
     pub sphere_rms_um: Option<f64>,
     pub aspect_ratio: Option<f64>,
     /// Standard deviations of volume and area above the mean of reference larvae.
@@ -63,6 +65,7 @@ impl Specimen {
                 area_sd_um2: number("/measurement/area_sd_um2"),
                 length_um: number("/shape/body/length_um"),
                 diameter_um: number("/measurement/diameter_um"),
+                started: well.recording.as_ref().and_then(|r| r["started"].as_str().map(str::to_owned)),
                 sphere_rms_um: number("/measurement/sphere_rms_um"),
                 aspect_ratio: number("/measurement/aspect_ratio"),
                 z: quantities.map(|place| place.and_then(|p| p["z"].as_f64())),

@@ -1,6 +1,6 @@
 //! `carved export methods` and `rocrate`, and `carved report`.
 
-use crate::common::{carved, json, stderr, strict, venv};
+use crate::common::{carved, gates, json, stderr, strict, venv};
 use crate::tables::{done, example, plate};
 use carved_records::sha256_hex;
 use serde_json::{Value, json};
@@ -166,6 +166,13 @@ fn a_report_has_everything_inside_and_escapes_what_plate_maps_say() {
     let dir = tempfile::tempdir().unwrap();
     let data = dir.path().join("data");
     let runs = [plate(&data, "r1", "P-1", 96), plate(&data, "r2", "P-2", 4)];
+    // A triangle, as carved writes a mesh.
+    let numbers: Vec<u8> = [0.0f32, 0.0, 0.0, 3000.0, 0.0, 0.0, 0.0, 600.0, 400.0].iter().flat_map(|x| x.to_le_bytes()).collect();
+    let face: Vec<u8> = std::iter::once(3).chain([0u32, 1, 2].iter().flat_map(|v| v.to_le_bytes())).collect();
+    let header = "ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+        element face 1\nproperty list uchar int vertex_indices\nend_header\n";
+    std::fs::write(runs[0].join("A01/mesh.ply"), [header.as_bytes(), &numbers, &face].concat()).unwrap();
+    gates::keep(&data.join("calibrations"));
     let out = dir.path().join("report.html");
     done(&carved().arg("report").args(&runs).arg("--out").arg(&out).output().unwrap());
     let text = std::fs::read_to_string(&out).unwrap();
@@ -185,9 +192,10 @@ fn a_report_has_everything_inside_and_escapes_what_plate_maps_say() {
     for outside in ["src=\"http", "href=\"http", "url(http", "<script", "@import"] {
         assert!(!text.contains(outside), "{outside}");
     }
-    assert_eq!(text.matches("data:image/jpeg;base64,").count(), 4, "two pictures of the larva of each run");
-    // A plot of each plate, and three of groups.
-    assert_eq!(text.matches("<svg").count(), 5);
+    assert_eq!(text.matches("data:image/jpeg;base64,").count(), 5, "two pictures of the larva of each run, and one model");
+    // A plot of each plate, three of groups, and the charts of the gates and of the beads.
+    assert_eq!(text.matches("<svg").count(), 7);
+    assert!(text.contains("Bead gates of rig, nominal diameter 500 µm") && text.contains("2026-01-07"), "the gates of the data folder");
     assert!(text.contains("moved") && text.contains("residual"), "flags are listed");
     let refused = carved().arg("report").arg(&runs[0]).args(["--out", "r.pdf"]).output().unwrap();
     assert!(!refused.status.success() && stderr(&refused).contains("ends in .html"), "{}", stderr(&refused));

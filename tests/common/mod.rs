@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 pub mod bench;
 pub mod controllers;
 pub mod crash;
+pub mod gates;
 mod instrument;
 pub mod receiver;
 mod shared;

@@ -9,6 +9,8 @@ mod access;
 mod client;
 mod commands;
 mod contract;
+#[path = "../common/gates.rs"]
+mod gates;
 mod lease;
 mod limits;
 mod openapi_file;

@@ -1,12 +1,11 @@
 //! Results of past runs, as clients read them.
 
 use crate::client::{carved, text, url};
+use crate::gates;
 use crate::rig::Rig;
 use carved_core::frame::{PixelFormat, RawFrame};
-use carved_core::quality::gate::{BeadGate, BeadMeasured, GateSettings};
 use carved_records::{EventData, Mode, RunOutcome, SpecimenOutcome};
-use carved_store::gates::{self, Found, GateFile};
-use carved_store::{Claim, MEASUREMENT, Recording, RecordingWriter, RunRecord, Software, Store, set_aside};
+use carved_store::{Claim, MEASUREMENT, Recording, RecordingWriter, RunRecord, Store, set_aside};
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
@@ -313,40 +312,7 @@ fn bead_gates_are_listed_with_the_limits_that_their_history_gives() {
     let (_store, _journal, _) = Claim::on(rig.data.path()).and_then(Store::open).unwrap();
     assert_eq!(rig.get("/v1/bead-gates").json(), json!({"gates": []}));
     let folder = rig.data.path().join("calibrations");
-    let settings = GateSettings::default();
-    let mut history = Vec::new();
-    for day in 1..=7u32 {
-        // The last day's beads are 20 um larger.
-        let off = if day == 7 { 20.0 } else { f64::from(day % 2) };
-        let beads: Vec<BeadMeasured> = (0..3u32)
-            .map(|i| BeadMeasured {
-                bead: format!("A0{i}"),
-                diameter_um: 500.0 + off + f64::from(i),
-                aspect_ratio: 1.0,
-                sphere_rms_um: 0.5,
-                residual_px: None,
-                uy_px: Some(511.5),
-                gamma_deg: Some(0.25),
-            })
-            .collect();
-        let gate = BeadGate::of(&beads, &history, &settings).unwrap();
-        history.push(gate.numbers.clone());
-        let measured: jiff::Timestamp = format!("2026-01-{day:02}T08:00:00Z").parse().unwrap();
-        let found = Found {
-            rig: "rig".into(),
-            mode: Mode::Simulated,
-            measured,
-            recordings: Vec::new(),
-            passed_over: Vec::new(),
-            method: "m".into(),
-            method_version: None,
-            settings,
-            begins_history: false,
-            gate,
-        };
-        let file = GateFile { schema: gates::SCHEMA.into(), id: format!("{day:012}"), software: Software::this(), date: measured, found };
-        gates::keep(&folder, &file).unwrap();
-    }
+    gates::keep(&folder);
     std::fs::write(folder.join("gate-broken.json"), "{").unwrap();
     let listed = rig.get("/v1/bead-gates").json();
     let days: Vec<_> = listed["gates"].as_array().unwrap().iter().map(|gate| gate["measured"].as_str().unwrap()[..10].to_owned()).collect();
