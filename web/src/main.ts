@@ -204,7 +204,8 @@ function instrument(status: Status): void {
   show(byId("diagnosis"), below !== "");
   const bar = byId<HTMLProgressElement>("progress");
   bar.hidden = status.run === null;
-  bar.value = furthest.of(status.run && runKey(status.run), progress(status));
+  // A run that has ended shows what it has measured.
+  bar.value = furthest.of(status.run?.outcome === null ? runKey(status.run) : null, progress(status));
   faults.update(status.faults, nextStep(status));
   commands.update(status);
   newRun.update(status);

@@ -178,7 +178,7 @@ test("a run from the empty plate map to the download of all its files", { timeou
   await card.getByText("Other volumes, and why they differ").click();
   await card.locator('[data-number="field-volume"]', { hasText: /The surface that is drawn/ }).waitFor();
   await card.locator('[data-number="hull-volume"]', { hasText: /The live hull/ }).waitFor();
-  await until(page, "chart-caption", /^A01: reported [\d.]+ ± [\d.]+.nL \(± 1 SD\)\.$/);
+  await until(page, "chart-caption", /^A01: reported [\d.]+ ± [\d.]+.nL \(± 1 SD\)\./);
 
   // The model with the colours of the frames: eyes and pigment are dark, which the plain model is nowhere.
   const canvas = page.locator("#model-box canvas");
