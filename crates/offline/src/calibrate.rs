@@ -5,7 +5,7 @@
 //!  psi ─────────┴─ VRV, coherence ── free parameters, optimiser ── psi
 //! ```
 
-use crate::silhouettes::{Psi as Given, View};
+use crate::silhouettes::{Psi as Given, View, WrongSensor};
 use carved_core::calibration::{
     Ask, CalibrationError, Free, GivenView, Objective as Large, Optimised, Optimiser, Parameter, Priors, Psi, Refusal, Stop, Vrv,
     VrvVerdict, calibrate, check_vrv, optimise,
@@ -34,19 +34,8 @@ pub enum CalibrateError {
         views: usize,
     },
     /// A silhouette is not of the size of the camera's sensor.
-    #[error("{name} is {width} x {height} px, but the camera gives the sensor as {sensor_width} x {sensor_height}")]
-    Size {
-        /// Name of the view.
-        name: String,
-        /// Its width, px.
-        width: usize,
-        /// Its height, px.
-        height: usize,
-        /// Width of the sensor, px.
-        sensor_width: u32,
-        /// Height of the sensor, px.
-        sensor_height: u32,
-    },
+    #[error(transparent)]
+    Size(#[from] WrongSensor),
     /// No view shows anything.
     #[error("all {views} silhouettes are blank; there is nothing to calibrate with")]
     Blank {
@@ -106,12 +95,8 @@ impl Turn {
         if psi.omega.len() != count {
             return Err(CalibrateError::Count { angles: psi.omega.len(), views: count });
         }
-        let (sensor_width, sensor_height) = (psi.camera.width, psi.camera.height);
         for view in &views {
-            let (width, height) = (view.mask.width(), view.mask.height());
-            if (sensor_width as usize, sensor_height as usize) != (width, height) {
-                return Err(CalibrateError::Size { name: view.name.clone(), width, height, sensor_width, sensor_height });
-            }
+            view.fits(&psi.camera)?;
         }
         let (shown, blank): (Vec<(View, f64)>, Vec<_>) = views.into_iter().zip(psi.omega).partition(|(view, _)| !view.is_blank());
         let blank = blank.into_iter().map(|(view, _)| view.name).collect();

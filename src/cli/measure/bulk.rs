@@ -14,6 +14,8 @@ use anyhow::{Context, ensure};
 use carved_records::{Method, sha256_hex};
 use carved_store::{MEASUREMENT, RecordingReader, ReplayWriter, StoreError, durable};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use nix::sys::resource::{UsageWho, getrusage};
+use nix::sys::time::TimeVal;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::collections::BTreeMap;
 use std::io::IsTerminal;
@@ -80,7 +82,7 @@ struct Summary {
     jobs: usize,
     threads_per_job: usize,
     elapsed_s: f64,
-    /// Time that this program has spent on processors. `None` where the system does not say it.
+    /// Time that this program has spent on processors. `None` if the system refuses to say it.
     processor_s: Option<f64>,
     /// Plates of 96 wells that one processor measures in an hour of its work. `None` if nothing was measured.
     plates_per_core_hour: Option<f64>,
@@ -160,12 +162,9 @@ pub fn run(paths: &[PathBuf], out: &Path, options: &Options) -> anyhow::Result<E
 
 /// User and system time of this process.
 fn processor_s() -> Option<f64> {
-    // Linux counts in hundredths of a second. The second field, the program's name in brackets, may contain spaces.
-    const TICKS_PER_S: f64 = 100.0;
-    let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
-    let fields = stat.rsplit_once(')')?.1.split_ascii_whitespace();
-    let ticks: Vec<u64> = fields.skip(11).take(2).filter_map(|field| field.parse().ok()).collect();
-    (ticks.len() == 2).then(|| ticks.iter().sum::<u64>() as f64 / TICKS_PER_S)
+    let usage = getrusage(UsageWho::RUSAGE_SELF).ok()?;
+    let seconds = |time: TimeVal| time.tv_sec() as f64 + time.tv_usec() as f64 * 1e-6;
+    Some(seconds(usage.user_time()) + seconds(usage.system_time()))
 }
 
 /// The folder for results cannot be written.

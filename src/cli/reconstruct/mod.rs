@@ -178,7 +178,7 @@ fn settings(args: &Args) -> Settings {
 /// The error with the options that it is about.
 fn of_options(args: &Args, error: SilhouettesError) -> anyhow::Error {
     let about = match &error {
-        SilhouettesError::Count { .. } | SilhouettesError::Size { .. } => {
+        SilhouettesError::Count { .. } | SilhouettesError::Size(_) => {
             format!("--cameras {}, --views {}", args.cameras.display(), args.views.display())
         }
         SilhouettesError::View { .. } => format!("--views {}", args.views.display()),

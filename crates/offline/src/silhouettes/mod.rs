@@ -17,7 +17,7 @@ mod view;
 pub use bounds::NoBox;
 pub use measured::{Judged, Measured, Refusal};
 pub use mirror::MixedWorlds;
-pub use view::View;
+pub use view::{View, WrongSensor};
 
 use crate::Stopped;
 use carved_core::geometry::{BoxUm, Camera, GridError, NoTurn, Projection, ProjectionError, Turntable, VoxelGrid};
@@ -159,19 +159,8 @@ pub enum SilhouettesError {
         views: usize,
     },
     /// A silhouette is not of the size of the camera's sensor.
-    #[error("{name} is {width} x {height} px, but the camera gives the sensor as {sensor_width} x {sensor_height}")]
-    Size {
-        /// Name of the view.
-        name: String,
-        /// Its width, px.
-        width: usize,
-        /// Its height, px.
-        height: usize,
-        /// Width of the sensor, px.
-        sensor_width: u32,
-        /// Height of the sensor, px.
-        sensor_height: u32,
-    },
+    #[error(transparent)]
+    Size(#[from] WrongSensor),
     /// The views give no numbers.
     #[error(transparent)]
     Refused(#[from] Refusal),
@@ -236,12 +225,8 @@ pub fn reconstruct(
     if count != views.len() {
         return Err(SilhouettesError::Count { cameras: count, what, views: views.len() });
     }
-    if let (Cameras::Psi(Psi { camera, .. }), Some(view)) = (&cameras, views.first())
-        && (camera.width as usize, camera.height as usize) != (view.mask.width(), view.mask.height())
-    {
-        let (width, height) = (view.mask.width(), view.mask.height());
-        let (sensor_width, sensor_height) = (camera.width, camera.height);
-        return Err(SilhouettesError::Size { name: view.name.clone(), width, height, sensor_width, sensor_height });
+    if let (Cameras::Psi(psi), Some(view)) = (&cameras, views.first()) {
+        view.fits(&psi.camera)?;
     }
     let mut bounds = settings.given_box();
     let mirrored = unmirrored(&mut cameras, views, &mut bounds)?;

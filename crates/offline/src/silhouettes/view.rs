@@ -1,7 +1,24 @@
 //! One silhouette.
 
 use carved_core::carver::Leaves;
+use carved_core::geometry::Camera;
 use carved_core::profile::{Columns, Mask, WrongMaskSize};
+
+/// A silhouette is not of the size of the camera's sensor.
+#[derive(Debug, thiserror::Error)]
+#[error("{name} is {width} x {height} px, but the camera gives the sensor as {sensor_width} x {sensor_height}")]
+pub struct WrongSensor {
+    /// Name of the view.
+    pub name: String,
+    /// Its width, px.
+    pub width: usize,
+    /// Its height, px.
+    pub height: usize,
+    /// Width of the sensor, px.
+    pub sensor_width: u32,
+    /// Height of the sensor, px.
+    pub sensor_height: u32,
+}
 
 /// A silhouette with its edges.
 #[derive(Debug, Clone)]
@@ -24,6 +41,18 @@ impl View {
         let columns =
             if is_anti_aliased(coverage, &mask) { Columns::from_coverage(width, height, coverage) } else { Columns::from_mask(&mask) };
         Ok(Self { name, mask, columns })
+    }
+
+    /// Checks that the silhouette has the size of the camera's sensor.
+    ///
+    /// # Errors
+    /// Both sizes.
+    pub fn fits(&self, camera: &Camera) -> Result<(), WrongSensor> {
+        let (width, height, sensor_width, sensor_height) = (self.mask.width(), self.mask.height(), camera.width, camera.height);
+        if (sensor_width as usize, sensor_height as usize) == (width, height) {
+            return Ok(());
+        }
+        Err(WrongSensor { name: self.name.clone(), width, height, sensor_width, sensor_height })
     }
 
     /// Whether the silhouette reaches the first or last column of the image, where the specimen continues.
