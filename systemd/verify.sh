@@ -1,5 +1,5 @@
 #!/bin/sh
-# Checks the unit, its drop-in and the udev rule without installing them or the daemon.
+# Checks the unit, its slice, its drop-in and the udev rule without installing them or the daemon.
 set -eu
 here=$(dirname "$(readlink -f "$0")")
 work=$(mktemp -d)
@@ -9,7 +9,8 @@ trap 'rm -rf "$work"' EXIT
 mkdir "$work/carved.service.d"
 sed "s|^ExecStart=/usr/bin/carved |ExecStart=$(command -v true) |" "$here/carved.service" >"$work/carved.service"
 cp "$here/camera-subnet.conf" "$work/carved.service.d/"
-complaints=$(systemd-analyze verify --man=no "$work/carved.service" 2>&1 || echo "exit code $?")
+cp "$here/carved.slice" "$work/"
+complaints=$(systemd-analyze verify --man=no "$work/carved.service" "$work/carved.slice" 2>&1 || echo "exit code $?")
 if [ -n "$complaints" ]; then
     echo "systemd-analyze verify: $complaints" >&2
     exit 1

@@ -1,22 +1,24 @@
 // What following a run costs, in the browser and on the instrument: first paint on loopback, updates per second, memory of a page after
 // each run, and the time of the instrument's steps without a page and with PAGES of them open.
 //
-//   node watch.mjs ../target/release/carved [PAGES] [MINUTES] [PAIRS]      5 pages, 10 minutes, 3 pairs; a daemon of its own on the emulated rig
+//   node watch.mjs ../target/release/carved [PAGES] [MINUTES] [ROUNDS]     5 pages, 10 minutes, 3 rounds; a daemon of its own on the emulated rig
 //
-//   carved simulate ─┬─ PAIRS times: a run without a page, a run with pages ── moved_ms + settle_ms + grab_ms of each view
+//   carved simulate ─┬─ ROUNDS times: a run alone, with readers, with pages ── moved_ms + settle_ms + grab_ms of each view
 //                    └─ runs with the same pages, until MINUTES are over ───── heap and elements of the first page after each run
 //
-// Other work on the machine changes with time. The pairs show it on both sides.
+// A reader requests what a page requests in a run, and draws nothing. It stands for a page whose browser runs on another computer.
+// Other work on the machine changes with time. A round shows it in all three runs.
 
 import { spawn } from "node:child_process";
 import { once } from "node:events";
+import { readFileSync } from "node:fs";
 import { mkdtemp, rm } from "node:fs/promises";
 import { loadavg, tmpdir } from "node:os";
 import { join } from "node:path";
 import { createInterface } from "node:readline";
 import { chromium } from "playwright-core";
 
-const [binary = "../target/release/carved", pages = "5", minutes = "10", pairs = "3"] = process.argv.slice(2);
+const [binary = "../target/release/carved", pages = "5", minutes = "10", rounds = "3"] = process.argv.slice(2);
 const URL_OF_DAEMON = "http://127.0.0.1:8429";
 const WELLS = ["A01", "A02", "A03"];
 
@@ -31,11 +33,19 @@ const read = async (path) => (await fetch(URL_OF_DAEMON + path)).json();
 const share = (values, part) => [...values].sort((a, b) => a - b)[Math.floor(part * (values.length - 1))];
 const two = (values) => `${share(values, 0.5).toFixed(1)}, ${share(values, 0.95).toFixed(1)}`;
 
-/** Takes a run to its end. Returns the milliseconds of each step and the number of changes of the status per second. */
+/** Processor time of the daemon, s. */
+function processor() {
+  const HERTZ = 100;
+  const fields = readFileSync(`/proc/${daemon.pid}/stat`, "utf8").split(") ")[1].split(" ");
+  return (Number(fields[11]) + Number(fields[12])) / HERTZ;
+}
+
+/** Takes a run to its end. Returns the milliseconds of each step, the changes of the status per second and the daemon's processor time. */
 async function run(id) {
   const wells = WELLS.map((well) => ({ well, specimen: "larva", dpf: 3 }));
   const plan = { plate_barcode: "WATCH", method: "standard", operator: "watch", plate_map: wells };
   const headers = { "content-type": "application/json" };
+  const before = processor();
   const answer = await fetch(`${URL_OF_DAEMON}/v1/runs/${id}`, { method: "PUT", headers, body: JSON.stringify(plan) });
   if (!answer.ok) throw new Error(await answer.text());
   let status = await read("/v1/status");
@@ -44,12 +54,31 @@ async function run(id) {
     status = await read(`/v1/status?wait=5&after=${status.revision}`);
   }
   const changes = (status.revision - first) / ((performance.now() - from) / 1000);
+  const processorS = processor() - before;
   const steps = [];
   for (const well of WELLS) {
     const { recording } = await read(`/v1/runs/${id}/specimens/${well}`);
     for (const { moved_ms, settle_ms, grab_ms } of recording.ledger) steps.push(moved_ms + settle_ms + grab_ms);
   }
-  return { steps, changes };
+  return { steps, changes, processorS };
+}
+
+/** Follows the instrument as a page does: each change of the status, then what has changed of frame, profile and model. */
+async function follow(over) {
+  const tags = new Map();
+  let status = await read("/v1/status");
+  let received = 0;
+  while (!over.aborted) {
+    const pictures = ["/v1/live/frame.jpg", "/v1/live/profile.png", "/v1/live/mesh.glb"].map(async (path) => {
+      const tag = tags.get(path);
+      const answer = await fetch(URL_OF_DAEMON + path, { headers: tag === undefined ? {} : { "if-none-match": tag } });
+      tags.set(path, answer.headers.get("etag") ?? undefined);
+      received += (await answer.arrayBuffer()).byteLength;
+    });
+    await Promise.all(pictures);
+    status = await read(`/v1/status?wait=1&after=${status.revision}`);
+  }
+  return received;
 }
 
 const load = () => `load ${loadavg()[0].toFixed(1)}`;
@@ -71,21 +100,28 @@ const opened = async () => {
   return { browser, open };
 };
 
-const both = { alone: [], watched: [] };
-for (let pair = 1; pair <= Number(pairs); pair += 1) {
-  const alone = await run(`alone-${pair}`);
-  const loadAlone = load();
+const of = { alone: [], readers: [], pages: [] };
+for (let round = 1; round <= Number(rounds); round += 1) {
+  const say = (who, { steps, processorS }) => {
+    of[who].push(...steps);
+    console.log(
+      `round ${round}, ${who}: a step takes ${two(steps)} ms; the daemon used ${processorS.toFixed(1)} s of processor time (${load()})`,
+    );
+  };
+  say("alone", await run(`alone-${round}`));
+  const over = new AbortController();
+  const reading = Array.from({ length: Number(pages) }, () => follow(over.signal));
+  say("readers", await run(`readers-${round}`));
+  over.abort();
+  const received = await Promise.all(reading);
+  console.log(`round ${round}: a reader received ${(share(received, 0.5) / 1e6).toFixed(1)} MB`);
   const { browser } = await opened();
-  const watched = await run(`pair-${pair}`);
+  say("pages", await run(`pages-${round}`));
   await browser.close();
-  both.alone.push(...alone.steps);
-  both.watched.push(...watched.steps);
-  console.log(
-    `pair ${pair}: a step takes ${two(alone.steps)} ms without a page (${loadAlone}), ${two(watched.steps)} ms with ${pages} (${load()})`,
-  );
 }
-if (Number(pairs) > 0) {
-  console.log(`all pairs: ${two(both.alone)} ms without a page, ${two(both.watched)} ms with ${pages} (median, 95 %)`);
+if (Number(rounds) > 0) {
+  const each = Object.entries(of).map(([who, steps]) => `${two(steps)} ms ${who}`);
+  console.log(`all rounds, ${pages} readers or pages: ${each.join("; ")} (median, 95 %)`);
 }
 
 const { browser, open } = await opened();
@@ -104,11 +140,11 @@ for (let i = 1; i === 1 || performance.now() < until; i += 1) {
   const seconds = (performance.now() - from) / 1000;
   await devtools.send("HeapProfiler.collectGarbage");
   const { metrics } = await devtools.send("Performance.getMetrics");
-  const of = (name) => metrics.find((metric) => metric.name === name).value;
+  const metric = (name) => metrics.find((one) => one.name === name).value;
   console.log(
     `${pages} pages, run ${i}: a step takes ${two(steps)} ms; ${((updates - before) / seconds).toFixed(1)} updates/s ` +
       `of ${changes.toFixed(1)} changes/s; ` +
-      `heap ${(of("JSHeapUsedSize") / 1e6).toFixed(1)} MB, ${of("Nodes")} nodes, ${of("JSEventListeners")} listeners (${load()})`,
+      `heap ${(metric("JSHeapUsedSize") / 1e6).toFixed(1)} MB, ${metric("Nodes")} nodes, ${metric("JSEventListeners")} listeners (${load()})`,
   );
 }
 
