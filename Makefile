@@ -1,7 +1,7 @@
 # `make run` shows the instrument at work on its emulated rig; `make help` lists the rest.
 
 .DEFAULT_GOAL := help
-.PHONY: help build run test test-rust test-page test-python test-module test-service qa tutorial lint bench deb deb-test
+.PHONY: help build run test test-rust test-page test-python test-module test-service test-s3 qa tutorial lint bench deb deb-test
 .PHONY: offline offline-test wheel web contract deny deps-build deps-web deps-python deps-test deps-bench deps-package deps-machine
 
 CARGO ?= cargo
@@ -60,11 +60,14 @@ qa: build deps-python deps-test ## attacks the release program from outside, row
 tutorial: build deps-python ## follows docs/tutorial.md as written, and compares every output with the page
 	python3 tests/docs/follow_tutorial.py "$(abspath $(TARGET_DIR))/release/carved"
 
+test-s3: deps-build deps-python ## archives in an object store, on the S3 of moto (builds carved with the feature s3)
+	$(CARGO) test --locked --features s3 --test commands object_store:: -- --ignored
+
 lint: deps-build deps-python $(NODE_MODULES) ## formatting, clippy with and without features, types and formatting of page and Python client
 	$(CARGO) fmt --all --check
 	$(CARGO) clippy --workspace --all-targets --locked -- -D warnings
 	$(CARGO) clippy --workspace --all-targets --locked --no-default-features --features simulate -- -D warnings
-	$(CARGO) clippy -p carved --locked --no-default-features -- -D warnings
+	$(CARGO) clippy -p carved --locked --no-default-features --features s3 -- -D warnings
 	$(CARGO) clippy -p carved-core --all-targets --locked --no-default-features -- -D warnings
 	@if [ -d "$$(rustc --print target-libdir --target $(WASM))" ]; then \
 		set -x; $(CARGO) check -p carved-core --locked --no-default-features --target $(WASM); \

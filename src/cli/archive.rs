@@ -1,18 +1,21 @@
 //! `carved archive` and `carved prune`: copy runs to another disk, and free space for new ones.
 
+#[cfg(feature = "s3")]
+mod s3;
+
 use super::told;
 use anyhow::{bail, ensure};
-use carved_store::{self, Packing, Pruned, StoreError};
-use std::path::PathBuf;
+use carved_store::{self, Objects, Packing, Pruned, StoreError};
+use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Args)]
 pub struct ArchiveArgs {
     /// Folders of runs that have ended (`DATA/runs/RUN`).
     #[arg(required = true)]
     runs: Vec<PathBuf>,
-    /// Destination folder; each run gets a folder of its own name in it.
+    /// Destination; each run gets a folder of its own name in it. `s3://BUCKET/PREFIX` where carved was built with the feature s3.
     #[arg(long, value_name = "DIR")]
-    to: PathBuf,
+    to: String,
     /// Put the files of each well into one file, `A01.tar`. `measure`, `replay`, `export` and `report` read it as they read the folder.
     #[arg(long)]
     pack: bool,
@@ -32,6 +35,19 @@ pub struct PruneArgs {
     yes: bool,
 }
 
+/// Opens the object store of an address.
+#[cfg(feature = "s3")]
+fn reach(address: &str) -> Result<Box<dyn Objects>, StoreError> {
+    Ok(Box::new(s3::Bucket::of(address)?))
+}
+
+/// Refuses an object store.
+#[cfg(not(feature = "s3"))]
+fn reach(address: &str) -> Result<Box<dyn Objects>, StoreError> {
+    let why = "this carved was built without the feature s3. Build it with cargo install --locked --path . --features s3";
+    Err(StoreError::Remote { address: address.to_owned(), why: why.into() })
+}
+
 /// Copies each run and verifies the copy. A run that cannot be archived does not stop the others.
 ///
 /// # Errors
@@ -39,8 +55,13 @@ pub struct PruneArgs {
 pub fn archive(args: &ArchiveArgs) -> anyhow::Result<()> {
     let packing = if args.pack { Packing::PerWell } else { Packing::Files };
     let mut refused = Vec::new();
+    let objects = carved_store::is_address(&args.to).then(|| reach(&args.to)).transpose()?;
     for run in &args.runs {
-        match carved_store::archive(run, &args.to, packing) {
+        let archived = match &objects {
+            Some(objects) => carved_store::archive_to_objects(run, &args.to, packing, objects.as_ref()),
+            None => carved_store::archive(run, Path::new(&args.to), packing),
+        };
+        match archived {
             Ok(receipt) => say!(
                 "{}: {} files{}, {:.3} GB, every hash verified at {}",
                 receipt.run,
@@ -70,7 +91,7 @@ pub fn prune(args: &PruneArgs) -> anyhow::Result<()> {
     let mut pruning = Pruning { args, named, failed: Vec::new(), passed_over: Vec::new(), bytes: 0 };
     let cut_short: Vec<String> = carved_store::cut_short(&args.data)?.into_iter().filter(|run| !named || args.runs.contains(run)).collect();
     for run in &cut_short {
-        pruning.take(run, carved_store::end_prune(&args.data, run, args.yes), " of an earlier prune that was cut short")?;
+        pruning.take(run, carved_store::end_prune(&args.data, run, args.yes, &reach), " of an earlier prune that was cut short")?;
     }
     let runs = if named { args.runs.clone() } else { carved_store::run_names(&args.data)? };
     for run in &runs {
@@ -78,7 +99,7 @@ pub fn prune(args: &PruneArgs) -> anyhow::Result<()> {
         if cut_short.contains(run) && !args.data.join("runs").join(run).exists() {
             continue;
         }
-        pruning.take(run, carved_store::prune(&args.data, run, args.all, args.yes), "")?;
+        pruning.take(run, carved_store::prune(&args.data, run, args.all, args.yes, &reach), "")?;
     }
     let Pruning { failed, passed_over, bytes, .. } = pruning;
     let done = if args.yes { "freed" } else { "would be freed; --yes does it" };

@@ -19,6 +19,7 @@ mod import;
 mod import_plate;
 mod manual;
 mod notices;
+mod object_store;
 mod output_command;
 mod parsers;
 mod provenance;

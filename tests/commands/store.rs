@@ -227,6 +227,14 @@ fn a_prune_of_all_fails_by_the_name_of_each_bad_copy_and_prunes_the_good_ones() 
     assert!(output.status.success(), "{}", text(&output));
 }
 
+#[cfg(not(feature = "s3"))]
+#[test]
+fn an_object_store_is_refused_with_the_feature_that_is_missing() {
+    let dir = tempfile::tempdir().unwrap();
+    let output = carved().arg("archive").arg(dir.path()).args(["--to", "s3://copies"]).output().unwrap();
+    assert!(!output.status.success() && stderr(&output).contains("--features s3"), "{}", stderr(&output));
+}
+
 /// `prune --all` renames the run, removes it, and updates the index. Whatever a crash leaves, the next prune completes it.
 #[test]
 fn what_a_crash_leaves_of_a_prune_is_named_at_a_start_and_ended_by_the_next_prune() {

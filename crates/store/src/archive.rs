@@ -3,6 +3,7 @@
 //! ```text
 //! archive: runs/RUN ── each file ──> DIR/RUN, written and synced ── read again, hashed ──> receipt in both
 //!          packed: the files of A01 ──> DIR/RUN/A01.tar (see `pack`)
+//!          s3://BUCKET/PREFIX instead of DIR: each object written, read again, hashed ──> receipt in both
 //! prune:   receipt ── each file of the copy is a separate file, hashed again ── the run equals its copy ──> frames removed
 //!          --all: runs/RUN ── renamed ──> runs/.RUN.pruned ── all but the receipts removed ── receipts and folder removed
 //! ```
@@ -10,6 +11,7 @@
 //! rest.
 
 use super::index;
+use super::objects::{self, Objects, Reach, is_address};
 use super::pack::{self, Pack};
 use super::{RunRecord, Software, StoreError, disk, durable, run, schema, sums};
 use carved_records::{is_plain_name, sha256_hex};
@@ -34,7 +36,7 @@ pub struct Receipt {
     pub run: String,
     /// RFC 3339, UTC.
     pub archived: String,
-    /// The copy's folder.
+    /// The copy's folder, or its address in an object store.
     pub destination: PathBuf,
     pub bytes: u64,
     /// SHA-256 of each file, by its name in the run's folder.
@@ -59,7 +61,7 @@ pub struct Pruned {
     pub run: String,
     pub files: usize,
     pub bytes: u64,
-    /// The folder of the copy. `None` if no file was left to remove.
+    /// The folder or address of the copy. `None` if no file was left to remove.
     pub archived: Option<PathBuf>,
     /// Why the index was not updated. `None` if it was.
     pub index: Option<StoreError>,
@@ -159,11 +161,35 @@ pub(super) fn is_below(name: &Path) -> bool {
 }
 
 impl Receipt {
+    /// The receipt of a copy that is to be made of a run whose files are as they were recorded.
+    fn new(from: &Path, record: RunRecord, destination: PathBuf, packing: Packing) -> Result<Self, StoreError> {
+        let files = contents(from)?;
+        unaltered(from, &files)?;
+        let packed = match packing {
+            Packing::Files => BTreeSet::new(),
+            Packing::PerWell => files.keys().filter_map(|name| pack::recording_of(name)).map(str::to_owned).collect(),
+        };
+        let (archived, bytes) = (jiff::Timestamp::now().to_string(), bytes_of(from, &files));
+        Ok(Self { schema: SCHEMA.into(), software: Software::this(), run: record.id, archived, destination, bytes, files, packed })
+    }
+
+    /// Writes the receipt into the run's folder.
+    fn keep_in(&self, run: &Path) -> Result<(), StoreError> {
+        durable::create_folder(&run.join(RECEIPTS))?;
+        durable::write_json(&run.join(RECEIPTS).join(format!("{}.json", jiff::Timestamp::now().as_microsecond())), self)
+    }
+
     /// Reads the whole copy again. Each file must exist, must not be the run's own file, and must have its recorded hash.
     ///
     /// # Errors
     /// The first file that fails.
-    fn verify(&self, own: &Own) -> Result<(), StoreError> {
+    fn verify(&self, own: &Own, reach: Reach) -> Result<(), StoreError> {
+        if let Some(address) = self.address() {
+            let objects = reach(address)?;
+            return self.each_object(address, |object, verify| {
+                verify(objects.get(object)?.ok_or_else(|| StoreError::Vanished { path: object.into() })?)
+            });
+        }
         for recording in &self.packed {
             let path = pack::pack_of(&self.destination.join(recording));
             own.is_apart(&path)?;
@@ -213,6 +239,40 @@ impl Receipt {
         Ok(())
     }
 
+    /// The address of a copy in an object store.
+    fn address(&self) -> Option<&str> {
+        self.destination.to_str().filter(|destination| is_address(destination))
+    }
+
+    /// Calls `with` for each object of a copy: with its address, and with what verifies its bytes.
+    fn each_object(
+        &self,
+        address: &str,
+        mut with: impl FnMut(&str, &dyn Fn(Vec<u8>) -> Result<(), StoreError>) -> Result<(), StoreError>,
+    ) -> Result<(), StoreError> {
+        for recording in &self.packed {
+            let object = pack::pack_of(Path::new(&format!("{address}/{recording}"))).display().to_string();
+            with(&object, &|bytes| self.verify_files(recording, &Pack::of_bytes(Path::new(&object), bytes)?))?;
+        }
+        for (name, expected) in self.files.iter().filter(|(name, _)| !self.is_packed(name)) {
+            let object = format!("{address}/{}", name.display());
+            with(&object, &|bytes| sums::same(Path::new(&object), expected, &sha256_hex(&bytes)))?;
+        }
+        Ok(())
+    }
+
+    /// The bytes of an object of the copy, from the run's folder.
+    fn object_of(&self, from: &Path, address: &str, object: &str) -> Result<Vec<u8>, StoreError> {
+        let name = Path::new(object.strip_prefix(address).unwrap_or(object).trim_start_matches('/'));
+        if let Some(expected) = self.files.get(name) {
+            let path = from.join(name);
+            let bytes = carved_files::read(&path).map_err(StoreError::io("read", &path))?;
+            return sums::same(&path, expected, &sha256_hex(&bytes)).map(|()| bytes);
+        }
+        let recording = name.file_stem().and_then(|stem| stem.to_str());
+        pack::pack(from, self.files.iter().filter(|(name, _)| pack::recording_of(name) == recording))
+    }
+
     /// Whether the copy of this file is in a pack.
     fn is_packed(&self, name: &Path) -> bool {
         pack::recording_of(name).is_some_and(|recording| self.packed.contains(recording))
@@ -222,9 +282,12 @@ impl Receipt {
     fn verify_pack(&self, recording: &str, path: &Path) -> Result<(), StoreError> {
         let file = carved_files::open(path).map_err(StoreError::io("open", path))?;
         posix_fadvise(&file, 0, 0, PosixFadviseAdvice::POSIX_FADV_DONTNEED).map_err(|e| StoreError::io("read", path)(e.into()))?;
-        let pack = Pack::open(path)?;
+        self.verify_files(recording, &Pack::open(path)?)
+    }
+
+    fn verify_files(&self, recording: &str, pack: &Pack) -> Result<(), StoreError> {
         for (name, expected) in self.files.iter().filter(|(name, _)| pack::recording_of(name) == Some(recording)) {
-            let inside = path.with_extension("").join(name.strip_prefix(recording).unwrap_or(name));
+            let inside = pack.path().with_extension("").join(name.strip_prefix(recording).unwrap_or(name));
             match pack.read(name.strip_prefix(recording).unwrap_or(name))? {
                 Some(bytes) => sums::same(&inside, expected, &sha256_hex(&bytes))?,
                 None => return Err(StoreError::Vanished { path: inside }),
@@ -241,7 +304,6 @@ impl Receipt {
 /// The run has not ended, its files are altered, the destination has other files, or the copy reads back differently.
 pub fn archive(folder: &Path, to: &Path, packing: Packing) -> Result<Receipt, StoreError> {
     let record = ended(folder)?;
-    let whole = |path: &Path| path.canonicalize().map_err(StoreError::io("find", path));
     let from = whole(folder)?;
     let own = Own::of(&from)?;
     // Check this first: no folder may be created inside the run.
@@ -251,30 +313,32 @@ pub fn archive(folder: &Path, to: &Path, packing: Packing) -> Result<Receipt, St
     if from.starts_with(&destination) {
         return Err(StoreError::NoCopy { path: destination, run: from });
     }
-    let files = contents(&from)?;
-    unaltered(&from, &files)?;
-    let packed: BTreeSet<String> = match packing {
-        Packing::Files => BTreeSet::new(),
-        Packing::PerWell => files.keys().filter_map(|name| pack::recording_of(name)).map(str::to_owned).collect(),
-    };
-    let now = jiff::Timestamp::now();
-    let total = bytes_of(&from, &files);
-    let receipt = Receipt {
-        schema: SCHEMA.into(),
-        software: Software::this(),
-        run: record.id,
-        archived: now.to_string(),
-        destination,
-        bytes: total,
-        files,
-        packed,
-    };
+    let receipt = Receipt::new(&from, record, destination, packing)?;
     receipt.copy(&from, &own)?;
-    receipt.verify(&own)?;
+    receipt.verify(&own, &|address| Err(StoreError::Exists { path: address.into() }))?;
     durable::write_json(&receipt.destination.join(RECEIPT), &receipt)?;
-    durable::create_folder(&from.join(RECEIPTS))?;
-    durable::write_json(&from.join(RECEIPTS).join(format!("{}.json", now.as_microsecond())), &receipt)?;
+    receipt.keep_in(&from)?;
     Ok(receipt)
+}
+
+/// As [`archive`], to `to/RUN` in an object store. `to` is an address such as `s3://BUCKET/PREFIX`. Each object is read back.
+///
+/// # Errors
+/// As [`archive`], and what the object store says.
+pub fn archive_to_objects(folder: &Path, to: &str, packing: Packing, objects: &dyn Objects) -> Result<Receipt, StoreError> {
+    let record = ended(folder)?;
+    let from = whole(folder)?;
+    let address = format!("{}/{}", to.trim_end_matches('/'), record.id);
+    let receipt = Receipt::new(&from, record, address.clone().into(), packing)?;
+    receipt
+        .each_object(&address, |object, verify| objects::keep(objects, object, || receipt.object_of(&from, &address, object), verify))?;
+    objects.put(&format!("{address}/{RECEIPT}"), durable::json_text(Path::new(RECEIPT), &receipt)?)?;
+    receipt.keep_in(&from)?;
+    Ok(receipt)
+}
+
+fn whole(path: &Path) -> Result<PathBuf, StoreError> {
+    path.canonicalize().map_err(StoreError::io("find", path))
 }
 
 /// The receipts of a run, newest first.
@@ -306,6 +370,9 @@ pub(super) fn gone(recording: &Path, name: &str) -> StoreError {
         // Unreadable receipts count as none.
         let receipt = receipts(whole.parent()?).ok()?.into_iter().find(|receipt| receipt.files.contains_key(&well.join(name)))?;
         let folder = receipt.destination.join(well);
+        if receipt.address().is_some() {
+            return Some(StoreError::ArchivedFrame { path: path.clone(), is_there: None, copy: folder, archived: receipt.archived });
+        }
         let (copy, is_there) = if receipt.is_packed(&well.join(name)) {
             let copy = pack::pack_of(&folder);
             let is_there = Pack::open(&copy).is_ok_and(|pack| pack.names().any(|found| found == Path::new(name)));
@@ -314,7 +381,7 @@ pub(super) fn gone(recording: &Path, name: &str) -> StoreError {
             let is_there = folder.join(name).is_file();
             (folder, is_there)
         };
-        Some(StoreError::ArchivedFrame { path: path.clone(), is_there, copy, archived: receipt.archived })
+        Some(StoreError::ArchivedFrame { path: path.clone(), is_there: Some(is_there), copy, archived: receipt.archived })
     };
     copied().unwrap_or(StoreError::MissingFrame { path })
 }
@@ -326,7 +393,7 @@ fn is_raw(name: &Path) -> bool {
 }
 
 /// The newest receipt whose copy contains all files in `taken`. The copy is read again now.
-fn good_copy(folder: &Path, id: &str, taken: &BTreeMap<PathBuf, String>) -> Result<Receipt, StoreError> {
+fn good_copy(folder: &Path, id: &str, taken: &BTreeMap<PathBuf, String>, reach: Reach) -> Result<Receipt, StoreError> {
     let path = || folder.to_owned();
     let mut why = None;
     for receipt in receipts(folder)? {
@@ -342,7 +409,7 @@ fn good_copy(folder: &Path, id: &str, taken: &BTreeMap<PathBuf, String>) -> Resu
             why = Some(format!("{} is not in its copy as it is here; archive it again", name.display()));
             continue;
         }
-        match Own::of(folder).and_then(|own| receipt.verify(&own)) {
+        match Own::of(folder).and_then(|own| receipt.verify(&own, reach)) {
             Ok(()) => return Ok(receipt),
             Err(error) => why = Some(format!("its copy is not good: {error}")),
         }
@@ -351,16 +418,16 @@ fn good_copy(folder: &Path, id: &str, taken: &BTreeMap<PathBuf, String>) -> Resu
 }
 
 /// Removes the raw frames of a run, or the whole run, from the data folder. The copy is read again first and must contain every removed
-/// file. Without `really` nothing is removed.
+/// file. Without `really` nothing is removed. `reach` opens the object store of a copy that is in one.
 ///
 /// # Errors
 /// The run has not ended, has no receipt, its copy differs from the receipt, or the copy lacks a file.
-pub fn prune(root: &Path, id: &str, all: bool, really: bool) -> Result<Pruned, StoreError> {
+pub fn prune(root: &Path, id: &str, all: bool, really: bool, reach: Reach) -> Result<Pruned, StoreError> {
     let folder = root.join("runs").join(id);
     ended(&folder)?;
     let mut taken = contents(&folder)?;
     taken.retain(|name, _| all || is_raw(name));
-    let receipt = good_copy(&folder, id, &taken)?;
+    let receipt = good_copy(&folder, id, &taken, reach)?;
     let bytes = bytes_of(&folder, &taken);
     if really {
         if all {
@@ -431,11 +498,11 @@ pub fn cut_short(root: &Path) -> Result<Vec<String>, StoreError> {
 ///
 /// # Errors
 /// The copy is not good, or lacks a file.
-pub fn end_prune(root: &Path, id: &str, really: bool) -> Result<Pruned, StoreError> {
+pub fn end_prune(root: &Path, id: &str, really: bool, reach: Reach) -> Result<Pruned, StoreError> {
     let gone = left(root, id);
     let taken = contents(&gone)?;
     // Without receipts the rest is empty, because receipts are removed last.
-    let receipt = if taken.is_empty() { None } else { Some(good_copy(&gone, id, &taken)?) };
+    let receipt = if taken.is_empty() { None } else { Some(good_copy(&gone, id, &taken, reach)?) };
     let bytes = bytes_of(&gone, &taken);
     if really {
         remove(&gone)?;

@@ -15,10 +15,10 @@ pub enum StoreError {
     #[error(
         "{}: the frame is not here any more; it was archived to {} on {archived}{}",
         path.display(), copy.display(),
-        if *is_there {
-            format!(" and is there: carved measure {}", copy.display())
-        } else {
-            ", and is not there now: mount that disk or bring the copy back, and measure that".into()
+        match is_there {
+            Some(true) => format!(" and is there: carved measure {}", copy.display()),
+            Some(false) => ", and is not there now: mount that disk or bring the copy back, and measure that".into(),
+            None => ": fetch that copy, and measure it".into(),
         }
     )]
     ArchivedFrame {
@@ -27,7 +27,8 @@ pub enum StoreError {
         copy: PathBuf,
         /// RFC 3339, UTC.
         archived: String,
-        is_there: bool,
+        /// `None`: the copy is in an object store, where nobody looks now.
+        is_there: Option<bool>,
     },
     #[error(
         "{}: {found} views are recorded, {expected} were planned: {}, so it cannot be measured",
@@ -68,6 +69,9 @@ pub enum StoreError {
     NoCopy { path: PathBuf, run: PathBuf },
     #[error("{}: exists already; nothing is overwritten", path.display())]
     Exists { path: PathBuf },
+    /// An object store.
+    #[error("{address}: {why}")]
+    Remote { address: String, why: String },
 }
 
 impl StoreError {

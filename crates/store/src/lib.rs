@@ -25,6 +25,7 @@ mod index;
 mod instrument;
 mod journal;
 mod lines;
+mod objects;
 mod pack;
 #[cfg(test)]
 mod power_loss;
@@ -40,7 +41,7 @@ mod sums;
 #[cfg(any(test, feature = "testing"))]
 pub mod testing;
 
-pub use archive::{Packing, Pruned, Receipt, archive, cut_short, end_prune, prune, run_names};
+pub use archive::{Packing, Pruned, Receipt, archive, archive_to_objects, cut_short, end_prune, prune, run_names};
 pub use attempts::set_aside;
 pub use budget::{Budget, bytes_per_specimen, size};
 pub use error::StoreError;
@@ -48,6 +49,7 @@ pub use index::{Cursor, EventsAfter, Found, RunRow, RunsQuery, Unreadable, follo
 pub use instrument::instrument_uuid;
 use journal::Repaired;
 pub use journal::{Journal, now};
+pub use objects::{Objects, Reach, is_address};
 pub use pack::{Pack, RecordingFiles};
 pub use reader::{SpecimenFile, StoreReader, StoredFile, StoredSpecimen};
 pub use recording::{MEASUREMENT, MeasurementFile, Recording, RecordingReader, RecordingWriter, RigRecord, SecondRecord, fluorescence};

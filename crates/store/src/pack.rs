@@ -12,6 +12,7 @@ use super::{StoreError, archive, attempts, sums};
 use carved_records::{is_well, sha256_hex};
 use std::collections::BTreeMap;
 use std::fs::File;
+use std::io::{Cursor, Read, Seek};
 use std::os::unix::fs::FileExt;
 use std::path::{Component, Path, PathBuf};
 use std::time::UNIX_EPOCH;
@@ -135,11 +136,17 @@ pub fn recording_of(name: &Path) -> Option<&str> {
     (parts.next().is_some() && is_well(attempts::well_of(first))).then_some(first)
 }
 
+#[derive(Debug)]
+enum Source {
+    File(File),
+    Bytes(Vec<u8>),
+}
+
 /// A recording in one file.
 #[derive(Debug)]
 pub struct Pack {
     path: PathBuf,
-    file: File,
+    source: Source,
     /// Place and length of each file, by its name in the recording's folder.
     members: BTreeMap<PathBuf, (u64, u64)>,
 }
@@ -151,38 +158,24 @@ impl Pack {
     /// It cannot be read, is cut short, or has something else than files of one recording.
     pub fn open(path: &Path) -> Result<Self, StoreError> {
         let io = || StoreError::io("read", path);
-        let wrong = |found: String| StoreError::Format { path: path.to_owned(), expected: "a tar of the files of one recording", found };
         let file = carved_files::open(path).map_err(io())?;
         let length = file.metadata().map_err(io())?.len();
-        let folder = path.file_stem().unwrap_or_default().to_owned();
-        let mut tar = tar::Archive::new(&file);
-        let mut members = BTreeMap::new();
-        for entry in tar.entries_with_seek().map_err(io())? {
-            let entry = entry.map_err(|e| wrong(e.to_string()))?;
-            let kind = entry.header().entry_type();
-            if kind.is_dir() {
-                continue;
-            }
-            let whole = entry.path().map_err(|e| wrong(e.to_string()))?.into_owned();
-            if !kind.is_file() {
-                return Err(wrong(format!("{} is no regular file", whole.display())));
-            }
-            let name = whole.strip_prefix(&folder).ok().filter(|name| archive::is_below(name)).map(Path::to_owned);
-            let name = name.ok_or_else(|| wrong(format!("{}, which is not in the folder {}", whole.display(), folder.display())))?;
-            let (start, size) = (entry.raw_file_position(), entry.size());
-            if start.checked_add(size).is_none_or(|end| end > length) {
-                return Err(wrong(format!(
-                    "{length} bytes, of which {} needs those up to {}",
-                    whole.display(),
-                    start.saturating_add(size)
-                )));
-            }
-            members.insert(name, (start, size));
-        }
-        if members.is_empty() {
-            return Err(wrong("no file".into()));
-        }
-        Ok(Self { path: path.to_owned(), file, members })
+        let members = members(path, &file, length)?;
+        Ok(Self { path: path.to_owned(), source: Source::File(file), members })
+    }
+
+    /// A pack that was read from elsewhere. `path` names it in messages.
+    ///
+    /// # Errors
+    /// As [`Self::open`].
+    pub(super) fn of_bytes(path: &Path, bytes: Vec<u8>) -> Result<Self, StoreError> {
+        let members = members(path, Cursor::new(&bytes), bytes.len() as u64)?;
+        Ok(Self { path: path.to_owned(), source: Source::Bytes(bytes), members })
+    }
+
+    /// Where the pack is.
+    pub(super) fn path(&self) -> &Path {
+        &self.path
     }
 
     /// Names of the files.
@@ -197,9 +190,44 @@ impl Pack {
     pub fn read(&self, name: &Path) -> Result<Option<Vec<u8>>, StoreError> {
         let Some(&(start, size)) = self.members.get(name) else { return Ok(None) };
         let mut bytes = vec![0; size as usize];
-        self.file.read_exact_at(&mut bytes, start).map_err(StoreError::io("read", &self.path))?;
+        let read = match &self.source {
+            Source::File(file) => file.read_exact_at(&mut bytes, start),
+            Source::Bytes(all) => (&all[start as usize..]).read_exact(&mut bytes),
+        };
+        read.map_err(StoreError::io("read", &self.path))?;
         Ok(Some(bytes))
     }
+}
+
+/// Place and length of each file of a pack of `length` bytes.
+fn members(path: &Path, reader: impl Read + Seek, length: u64) -> Result<BTreeMap<PathBuf, (u64, u64)>, StoreError> {
+    let io = || StoreError::io("read", path);
+    let wrong = |found: String| StoreError::Format { path: path.to_owned(), expected: "a tar of the files of one recording", found };
+    let folder = path.file_stem().unwrap_or_default().to_owned();
+    let mut tar = tar::Archive::new(reader);
+    let mut members = BTreeMap::new();
+    for entry in tar.entries_with_seek().map_err(io())? {
+        let entry = entry.map_err(|e| wrong(e.to_string()))?;
+        let kind = entry.header().entry_type();
+        if kind.is_dir() {
+            continue;
+        }
+        let whole = entry.path().map_err(|e| wrong(e.to_string()))?.into_owned();
+        if !kind.is_file() {
+            return Err(wrong(format!("{} is no regular file", whole.display())));
+        }
+        let name = whole.strip_prefix(&folder).ok().filter(|name| archive::is_below(name)).map(Path::to_owned);
+        let name = name.ok_or_else(|| wrong(format!("{}, which is not in the folder {}", whole.display(), folder.display())))?;
+        let (start, size) = (entry.raw_file_position(), entry.size());
+        if start.checked_add(size).is_none_or(|end| end > length) {
+            return Err(wrong(format!("{length} bytes, of which {} needs those up to {}", whole.display(), start.saturating_add(size))));
+        }
+        members.insert(name, (start, size));
+    }
+    if members.is_empty() {
+        return Err(wrong("no file".into()));
+    }
+    Ok(members)
 }
 
 /// The bytes of a pack of these files of a run, which belong to the recording `folder`: its names in the run, with their hashes.
