@@ -216,7 +216,7 @@ fn describe_hardware(registry: &mut Registry, status: &Status) {
         registry.register("camera_background", "Median of the newest frame, 0 to 255", ConstGauge::new(light.background));
         registry.register_with_unit(
             "camera_saturated",
-            "Share of the pixels at the top",
+            "Share of the saturated pixels, which are at the maximum of 255",
             Unit::Other("ratio".into()),
             ConstGauge::new(light.saturated),
         );

@@ -79,7 +79,7 @@ fn check(code: &str, blocks: bool, found: Result<String, (String, &str)>) -> Che
 /// # Errors
 /// The measured and the required values, and what to do.
 pub fn light(seen: &Light) -> Result<String, (String, &'static str)> {
-    let found = format!("background at {:.0} of 255, {:.1} % of the pixels at the top", seen.background, 100.0 * seen.saturated);
+    let found = format!("background at {:.0} of 255, {:.1} % of the pixels saturated", seen.background, 100.0 * seen.saturated);
     if seen.background < DARK {
         Err((
             format!("{found}: too dark, at least {DARK:.0} is needed"),

@@ -32,6 +32,7 @@ pub fn of(s: &Status) -> String {
                 Phase::Revolve if s.hardware.rotation.outside => {
                     format!("Well {well}: reading the pictures of another program, view {} of {}.", x.view, x.views_planned)
                 }
+                Phase::Revolve if x.view == 0 => format!("Well {well}: turning the capillary to the first of {} views.", x.views_planned),
                 Phase::Revolve => format!("Well {well}: turning the capillary, view {} of {}.", x.view, x.views_planned),
                 // The computation may be behind the camera.
                 Phase::Reconstruct if x.view < x.views_planned => {

@@ -1,7 +1,7 @@
 //! Light level and focus of one frame, from a part of its pixels.
 //!
 //! ```text
-//! every 5th row:  I(u), I(u + 2): the same colour of a mosaic ── histogram ─► median, share at the top
+//! every 5th row:  I(u), I(u + 2): the same colour of a mosaic ── histogram ─► median, share at 255
 //!                                                             └─ (I(u + 2) - I(u))^2 ─► sharpness
 //! ```
 
