@@ -37,6 +37,7 @@ import {
   toneOf,
   underWay,
 } from "./plain.ts";
+import { Recent } from "./recent.ts";
 import { ResultsTable } from "./results.ts";
 import { RigView } from "./rig.ts";
 import { RunLog } from "./runlog.ts";
@@ -113,8 +114,8 @@ const PLAN_AGAIN_MS = 5000;
 /** What the page needs of a run's plan. */
 type Planned = Pick<RunPlan, "plate_map" | "plate_format">;
 const NO_PLAN: Planned = { plate_map: [] };
-/** The plans of runs, by run. They are read once. */
-const plans = new Map<string, Planned>();
+/** The plans of the newest runs, by run. They are read once. */
+const plans = new Recent<Planned>(4);
 
 const furthest = new Furthest();
 

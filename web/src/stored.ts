@@ -3,10 +3,13 @@
 import type { BufferGeometry } from "three";
 import { fetchFile, fetchSpecimen } from "./api.ts";
 import { parseGlb } from "./glb.ts";
+import { Recent } from "./recent.ts";
 import type { RunStatus, Specimen } from "./status.ts";
 
 /** Time for which a missing record is not requested again, ms. */
 const NOTHING_MS = 5000;
+/** The records that are kept. One has some 100 kB, and a person looks at a few wells. */
+const KEPT = 24;
 
 /** A well of a run, with the start of the run: another run may have had the same name before. */
 export interface StoredWell {
@@ -24,11 +27,10 @@ export function wellKey({ run, started, well }: StoredWell): string {
 }
 
 export class StoredSpecimens {
-  readonly #asked = new Map<string, Promise<Specimen | null>>();
+  /** By key, what was requested, and the time until which it is not requested again. */
+  readonly #asked = new Recent<{ found: Promise<Specimen | null>; until: number }>(KEPT);
   readonly #fetch: typeof fetchSpecimen;
   readonly #now: () => number;
-  /** By key, the time until which a missing record is not requested again. */
-  readonly #nothing = new Map<string, number>();
 
   constructor(fetch = fetchSpecimen, now = () => performance.now()) {
     this.#fetch = fetch;
@@ -38,16 +40,17 @@ export class StoredSpecimens {
   of(one: StoredWell): Promise<Specimen | null> {
     const key = wellKey(one);
     const known = this.#asked.get(key);
-    if (known && this.#now() < (this.#nothing.get(key) ?? Infinity)) return known;
-    this.#nothing.delete(key);
-    const asked = this.#fetch(one.run, one.well);
+    if (known && this.#now() < known.until) return known.found;
+    const asked = { found: this.#fetch(one.run, one.well), until: Infinity };
     this.#asked.set(key, asked);
-    asked.then(
-      (found) => found ?? this.#nothing.set(key, this.#now() + NOTHING_MS),
+    asked.found.then(
+      (found) => {
+        if (found === null) asked.until = this.#now() + NOTHING_MS;
+      },
       // Requested again after an error, for example while the daemon is away.
-      () => this.#asked.delete(key),
+      () => (asked.until = -Infinity),
     );
-    return asked;
+    return asked.found;
   }
 }
 

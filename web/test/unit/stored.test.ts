@@ -34,6 +34,17 @@ test("what is stored is asked for once per run, nothing again after a while", as
   assert.equal(asked, 5);
 });
 
+test("only the newest records are kept, however long the page is open", async () => {
+  let asked = 0;
+  const stored = new StoredSpecimens(async () => ((asked += 1), kept()));
+  const of = (run: number) => stored.of({ run: `r-${run}`, started: "2026-03-05T09:30:00Z", well: "A01" });
+  for (let run = 0; run < 100; run += 1) await of(run);
+  await of(99);
+  assert.equal(asked, 100, "the newest is still there");
+  await of(0);
+  assert.equal(asked, 101, "the oldest was forgotten, and is read again");
+});
+
 test("no cell of the table is a formula, and numbers stay numbers", () => {
   const table = (compound: string, concentration: number) =>
     tableOf({
