@@ -27,7 +27,7 @@ use tokio::sync::watch;
 /// Why the text of a method cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum MethodError {
-    #[error("not the keys of a method")]
+    #[error("not the keys of a `[methods.NAME]` table (docs/configuration.md)")]
     Keys(#[source] toml::de::Error),
     #[error("{} value(s) cannot be used:\n  {}", .0.len(), .0.join("\n  "))]
     Values(Vec<String>),

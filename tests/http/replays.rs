@@ -40,7 +40,7 @@ fn what_cannot_be_measured_again_is_refused_with_the_way_out() {
     for (name, body, pointer, words) in [
         (".m", json!({}), "", "no name for results"),
         ("other", json!({}), "", "there are: standard"),
-        ("other", json!({"settings": "asd = "}), "/settings", "not the keys of a method"),
+        ("other", json!({"settings": "asd = "}), "/settings", "not the keys of a `[methods.NAME]` table"),
         ("other", json!({"settings": "asd = 21\norder = \"sequential\"\nepsilon = 0.05\nvoxel_um = -1.0"}), "/settings", "voxel_um"),
         ("standard", json!({"wells": ["A02"]}), "/wells", "A02"),
         ("standard", json!({"wells": ["H12"]}), "/wells", "H12"),

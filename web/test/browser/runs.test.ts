@@ -203,7 +203,7 @@ test("a run from the empty plate map to the download of all its files", { timeou
     .locator("#again-file")
     .setInputFiles({ name: "no.toml", mimeType: "text/plain", buffer: Buffer.from("a") });
   await page.getByRole("button", { name: "Measure again" }).click();
-  await until(page, "again-words", /^Nothing is measured again: not the keys of a method/);
+  await until(page, "again-words", /^Nothing is measured again: not the keys of a `\[methods\.NAME\]` table/);
   await page.locator("#again-file").setInputFiles(settings);
   await page.locator("#again-wells").fill("d6");
   await page.getByRole("button", { name: "Measure again" }).click();
