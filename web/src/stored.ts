@@ -9,7 +9,7 @@ import type { RunStatus, Specimen } from "./status.ts";
 /** Time for which a missing record is not requested again, ms. */
 const NOTHING_MS = 5000;
 /** The records that are kept. One has some 100 kB, and a person looks at a few wells. */
-const KEPT = 24;
+const KEPT = 8;
 
 /** A well of a run, with the start of the run: another run may have had the same name before. */
 export interface StoredWell {
