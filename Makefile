@@ -1,8 +1,8 @@
 # `make run` shows the instrument at work on its emulated rig; `make help` lists the rest.
 
 .DEFAULT_GOAL := help
-.PHONY: help build run test test-rust test-page test-python test-module test-service test-s3 qa tutorial lint bench deb deb-test
-.PHONY: offline offline-test wheel web contract deny deps-build deps-web deps-python deps-test deps-bench deps-package deps-machine
+.PHONY: help build run test test-rust test-page test-python test-module test-service test-s3 test-slurm qa tutorial lint bench deb deb-test
+.PHONY: offline offline-test wheel web contract deny deps-build deps-web deps-python deps-test deps-slurm deps-bench deps-package deps-machine
 
 CARGO ?= cargo
 # Arguments for `carved simulate`: make run ARGS="--listen 127.0.0.1:8085"
@@ -62,6 +62,9 @@ tutorial: build deps-python ## follows docs/tutorial.md as written, and compares
 
 test-s3: deps-build deps-python ## archives in an object store, on the S3 of moto (builds carved with the feature s3)
 	$(CARGO) test --locked --features s3 --test commands object_store:: -- --ignored
+
+test-slurm: deps-build deps-slurm ## examples/slurm on a Slurm of this machine, which is installed where missing (as root, takes minutes)
+	$(CARGO) test --locked --test commands slurm:: -- --ignored --nocapture
 
 lint: deps-build deps-python $(NODE_MODULES) ## formatting, clippy with and without features, types and formatting of page and Python client
 	$(CARGO) fmt --all --check
@@ -128,6 +131,9 @@ deps-package:
 
 deps-machine:
 	@scripts/install-deps machine
+
+deps-slurm:
+	@scripts/install-deps slurm
 
 # What cannot be installed is skipped with its reason.
 deps-bench:

@@ -29,6 +29,7 @@ mod references;
 mod segment;
 mod setup;
 mod setup_page;
+mod slurm;
 mod store;
 mod tables;
 mod validate;
