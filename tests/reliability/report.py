@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import json
 import shutil
+import textwrap
 from collections.abc import Sequence
 from datetime import date
 from pathlib import Path
@@ -136,7 +137,7 @@ class Results:
         lines = ["\n## What was missed\n"]
         for row, result in missed:
             lines += [f"- **{row.id}**: {_cell(miss)}" for miss in result["first_misses"]]
-            lines += [f"- **{row.id}**, why: {row.note}"] if row.note else []
+            lines += textwrap.wrap(f"- **{row.id}**, why: {row.note}", 120, subsequent_indent="  ") if row.note else []
             if result["misses"] > len(result["first_misses"]):
                 lines.append(f"- **{row.id}**: and {result['misses'] - len(result['first_misses'])} more")
         return "\n".join(lines) + "\n"

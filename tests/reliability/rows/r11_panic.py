@@ -42,6 +42,7 @@ class Supervisor:
         }
         self.pinged = time.monotonic()
         self.ready = False
+        self.ready_at: float | None = None
         data = self._context.work / "data"
         return Daemon(self._context.binary, data, self._port, "--time-scale", "10", log=self.log, environment=environment, wait_s=None)
 
@@ -49,7 +50,8 @@ class Supervisor:
         """Reads what the daemon says, and ends and starts it where the unit does. Whether it was started again."""
         try:
             said = self._socket.recv(4096).decode()
-            self.ready = self.ready or "READY=1" in said
+            if "READY=1" in said and not self.ready:
+                self.ready, self.ready_at = True, time.monotonic()
             if "WATCHDOG=1" in said or "READY=1" in said:
                 self.pinged = time.monotonic()
         except TimeoutError:
@@ -149,6 +151,7 @@ def run(context: Context) -> Observed:
     supervisor = Supervisor(context, shim)
     names: list[str] = []
     back_s: list[float] = []
+    serves_s: list[float] = []
     survived = stops = idle = 0
     for n in range(context.count + 1):
         run_id, hang = f"p{n:03d}", n == context.count
@@ -174,6 +177,8 @@ def run(context: Context) -> Observed:
         context.say(f"{name}: took the next view after {took:.1f} s, restarted: {restarted}")
         if restarted:
             back_s.append(took)
+            if supervisor.ready_at is not None:
+                serves_s.append(supervisor.ready_at - began / 1e9)
         else:
             survived += 1
             stops += bool(shim.stops(began))
@@ -185,15 +190,20 @@ def run(context: Context) -> Observed:
         epochs = {entry["epoch"] for entry in read_json(path)["ledger"]}
         observed.expect(len(epochs) <= 1, f"{path.parent}: views of {len(epochs)} references in one recording")
     told = len(panics(supervisor.log))
-    observed.expect(context.control or told > 0, "no thread panicked")
+    # GLib, of which Aravis is made, ends the process where Rust would panic.
+    aborts = supervisor.log.read_text(errors="replace").count("requires working CLOCK_MONOTONIC")
+    observed.expect(context.control or told + aborts > 0, "no thread panicked")
     observed.done = (
         f"{len(names) - 1 - idle} panics, each in mid-turn, in threads called {', '.join(sorted(set(names[:-1])))}, and a hang of "
         f"{names[-1]} (SIGSTOP), under a supervisor that speaks sd_notify; on a booted systemd: `make deb-test`"
     )
     observed.figures += [
-        f"{told} panics in the log, {len(back_s)} restarts, {survived} outlived by the daemon, {stops} of them with a stop on the wire",
+        f"{told} panics and {aborts} aborts of GLib in the log, {len(back_s)} restarts, {survived} outlived by the daemon, {stops} of "
+        "them with a stop on the wire",
         f"{idle} chosen threads did not read the clock within 3 s, so they did not panic",
     ]
+    if serves_s:
+        observed.figures.append(f"from the panic or hang to a daemon that serves again, slowest {max(serves_s):.1f} s")
     observed.at_most("from the panic or hang to the next view after a restart, slowest", max(back_s, default=None), 10 + _WATCHDOG_S, "s")
     return observed
 
