@@ -12,9 +12,9 @@ use crate::carver::Leaves;
 use crate::fins::Fin;
 use crate::frame::RawFrame;
 use crate::geometry::{Camera, GridError, Projection, VoxelGrid};
-use crate::measure::Measurement;
 use crate::measure::facing::Facing;
 use crate::measure::shape::Shape;
+use crate::measure::{Fallback, Measurement};
 use crate::profile::{
     Detection, EmptyCapillary, FinBorders, Mask, Picture, Polygon, Profile, ProfileError, ProfileQuality, SegmentSettings, Segmenters,
     Walls,
@@ -510,7 +510,7 @@ impl Pipeline {
         if let (Some(last), Some(first)) = (&self.closure, self.carved.iter().position(|view| *view == 0)) {
             self.reconstruction.observe_closure(&last.mask, &last.edge, first);
         }
-        let TurnModel { model, hull, calibration, projections, reprojected_areas, closure: pose_offset, fins } = {
+        let TurnModel { model, fallback, hull, calibration, projections, reprojected_areas, closure: pose_offset, fins } = {
             let calibrated = self.calibrated.take().unwrap_or_else(|| self.reconstruction.calibrate());
             self.reconstruction.measure(calibrated, self.settings.sphere)?
         };
@@ -527,7 +527,7 @@ impl Pipeline {
         }
         let found = calibration.as_ref().ok().map(|judged| &judged.calibration);
         let quality = self.quality(found, closure.as_ref(), &model.measurement);
-        let flags = self.flags(&quality, &model, calibration.as_ref().ok(), closure.is_some());
+        let flags = self.flags(&quality, &model, fallback.as_ref(), calibration.as_ref().ok(), closure.is_some());
         let shape = Shape::of(&model.mesh);
         let taken: Vec<(u32, f64)> = self.views.iter().map(|v| (v.index, v.omega)).collect();
         let camera = found.map_or(&self.settings.camera, |c| &c.camera);
@@ -571,7 +571,14 @@ impl Pipeline {
     }
 
     /// The flags of the specimen, by what is known of its turn.
-    fn flags(&self, quality: &Quality, model: &Model, calibration: Option<&Judged>, has_closure: bool) -> Vec<String> {
+    fn flags(
+        &self,
+        quality: &Quality,
+        model: &Model,
+        fallback: Option<&Fallback>,
+        calibration: Option<&Judged>,
+        has_closure: bool,
+    ) -> Vec<String> {
         let clipped = |side: fn(&Detection) -> bool| {
             self.views.iter().any(|v| self.carved.contains(&v.index) && v.detection.as_ref().is_some_and(side))
         };
@@ -587,7 +594,7 @@ impl Pipeline {
             looks_dead: &looks_dead,
             blurs_px: &blurs_px,
             configured_blur_px: self.settings.segment.edge.blur_px,
-            is_nonconvex: model.measurement.is_nonconvex(),
+            is_nonconvex: fallback.is_some_and(Fallback::is_nonconvex),
             misses_fins: model.measurement.misses_fins(),
             vrv: calibration.map(|judged| judged.vrv.verdict),
         };

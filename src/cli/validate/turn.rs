@@ -142,12 +142,13 @@ pub struct Support {
     pub area_sd_um2: f64,
 }
 
-/// The numbers by the support function. `None` if the views have too few slices in common.
+/// The numbers by the support function. `None` if the views have too few slices in common, or the uncertainty of the calibration is not
+/// known.
 pub fn support(turn: &Turn, stops: &[usize], found: &Calibration) -> Option<Support> {
     let given = turn.given(stops);
     let views = found.turn_views(&given);
     let estimate = sections(&Pose::new(&found.camera), &views, found.residual_sd_um)?;
-    let [volume, area] = calibration_sd(found, &given).unwrap_or_default();
+    let [volume, area] = calibration_sd(found, &given).ok()?;
     let (volume_sd_um3, area_sd_um2) = (estimate.volume_sd_um3.hypot(volume), estimate.area_sd_um2.hypot(area));
     Some(Support { estimate, volume_sd_um3, area_sd_um2 })
 }
@@ -163,7 +164,7 @@ pub fn estimate(turn: &Turn, stops: &[usize]) -> Option<Estimate> {
     let given = turn.given(&stops);
     let sections = Sections::of(&Pose::new(&found.camera), &found.turn_views(&given), found.residual_sd_um, [false; 2]).ok()?;
     let support = SupportEstimate::of(&sections);
-    let [volume_calibration_um3, _] = calibration_sd(&found, &given).unwrap_or_default();
+    let [volume_calibration_um3, _] = calibration_sd(&found, &given).ok()?;
     let spread = Spread {
         volume_views_um3: support.volume_sd_um3,
         volume_calibration_um3,

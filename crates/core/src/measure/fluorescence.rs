@@ -69,8 +69,9 @@ pub struct Fluorescence {
     pub signal_sd: f64,
     /// The mean signal over the volume, grey levels times px per nl.
     pub signal_per_nl: f64,
-    /// Standard deviation of `signal_per_nl`, from the mean over the views and from the volume.
-    pub signal_per_nl_sd: f64,
+    /// Standard deviation of `signal_per_nl`, from the mean over the views and from the volume. `None` where that of the volume is not
+    /// known.
+    pub signal_per_nl_sd: Option<f64>,
     /// `saturated`: the signal is only a lower bound.
     pub flags: Vec<String>,
 }
@@ -96,7 +97,6 @@ impl Fluorescence {
         // One view has no spread between views. Its own noise is used instead.
         let variance = if signals.len() > 1 { between } else { signals[0].signal_sd.powi(2) };
         let per_nl = UM3_PER_NL / volume_um3;
-        let of_volume = signal * volume_sd_um3.unwrap_or(0.0) / volume_um3;
         let saturated = signals.iter().any(|s| s.saturated > MANY_SATURATED);
         Some(Self {
             views: signals,
@@ -104,7 +104,7 @@ impl Fluorescence {
             signal,
             signal_sd: variance.sqrt(),
             signal_per_nl: signal * per_nl,
-            signal_per_nl_sd: (variance / n + of_volume.powi(2)).sqrt() * per_nl,
+            signal_per_nl_sd: volume_sd_um3.map(|sd| (variance / n + (signal * sd / volume_um3).powi(2)).sqrt() * per_nl),
             flags: saturated.then(|| "saturated".to_owned()).into_iter().collect(),
         })
     }
@@ -194,7 +194,9 @@ mod tests {
         assert!((found.signal - expected).abs() < 1e-6 && found.views[0].silhouette_px == 400, "{found:?}");
         assert!((found.signal_per_nl - expected / 2.0).abs() < 1e-6);
         // No spread between equal views: one per cent of the volume is all.
-        assert!((found.signal_per_nl_sd - 0.01 * expected / 2.0).abs() < 1e-6, "{found:?}");
+        assert!((found.signal_per_nl_sd.unwrap() - 0.01 * expected / 2.0).abs() < 1e-6, "{found:?}");
+        let unknown = Fluorescence::measure(&mesh, &[view, view], 2e6, None).unwrap();
+        assert_eq!(unknown.signal_per_nl_sd, None, "without that of the volume it would be too small");
         assert!(found.flags.is_empty());
     }
 

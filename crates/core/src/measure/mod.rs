@@ -15,6 +15,7 @@
 //! weight and number of iterations.
 
 pub mod facing;
+mod fallback;
 pub mod fluorescence;
 pub mod references;
 pub mod shape;
@@ -22,6 +23,7 @@ mod solid;
 mod sphere;
 pub mod support;
 
+pub use fallback::Fallback;
 pub use solid::{Extents, area, centroid, extents, volume};
 pub use sphere::{SphereError, SphereFit, fit_sphere};
 use support::SupportEstimate;
@@ -43,11 +45,12 @@ pub struct Measurement {
     pub epsilon: f64,
     /// Estimator of `volume_um3` and `area_um2`.
     pub estimator: Estimator,
-    /// Why the estimator is not that of the support functions. `None` where it is.
+    /// Why the estimator is not that of the support functions, in the words of [`Fallback`]. `None` where it is.
     pub fallback: Option<String>,
     /// Volume by the trusted estimator.
     pub volume_um3: f64,
-    /// Standard deviation of `volume_um3`; `spread` has its parts. `None` where there are no slices.
+    /// Standard deviation of `volume_um3`; `spread` has its parts. `None` where there are no slices, or where the part of the
+    /// calibration is not known.
     pub volume_sd_um3: Option<f64>,
     /// Volume that the faired mesh encloses.
     pub mesh_volume_um3: f64,
@@ -55,9 +58,9 @@ pub struct Measurement {
     pub fairing_volume_loss: f64,
     /// Area by the trusted estimator.
     pub area_um2: f64,
-    /// Standard deviation of `area_um2`. `None` where there are no slices.
+    /// Standard deviation of `area_um2`. `None` as for the volume.
     pub area_sd_um2: Option<f64>,
-    /// The parts of the standard deviations. `None` where there are no slices.
+    /// The parts of the standard deviations. `None` where they are.
     pub spread: Option<Spread>,
     /// Each estimator's numbers.
     pub estimators: Estimators,
@@ -86,18 +89,10 @@ pub struct Measurement {
     pub aspect_ratio: Option<f64>,
 }
 
-/// End of the reasons for a fallback that are about the specimen's shape.
-pub(crate) const NOT_CONVEX: &str = "they are not convex";
-
 impl Measurement {
     /// Whether the specimen may have fins that the views together do not show.
     pub fn misses_fins(&self) -> bool {
         self.spread.is_some_and(|spread| spread.volume_fins_unseen_um3 > 0.0)
-    }
-
-    /// Whether the voxels are trusted because slices are hollow, or two bodies.
-    pub fn is_nonconvex(&self) -> bool {
-        self.fallback.as_deref().is_some_and(|why| why.ends_with(NOT_CONVEX))
     }
 }
 

@@ -31,7 +31,7 @@ impl Reconstruction {
         let views = calibration.turn_views(&given);
         let sections = Sections::with_fins(&Pose::new(&calibration.camera), &views, calibration.residual_sd_um, open, fins).ok()?;
         let support = SupportEstimate::of(&sections);
-        let calibration = calibration_sd(calibration, &given).unwrap_or_default();
+        let calibration = calibration_sd(calibration, &given).ok()?;
         let spread = self.spread(&sections, &support, [support.volume_um3, support.area_um2], calibration);
         Estimate::of(self.observed.len(), &support, &spread)
     }

@@ -2,6 +2,7 @@ use super::calibrated::given;
 use super::*;
 use crate::geometry::BoxUm;
 use crate::geometry::Camera;
+use crate::measure::Fallback;
 use crate::surface::topology::Topology;
 use std::f64::consts::{PI, TAU};
 
@@ -176,6 +177,26 @@ fn what_few_views_do_not_show_is_in_the_uncertainty_of_the_end_as_in_mid_turn() 
         let measured = model.finish(false).unwrap().model.measurement;
         assert_eq!(measured.spread.unwrap().volume_corners_um3 == 0.0, shown, "{n} views: {:?}", measured.spread);
         assert_eq!(measured.volume_sd_um3, model.estimate(false).map(|e| e.stated_sd_um3));
+    }
+}
+
+/// The numbers themselves do not show that a part of their standard deviation is missing.
+#[test]
+fn numbers_have_no_standard_deviation_where_that_of_the_calibration_is_not_known() {
+    let mut model = started(12);
+    for (mask, omega) in views(12) {
+        model.observe(&mask, &[], omega, Leaves::default()).unwrap();
+    }
+    for (at, variance) in [((0, 0), 0.0), ((2, 2), f64::NAN), ((3, 3), f64::INFINITY), ((0, 1), f64::NAN)] {
+        // A bead is not searched for fins, after which it would be calibrated again.
+        let mut calibrated = model.calibrate();
+        calibrated.found.as_mut().unwrap().calibration.covariance[at] = variance;
+        assert!(model.estimated(&model.finned(calibrated.clone(), true)).is_none(), "{at:?} = {variance}");
+        let TurnModel { model: Model { measurement: m, .. }, fallback, .. } = model.measure(calibrated, true).unwrap();
+        assert!(matches!(fallback, Some(Fallback::NoCalibrationSd(_))), "{at:?} = {variance}: {fallback:?}");
+        assert_eq!((m.volume_sd_um3, m.area_sd_um2, m.spread, m.estimator), (None, None, None, Estimator::Voxel));
+        assert_eq!(m.volume_um3, m.estimators.voxel.volume_um3);
+        assert!(m.fallback.unwrap().ends_with("finite numbers above 0 are needed"));
     }
 }
 

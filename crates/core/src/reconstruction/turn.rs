@@ -8,8 +8,8 @@ use crate::calibration::{Calibration, GivenView, Pose, PoseOffset, Psi, TurnView
 use crate::carver::{Leaves, Observed};
 use crate::fins::Fin;
 use crate::geometry::{Camera, Projection, VoxelGrid};
-use crate::measure::support::{Sections, SupportEstimate, calibration_sd};
-use crate::measure::{Estimator, Measurement, NOT_CONVEX, SphereFit, Spread};
+use crate::measure::support::{Sections, SensitivityError, SupportEstimate, calibration_sd};
+use crate::measure::{Estimator, Fallback, Measurement, SphereFit, Spread};
 use crate::profile::{Columns, FinBorders, Mask, Polygon};
 use crate::surface::{self, Coarse, Mesh};
 use std::borrow::Cow;
@@ -40,6 +40,8 @@ impl ObservedView {
 pub struct TurnModel {
     /// The surfaces and their numbers.
     pub model: Model,
+    /// Why the voxels are trusted. `None` where the support functions are.
+    pub fallback: Option<Fallback>,
     /// The hull that is measured: carved again with the calibration.
     pub hull: HullModel,
     /// The turn's own pose of camera and views, or the reason why there is none.
@@ -295,7 +297,7 @@ impl Reconstruction {
             ),
         };
         let mut closure = None;
-        match Sections::with_fins(&pose, &views, sd_um, open, &fins) {
+        let fallback = match Sections::with_fins(&pose, &views, sd_um, open, &fins) {
             Ok(sections) => {
                 closure = self.closure.as_ref().and_then(|closure| {
                     let at = used.iter().position(|(i, _)| *i == closure.first)?;
@@ -303,12 +305,13 @@ impl Reconstruction {
                     let first = TurnView { columns: &self.observed[closure.first].columns, ..views[at] };
                     closed(&pose, &sections, &first, &closure.columns)
                 });
-                let calibration = found.as_ref().ok().and_then(|judged| calibration_sd(&judged.calibration, &given).ok());
+                let calibration = found.as_ref().ok().map(|judged| calibration_sd(&judged.calibration, &given)).transpose();
                 let fitted = sphere.then(|| sections.sphere()).flatten();
-                self.trust(&mut model.measurement, &sections, calibration, fitted);
+                self.trust(&mut model.measurement, &sections, calibration, fitted)
             }
-            Err(why) => model.measurement.fallback = Some(why.to_string()),
-        }
+            Err(why) => Some(why.into()),
+        };
+        model.measurement.fallback = fallback.as_ref().map(Fallback::to_string);
         let mut again = vec![None; observed.len()];
         if let Ok(Judged { calibration: c, .. }) = &found {
             for (&(i, _), areas) in used.iter().zip(again_of(c, &given)) {
@@ -323,6 +326,7 @@ impl Reconstruction {
         });
         Ok(TurnModel {
             model,
+            fallback,
             hull,
             calibration,
             projections,
@@ -347,27 +351,30 @@ impl Reconstruction {
         Ok(hull)
     }
 
-    /// Adds the numbers of the support functions to those of the voxels and selects the ones to be trusted.
-    fn trust(&self, m: &mut Measurement, sections: &Sections, calibration: Option<[f64; 2]>, sphere: Option<SphereFit>) {
+    /// Adds the numbers of the support functions to those of the voxels and selects the ones to be trusted. `calibration` is `Ok(None)`
+    /// without a calibration. Returns why the voxels are trusted.
+    fn trust(
+        &self,
+        m: &mut Measurement,
+        sections: &Sections,
+        calibration: Result<Option<[f64; 2]>, SensitivityError>,
+        sphere: Option<SphereFit>,
+    ) -> Option<Fallback> {
         let support = SupportEstimate::of(sections);
         let voxel = m.estimators.voxel.volume_um3;
+        let is_calibrated = !matches!(calibration, Ok(None));
         // Where a view shows a slice hollow, filling it makes the volume too large, and so does the tolerance of the voxels: the
         // smaller one is nearer. The free tips of pectoral fins are hollow slices that add little.
-        m.fallback = if support.is_hollow() && voxel < support.volume_um3 {
-            let percent = 100.0 * support.hollow_share;
-            Some(format!("{percent:.0} % of the volume lies in slices that a view shows to be hollow, or two bodies: {NOT_CONVEX}"))
+        let fallback = if support.is_hollow() && voxel < support.volume_um3 {
+            Some(Fallback::Hollow { percent: 100.0 * support.hollow_share })
         } else if support.is_all_error() {
-            let percent = 100.0 * support.volume_bias_um3 / support.volume_um3;
-            Some(format!(
-                "the views agree too badly for slices' outlines: their errors alone make {percent:.0} % of the volume. The turn has a gap, or the camera is off"
-            ))
-        } else if calibration.is_some() && voxel < HULL_LEAST * support.volume_um3 {
-            let percent = 100.0 * (1.0 - voxel / support.volume_um3);
-            Some(format!("the hull is {percent:.0} % smaller than its slices filled to their convex outlines: {NOT_CONVEX}"))
+            Some(Fallback::AllError { percent: 100.0 * support.volume_bias_um3 / support.volume_um3 })
+        } else if is_calibrated && voxel < HULL_LEAST * support.volume_um3 {
+            Some(Fallback::SmallHull { percent: 100.0 * (1.0 - voxel / support.volume_um3) })
         } else {
-            None
+            calibration.as_ref().err().cloned().map(Fallback::from)
         };
-        m.estimator = if m.fallback.is_some() { Estimator::Voxel } else { Estimator::Support };
+        m.estimator = if fallback.is_some() { Estimator::Voxel } else { Estimator::Support };
         if m.estimator == Estimator::Support {
             (m.volume_um3, m.area_um2) = (support.volume_um3, support.area_um2);
             if let Some(sphere) = sphere {
@@ -375,10 +382,12 @@ impl Reconstruction {
                 m.aspect_ratio = Some(support.length_um / (2.0 * (support.mean_radius_um)));
             }
         }
-        let spread = self.spread(sections, &support, [m.volume_um3, m.area_um2], calibration.unwrap_or_default());
-        (m.volume_sd_um3, m.area_sd_um2) = (Some(spread.volume_um3()), Some(spread.area_um2()));
-        m.spread = Some(spread);
+        // Without a calibration there is no such part. The flag `uncalibrated` says so.
+        let parts = calibration.ok().map(Option::unwrap_or_default);
+        m.spread = parts.map(|part| self.spread(sections, &support, [m.volume_um3, m.area_um2], part));
+        (m.volume_sd_um3, m.area_sd_um2) = m.spread.map(|spread| (spread.volume_um3(), spread.area_um2())).unzip();
         m.estimators.support = Some(support);
+        fallback
     }
 
     /// Standard deviations of volume and area: views, calibration, corners and fins, which differ between turns, and the rig's scale

@@ -6,7 +6,7 @@ use carved_core::calibration::{Bad, Calibration, Moved, VIEWS_LEAST, VrvCheck, V
 use carved_core::carver::Leaves;
 use carved_core::fins::Fin;
 use carved_core::geometry::{Camera, Projection, VoxelGrid};
-use carved_core::measure::Measurement;
+use carved_core::measure::{Fallback, Measurement};
 use carved_core::quality::{QualitySettings, tell_little};
 use carved_core::reconstruction::{HullModel, Model, NotCalibrated, Reconstruction, ReconstructionSettings, TurnModel};
 use carved_core::statistics::mean;
@@ -149,7 +149,7 @@ pub(super) fn turn(
     step(Step::Carved)?;
     let calibrated = reconstruction.calibrate();
     step(Step::Calibrated)?;
-    let TurnModel { model, hull, calibration, projections, fins, .. } = reconstruction.measure(calibrated, sphere)?;
+    let TurnModel { model, fallback, hull, calibration, projections, fins, .. } = reconstruction.measure(calibrated, sphere)?;
     let vrv = calibration.as_ref().ok().map(|judged| judged.vrv);
     let calibration = calibration.map(|judged| judged.calibration);
     let shown: Vec<&View> = seen.iter().map(|&i| &views[i]).collect();
@@ -174,6 +174,7 @@ pub(super) fn turn(
     };
     let counted: Vec<&View> = shown.iter().zip(&seen).filter(|(_, at)| judged[**at].used).map(|(view, _)| *view).collect();
     let mut raised = raised_by(&counted, &model);
+    raised.extend(fallback.as_ref().is_some_and(Fallback::is_nonconvex).then_some(("nonconvex", None)));
     raised.extend(tell_little(&angles, &QualitySettings::default()).then(|| {
         let gap_deg = widest_gap(&angles).to_degrees();
         let why = format!(
@@ -190,7 +191,7 @@ pub(super) fn turn(
     }
     let (flags, doubts): (Vec<_>, Vec<_>) = raised.into_iter().unzip();
     let mut doubts: Vec<String> = doubts.into_iter().flatten().collect();
-    doubts.extend(model.measurement.fallback.as_ref().map(|why| format!("warning: the voxels' numbers are given: {why}")));
+    doubts.extend(fallback.map(|why| format!("warning: the voxels' numbers are given: {why}")));
     doubts.extend(low_overlap(&overlaps));
     Ok(Measured {
         measurement: Some(model.measurement),
@@ -221,7 +222,6 @@ fn raised_by(shown: &[&View], model: &Model) -> Vec<Raised> {
         }
     }
     raised.extend(model.touches_box.then(|| ("outside_box", Some(BOX.into()))));
-    raised.extend(model.measurement.is_nonconvex().then_some(("nonconvex", None)));
     raised
 }
 

@@ -18,4 +18,4 @@ mod smoothing;
 
 pub use estimate::SupportEstimate;
 pub use sections::{Sections, SectionsError};
-pub use sensitivity::calibration_sd;
+pub use sensitivity::{SensitivityError, calibration_sd};

@@ -233,8 +233,9 @@ fn shift_variance(pose: &Pose, views: &[TurnView], series: usize) -> f64 {
 }
 
 /// Volume and area to a per mille, from every eighth slice without smoothing. It serves to see how they change with the pose.
-pub(super) fn rough(pose: &Pose, views: &[TurnView], sd_um: f64) -> Result<[f64; 2], SectionsError> {
-    let (series, from, to) = span(views)?;
+/// `None` where none of these slices encloses anything.
+pub(super) fn rough(pose: &Pose, views: &[TurnView], sd_um: f64) -> Option<[f64; 2]> {
+    let (series, from, to) = span(views).ok()?;
     let corners = Corners::of(series);
     let slices: Vec<Option<[f64; 2]>> = (from..to + 1)
         .into_par_iter()
@@ -250,7 +251,7 @@ pub(super) fn rough(pose: &Pose, views: &[TurnView], sd_um: f64) -> Result<[f64;
     let step_um = pose.slice(to as f64) - pose.slice(from as f64);
     let step_um = step_um * COARSE as f64 / (to - from) as f64;
     let sum = slices.iter().flatten().fold([0.0; 2], |sum, s| [sum[0] + s[0], sum[1] + s[1]]);
-    Ok(sum.map(|s| s * step_um))
+    (sum[0] > 0.0).then(|| sum.map(|s| s * step_um))
 }
 
 /// Harmonics, and the first and last column in which any view shows the specimen.
