@@ -7,28 +7,27 @@
 //! ```
 //! The same frames and angles give the same bytes of numbers.
 
-use crate::calibration::{Calibration, PoseOffset, ViewState};
+mod error;
+mod record;
+
+use crate::calibration::{Calibration, ViewState};
 use crate::carver::Leaves;
-use crate::fins::Fin;
 use crate::frame::RawFrame;
-use crate::geometry::{Camera, GridError, Projection, VoxelGrid};
+use crate::geometry::{Camera, VoxelGrid};
 use crate::measure::facing::Facing;
 use crate::measure::shape::Shape;
 use crate::measure::{Fallback, Measurement};
-use crate::profile::{
-    Detection, EmptyCapillary, FinBorders, Mask, Picture, Polygon, Profile, ProfileError, ProfileQuality, SegmentSettings, Segmenters,
-    Walls,
-};
+use crate::profile::{Detection, EmptyCapillary, FinBorders, Mask, Picture, Polygon, Profile, ProfileError, SegmentSettings, Segmenters};
 use crate::quality::{
-    CalibrationOff, ClosureOff, ClosureSd, Estimate, FlagFacts, OFF_REFERENCES, Quality, QualitySettings, Spoiled, TurnFacts, ViewStrip,
-    add_raised, flags, spoiled, views_needed,
+    CalibrationOff, Estimate, FlagFacts, Quality, QualitySettings, Spoiled, TurnFacts, ViewStrip, flags, spoiled, views_needed,
 };
 use crate::reconstruction::{
-    Calibrated, CalibrationRecord, HullModel, Judged, LiveVolume, Model, NotCalibrated, Reconstruction, ReconstructionError,
-    ReconstructionSettings, TurnModel,
+    Calibrated, CalibrationRecord, HullModel, Judged, LiveVolume, Model, NotCalibrated, Reconstruction, ReconstructionSettings, TurnModel,
 };
 use crate::surface::Mesh;
-use serde::{Deserialize, Serialize};
+pub use error::PipelineError;
+use record::compare_areas;
+pub use record::{ClosureRecord, SpecimenRecord, ViewRecord, WallRecord};
 use std::sync::Arc;
 
 /// Everything the numbers depend on beside the frames and their angles.
@@ -50,195 +49,6 @@ pub struct PipelineSettings {
     pub quality: QualitySettings,
     /// Whether the specimen is a bead, to which a sphere is fitted.
     pub sphere: bool,
-}
-
-/// The result of one view.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-pub struct ViewRecord {
-    /// Number of the view in the plan; 0 is the view at 0 deg.
-    pub index: u32,
-    /// Angle of the capillary from the ledger's achieved steps, rad.
-    pub omega: f64,
-    /// Whether the view counts in the model.
-    pub used: bool,
-    /// Why it does not count. `None` for a view that counts.
-    pub reason: Option<String>,
-    /// Pixels inside the profile. `None` without a profile.
-    pub area_px: Option<usize>,
-    /// That area over the median of the neighbouring views' (two to either side around the turn). A profile changes little from
-    /// view to view, unless one of them is wrong.
-    #[serde(default)]
-    pub area_ratio: Option<f64>,
-    /// Figures of the profile. `None` without a profile.
-    pub quality: Option<ProfileQuality>,
-    /// What was detected in the frame. `None` where it could not be segmented.
-    #[serde(default)]
-    pub detection: Option<Detection>,
-    /// The walls of the capillary relative to the rig's calibration. `None` where the frame could not be segmented.
-    #[serde(default)]
-    pub walls: Option<WallRecord>,
-    /// Shift of the profile down the image against the turn's camera, px. `None` for a view that does not count, or without
-    /// calibration.
-    #[serde(default)]
-    pub dy_px: Option<f64>,
-    /// Root of the mean square distance between its edges and those that all other views make expected, px. `None` without
-    /// calibration.
-    #[serde(default)]
-    pub residual_px: Option<f64>,
-    /// Area of the hull that no view misses (VRV) projected into this view, um^2 at the axis. `None` without calibration.
-    #[serde(default)]
-    pub vrv_area_um2: Option<f64>,
-    /// That area over the profile's, %. `None` without calibration.
-    #[serde(default)]
-    pub overlap_percent: Option<f64>,
-    /// Where the view sees the fins of [`SpecimenRecord::fins`], point by point: `[u, v]`, px to a tenth. Empty for a view that does not
-    /// count.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub fins_px: Vec<Vec<[f64; 2]>>,
-}
-
-/// The walls in one frame as a ruler for the rig, in the column of the principal point. The walls are the same glass in every
-/// frame: what changes is the rig.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct WallRecord {
-    /// Distance of the inner wall lines, um by the calibrated scale across.
-    pub bore_um: f64,
-    /// Middle of the bore below the calibrated axis, px.
-    pub shift_px: f64,
-    /// Tilt of the bore less the calibrated one, deg. Positive when the right end is lower.
-    pub tilt_deg: f64,
-}
-
-impl WallRecord {
-    fn of(walls: &Walls, camera: &Camera) -> Self {
-        Self {
-            bore_um: walls.bore_px(camera.ux) / camera.ky,
-            shift_px: walls.middle_v(camera.ux) - camera.uy,
-            tilt_deg: walls.tilt_deg() - camera.gamma.to_degrees(),
-        }
-    }
-}
-
-/// The view at 0 deg compared with the view at 360 deg. Lost steps and a specimen that moved show only here.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct ClosureRecord {
-    /// Intersection over union of the two profiles.
-    pub iou: f64,
-    /// Shift of the profile's centroid, px: along the capillary and across it.
-    pub shift_px: [f64; 2],
-    /// The specimen's pose at 360 deg less that at 0 deg, by the model of the turn. `None` where the model does not give it.
-    #[serde(default, rename = "lie")]
-    pub pose_offset: Option<PoseOffset>,
-}
-
-impl ClosureRecord {
-    /// The numbers for the checks: those of the model, or else the shift of the centroid.
-    fn off(&self) -> ClosureOff {
-        ClosureOff {
-            overlap: self.iou,
-            along_px: self.pose_offset.map_or(self.shift_px[0], |l| l.along_px),
-            across_px: self.pose_offset.map_or(self.shift_px[1], |l| l.across_px),
-            turn_deg: self.pose_offset.map(|l| l.turn_rad.to_degrees()),
-            sd: self.pose_offset.and_then(|l| l.sd).map(|sd| ClosureSd {
-                along_px: sd.along_px,
-                across_px: sd.across_px,
-                turn_deg: sd.turn_rad.to_degrees(),
-            }),
-        }
-    }
-}
-
-/// The numbers of a specimen, with what they rest on.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct SpecimenRecord {
-    /// Volume, area and size.
-    pub measurement: Measurement,
-    /// Shape of the mesh that is kept.
-    #[serde(default)]
-    pub shape: Option<Shape>,
-    /// Which views show a larva's back, belly and sides. `None` for a bead, and where the shape does not determine a back.
-    #[serde(default)]
-    pub facing: Option<Facing>,
-    /// The free edges of the fins that the views agree on.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub fins: Vec<Fin>,
-    /// The views, by number.
-    pub views: Vec<ViewRecord>,
-    /// The closure view. `None` where it or the view at 0 deg has no profile.
-    pub closure: Option<ClosureRecord>,
-    /// Calibration of the turn. `None` where it is measured with the rig's camera.
-    #[serde(default)]
-    pub calibration: Option<CalibrationRecord>,
-    /// Why it is measured with the rig's camera although calibration is on.
-    #[serde(default)]
-    pub uncalibrated: Option<String>,
-    /// Every number that is compared with a limit of the method.
-    #[serde(default)]
-    pub quality: Option<Quality>,
-    /// Flags: `bad_view` (a view does not count), `clipped_left`, `clipped_right`, `outside_box`, `moved`, `closure_undecided` (the
-    /// closure is over a limit, but by less than two standard deviations), `no_closure` (the
-    /// view at 360 deg has no profile, so that a specimen that moved would show only in the residuals), `dead_looking` (opaque
-    /// throughout in most views), `blur_mismatch` (the frames are not as sharp as configured), `few_views`, `nonconvex` (the
-    /// voxels are trusted), `fins_unseen` (a long specimen with fins shorter than half its length: see [`Spread::volume_fins_unseen_um3`](crate::measure::Spread)), `uncalibrated` (measured with the rig's camera), `calibration_gate` (another axis leaves a larger
-    /// hull: the views do not quite agree), `wrong_steps` (the capillary did not turn as far as the ledger says), and those of
-    /// [`Quality`]: `unusable_views`, `residual`, `overlap`, `uncertain`, `calibration_off`, `volume_off_references`,
-    /// `area_off_references`.
-    pub flags: Vec<String>,
-}
-
-/// Why a specimen cannot be measured.
-#[derive(Debug, thiserror::Error)]
-pub enum PipelineError {
-    /// The box or the voxel size.
-    #[error(transparent)]
-    Grid(#[from] GridError),
-    /// The reconstruction.
-    #[error(transparent)]
-    Reconstruction(#[from] ReconstructionError),
-    /// A frame is not of the camera's size.
-    #[error("the frame is {found_width} x {found_height} px, the rig's camera {width} x {height} px")]
-    FrameSize {
-        /// Width of the camera's sensor, px.
-        width: u32,
-        /// Height of the sensor, px.
-        height: u32,
-        /// Width of the frame, px.
-        found_width: u32,
-        /// Height of the frame, px.
-        found_height: u32,
-    },
-    /// The picture of the empty capillary cannot be used.
-    #[error("the picture of the empty capillary cannot be used: {0}")]
-    EmptyCapillary(ProfileError),
-    /// Too few views have a profile.
-    #[error("{used} of {planned} views gave a profile; {needed} are needed. First reason: {reason}")]
-    TooFewViews {
-        /// Views with a profile.
-        used: usize,
-        /// Views planned.
-        planned: u32,
-        /// Views needed.
-        needed: usize,
-        /// Why the first of the others has none.
-        reason: String,
-    },
-}
-
-impl PipelineError {
-    /// Whether camera, method or grid refuse every specimen, so that this specimen is not the cause.
-    pub fn is_of_setup(&self) -> bool {
-        match self {
-            Self::Grid(_) | Self::FrameSize { .. } | Self::EmptyCapillary(_) => true,
-            Self::Reconstruction(e) => matches!(
-                e,
-                ReconstructionError::Camera(_)
-                    | ReconstructionError::MaskSize { .. }
-                    | ReconstructionError::CameraInBox { .. }
-                    | ReconstructionError::Setting(_)
-            ),
-            Self::TooFewViews { .. } => false,
-        }
-    }
 }
 
 /// The profile of the closure view.
@@ -613,67 +423,5 @@ impl Pipeline {
                 record.overlap_percent = again.map(|[hull_um2, profile_um2]| 100.0 * hull_um2 / profile_um2);
             }
         }
-    }
-}
-
-impl SpecimenRecord {
-    /// Number of each view that counts in the model, and its projection with the calibration of the turn, if there is one. `given` is the
-    /// camera of the rig, with which a turn without calibration is measured.
-    pub fn projections(&self, given: &Camera) -> Vec<(u32, Projection)> {
-        let used = || self.views.iter().filter(|view| view.used);
-        // The angles are corrected around the view that is nearest to 0.
-        let first = used().map(|view| view.omega).min_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or(0.0);
-        let projection = |view: &ViewRecord| match &self.calibration {
-            None => given.projection(view.omega),
-            Some(found) => {
-                let camera = Camera { uy: found.psi.uy + view.dy_px.unwrap_or(0.0), ..found.psi.clone() };
-                camera.projection(first + found.rho * (view.omega - first))
-            }
-        };
-        used().map(|view| (view.index, projection(view))).collect()
-    }
-}
-
-impl ViewRecord {
-    /// Its entry in the residual strip.
-    fn strip(&self) -> ViewStrip {
-        ViewStrip {
-            view: self.index,
-            used: self.used,
-            reason: self.reason.clone(),
-            residual_px: self.residual_px,
-            overlap_percent: self.overlap_percent,
-        }
-    }
-}
-
-impl SpecimenRecord {
-    /// Adds the comparison with reference larvae of the same age: volume and area in standard deviations from their mean, and
-    /// the number that is allowed.
-    pub fn compare_with_references(&mut self, [volume_z, area_z]: [Option<f64>; 2], limit: f64) {
-        let quality = self.quality.take().unwrap_or_default().among_references(volume_z, area_z, limit);
-        self.flags.retain(|f| !OFF_REFERENCES.contains(&f.as_str()));
-        add_raised(&mut self.flags, &quality);
-        self.quality = Some(quality);
-    }
-}
-
-/// Compares the area of each profile with those of its neighbours around the turn. Views without a profile are left out.
-fn compare_areas(views: &mut [ViewRecord]) {
-    const TO_EITHER_SIDE: usize = 2;
-    let areas: Vec<(usize, f64)> = views.iter().enumerate().filter_map(|(at, v)| Some((at, v.area_px? as f64))).collect();
-    let n = areas.len();
-    // Fewer views would be their own neighbours on the other side.
-    if n <= 2 * TO_EITHER_SIDE {
-        return;
-    }
-    for (k, (at, area)) in areas.iter().enumerate() {
-        let mut near: [f64; 2 * TO_EITHER_SIDE] = std::array::from_fn(|i| {
-            let away = if i < TO_EITHER_SIDE { n - 1 - i } else { i - TO_EITHER_SIDE + 1 };
-            areas[(k + away) % n].1
-        });
-        near.sort_by(f64::total_cmp);
-        let median = f64::midpoint(near[TO_EITHER_SIDE - 1], near[TO_EITHER_SIDE]);
-        views[*at].area_ratio = Some(area / median);
     }
 }
