@@ -3,7 +3,7 @@
 use carved_core::quality::gate::{BeadGate, BeadMeasured, GateSettings};
 use carved_records::Mode;
 use carved_store::Software;
-use carved_store::gates::{self, Found, GateFile};
+use carved_store::gates::{self, GateFile, MeasuredGate};
 use std::path::Path;
 
 /// Keeps gates of 1 to 7 January 2026 in a folder of calibrations. The beads of the last day are 20 um larger.
@@ -26,7 +26,7 @@ pub fn keep(folder: &Path) {
         let gate = BeadGate::of(&beads, &history, &settings).unwrap();
         history.push(gate.numbers.clone());
         let measured: jiff::Timestamp = format!("2026-01-{day:02}T08:00:00Z").parse().unwrap();
-        let found = Found {
+        let found = MeasuredGate {
             rig: "rig".into(),
             mode: Mode::Simulated,
             measured,

@@ -25,12 +25,12 @@ pub struct GateFile {
     /// When the gate was computed, RFC 3339.
     pub date: jiff::Timestamp,
     #[serde(flatten)]
-    pub found: Found,
+    pub found: MeasuredGate,
 }
 
 /// The result of the beads.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Found {
+pub struct MeasuredGate {
     pub rig: String,
     pub mode: Mode,
     /// When the recording of the last bead began. Its day is in the file name.
@@ -92,7 +92,7 @@ pub fn made(recordings: &[PathBuf], folder: &Path, begins_history: bool) -> Resu
     let turns: Vec<BeadMeasured> = beads.iter().filter_map(|b| b.turn.clone()).collect();
     let Some(gate) = BeadGate::of(&turns, &earlier, &settings) else { return Ok(None) };
     let paths = |has_sphere: bool| beads.iter().filter(|b| b.turn.is_some() == has_sphere).map(|b| b.path.clone()).collect();
-    let found = Found {
+    let found = MeasuredGate {
         measured: last.measured,
         recordings: paths(true),
         passed_over: paths(false),

@@ -45,7 +45,7 @@ pub use archive::{Packing, Pruned, Receipt, archive, archive_to_objects, cut_sho
 pub use attempts::set_aside;
 pub use budget::{Budget, bytes_per_specimen, size};
 pub use error::StoreError;
-pub use index::{Cursor, EventsAfter, Found, RunRow, RunsQuery, Unreadable, follow_run};
+pub use index::{Cursor, EventsAfter, RunRow, RunScan, RunsQuery, Unreadable, follow_run};
 pub use instrument::instrument_uuid;
 use journal::Repaired;
 pub use journal::{Journal, now};
@@ -122,7 +122,7 @@ pub struct Store {
 }
 
 /// Rebuilds the index of a data folder from its run folders. No daemon may use the folder.
-pub fn rebuild_index(root: &Path) -> Result<Found, StoreError> {
+pub fn rebuild_index(root: &Path) -> Result<RunScan, StoreError> {
     let _claim = Claim::on(root)?;
     index::rebuild(root).map(|(_, found)| found)
 }

@@ -41,12 +41,12 @@ pub struct BeadsFile {
     /// When this was computed, RFC 3339.
     pub date: String,
     #[serde(flatten)]
-    pub found: Found,
+    pub found: MeasuredBeads,
 }
 
 /// What the beads show. The id of the file is the hash of this.
 #[derive(Debug, Serialize, Deserialize)]
-pub struct Found {
+pub struct MeasuredBeads {
     pub rig: String,
     pub mode: Mode,
     /// When the last bead was recorded, RFC 3339. Its day is in the file's name.
@@ -88,7 +88,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn find(args: &Args) -> anyhow::Result<Found> {
+fn find(args: &Args) -> anyhow::Result<MeasuredBeads> {
     let set = measured::read(&args.recordings, true)?;
     let beads = &set.recordings;
     let diameters = each(beads, "diameter_um", |m| m.file.record.measurement.diameter_um)?;
@@ -99,7 +99,7 @@ fn find(args: &Args) -> anyhow::Result<Found> {
     let squares = of_turns(|c| c.uy_sd_px * c.uy_sd_px);
     let measured = set.measured()?;
     let score = BeadScore::of(&diameters, args.nominal_um).map(serde_json::to_value).transpose()?;
-    Ok(Found {
+    Ok(MeasuredBeads {
         rig: set.rig,
         mode: set.mode,
         measured,

@@ -42,13 +42,13 @@ struct MarkedFile {
     /// When this was computed, RFC 3339.
     date: String,
     #[serde(flatten)]
-    found: Found,
+    found: MarkedTurn,
 }
 
 /// What the mark shows. The id of the file is the hash of this.
 #[derive(Serialize)]
 #[allow(clippy::struct_excessive_bools, reason = "each is an answer of its own")]
-struct Found {
+struct MarkedTurn {
     rig: String,
     mode: Mode,
     /// When the turn was recorded, RFC 3339.
@@ -116,7 +116,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn find(args: &Args) -> anyhow::Result<Found> {
+fn find(args: &Args) -> anyhow::Result<MarkedTurn> {
     let reader = RecordingReader::open(&args.recording)?;
     let recording = reader.recording();
     let camera = &recording.rig.camera;
@@ -152,7 +152,7 @@ fn find(args: &Args) -> anyhow::Result<Found> {
     let sense_configured = i8::from(recording.rig.sense);
     let sense = if verdict.sense_agrees { sense_configured } else { -sense_configured };
     let (words, toml) = advice(recording, &verdict, sense);
-    Ok(Found {
+    Ok(MarkedTurn {
         rig: recording.rig.name.clone(),
         mode: recording.mode,
         measured,

@@ -67,12 +67,12 @@ struct Report {
     /// When the newest recording was made; for a micrometer, when this was computed.
     measured: jiff::Timestamp,
     #[serde(flatten)]
-    found: Found,
+    found: MeasuredScale,
 }
 
 /// What was measured. The id is the hash of this.
 #[derive(Serialize)]
-struct Found {
+struct MeasuredScale {
     rig: String,
     mode: Mode,
     ruler: &'static str,
@@ -105,7 +105,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn micrometer(args: &Args) -> anyhow::Result<Found> {
+fn micrometer(args: &Args) -> anyhow::Result<MeasuredScale> {
     let reading_px = args.reading_px.context("--reading-px is missing: the error of one distance read in the picture")?;
     let of = |option: &str, numbers: &[f64]| -> anyhow::Result<Scale> {
         let (pairs, odd) = numbers.as_chunks::<2>();
@@ -125,10 +125,16 @@ fn micrometer(args: &Args) -> anyhow::Result<Found> {
     let across = (!args.micrometer_across.is_empty()).then(|| of("--micrometer-across", &args.micrometer_across)).transpose()?;
     let rig = args.rig.clone().context("--rig is missing")?;
     // A micrometer cannot be under an emulated camera.
-    Ok(Found::new((rig, Mode::Hardware), "micrometer", [args.micrometer.len() / 2, args.micrometer_across.len() / 2], Some(along), across))
+    Ok(MeasuredScale::new(
+        (rig, Mode::Hardware),
+        "micrometer",
+        [args.micrometer.len() / 2, args.micrometer_across.len() / 2],
+        Some(along),
+        across,
+    ))
 }
 
-fn bead(args: &Args, known_um: f64) -> anyhow::Result<(Found, jiff::Timestamp)> {
+fn bead(args: &Args, known_um: f64) -> anyhow::Result<(MeasuredScale, jiff::Timestamp)> {
     let known_sd_um = args.bead_sd.context("--bead-sd is missing: the certificate's standard deviation")?;
     let set = measured::read(&args.recordings, true)?;
     let diameters = each(&set.recordings, "diameter_um", |m| m.file.record.measurement.diameter_um)?;
@@ -142,7 +148,7 @@ fn bead(args: &Args, known_um: f64) -> anyhow::Result<(Found, jiff::Timestamp)> 
     let of = |k, measured: &[f64]| rig::from_known(k, measured, known_um, known_sd_um, args.bead_spread).map_err(|e| hint(e, args));
     let (along, across) = (of(set.camera.kx, &lengths)?, of(set.camera.ky, &widths)?);
     let measured = set.measured()?;
-    Ok((Found::new((set.rig, set.mode), "bead", [lengths.len(), widths.len()], Some(along), Some(across)), measured))
+    Ok((MeasuredScale::new((set.rig, set.mode), "bead", [lengths.len(), widths.len()], Some(along), Some(across)), measured))
 }
 
 fn hint(error: RigError, args: &Args) -> anyhow::Error {
@@ -151,7 +157,7 @@ fn hint(error: RigError, args: &Args) -> anyhow::Error {
     if few { error.context("one bead tells nothing of its scatter: measure it again, or give --bead-spread") } else { error }
 }
 
-fn bore(args: &Args, known_um: f64) -> anyhow::Result<(Found, jiff::Timestamp)> {
+fn bore(args: &Args, known_um: f64) -> anyhow::Result<(MeasuredScale, jiff::Timestamp)> {
     let set = measured::read(&args.recordings, false)?;
     let of_recording = |m: &measured::Measured| {
         let bores: Vec<f64> = m.file.record.views.iter().filter_map(|v| v.walls.map(|w| w.bore_um)).collect();
@@ -163,10 +169,10 @@ fn bore(args: &Args, known_um: f64) -> anyhow::Result<(Found, jiff::Timestamp)> 
     let bores = set.recordings.iter().map(of_recording).collect::<anyhow::Result<Vec<_>>>()?;
     let across = rig::from_known(set.camera.ky, &bores, known_um, args.bore_sd, 0.0).map_err(|e| hint(e, args))?;
     let measured = set.measured()?;
-    Ok((Found::new((set.rig, set.mode), "bore", [0, bores.len()], None, Some(across)), measured))
+    Ok((MeasuredScale::new((set.rig, set.mode), "bore", [0, bores.len()], None, Some(across)), measured))
 }
 
-impl Found {
+impl MeasuredScale {
     fn new((rig, mode): (String, Mode), ruler: &'static str, n: [usize; 2], along: Option<Scale>, across: Option<Scale>) -> Self {
         let percent = |s: Option<Scale>| s.map(|s| 100.0 * s.sd / s.k);
         let scale_sd_percent = [percent(along), percent(across)].into_iter().flatten().fold(0.0, f64::max);

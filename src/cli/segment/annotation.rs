@@ -25,12 +25,12 @@ const BODY: &str = ".body.png";
 /// The annotations of all pictures of a call.
 #[derive(Debug, Default)]
 pub(super) struct Annotations {
-    by_stem: HashMap<OsString, Found>,
+    by_stem: HashMap<OsString, AnnotationFiles>,
 }
 
 /// Files that belong to pictures of one name.
 #[derive(Debug, Default)]
-struct Found {
+struct AnnotationFiles {
     outlines: [Option<PathBuf>; SUFFIXES.len()],
     body: Option<PathBuf>,
 }

@@ -186,13 +186,13 @@ struct File<'a> {
     enabled: u8,
     image_dimensions: [usize; 3],
     #[serde(flatten)]
-    features: BTreeMap<&'static str, Found>,
+    features: BTreeMap<&'static str, FeatureShape>,
     carved: Origin<'a>,
 }
 
 /// What was found of a feature.
 #[derive(Serialize)]
-struct Found {
+struct FeatureShape {
     mode: &'static str,
     /// The editor of a feature opens only if its parameters are in the file. These are FishInspector's own defaults.
     parameter: Value,
@@ -237,14 +237,14 @@ pub(super) fn write(profile: &Profile, feature: Feature, channels: usize, pictur
     Ok(text)
 }
 
-fn capillary(walls: &Walls, [width, height]: [usize; 2]) -> Found {
+fn capillary(walls: &Walls, [width, height]: [usize; 2]) -> FeatureShape {
     let row = |line: &Line, u: usize| (((line.at(u as f64) + 1.0) * 10.0).round() / 10.0).clamp(1.0, height as f64);
     let line = |name: &'static str, line: &Line| Shape {
         name,
         x: (1..=width).map(|x| x as f64).collect(),
         y: (0..width).map(|u| row(line, u)).collect(),
     };
-    Found {
+    FeatureShape {
         // FishInspector has no manual mode for the capillary.
         mode: "auto",
         parameter: json!({ "threshMultiplier": 0.95, "vertCutoff": 0.075, "horizCutoff": 0.25, "steps": 0.0125 }),
@@ -257,7 +257,7 @@ fn capillary(walls: &Walls, [width, height]: [usize; 2]) -> Found {
     }
 }
 
-fn contour(polygon: &Polygon, feature: Feature) -> Found {
+fn contour(polygon: &Polygon, feature: Feature) -> FeatureShape {
     let along = |axis: usize| polygon.vertices.iter().map(|vertex| ((vertex[axis] + 1.0) * 1e4).round() / 1e4).collect();
     let shape = |name: &'static str| Shape { name, x: along(0), y: along(1) };
     let (parameter, shape) = match feature {
@@ -272,7 +272,7 @@ fn contour(polygon: &Polygon, feature: Feature) -> Found {
         }
     };
     // FishInspector computes an outline of the mode "auto" anew when features are updated.
-    Found { mode: "manual", parameter, shape }
+    FeatureShape { mode: "manual", parameter, shape }
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@ use hardware_sim::analytic::Disturbance;
 
 /// The result for one drift.
 #[derive(Debug, Clone, Copy)]
-struct Found {
+struct DriftResult {
     uy_px: f64,
     gamma_deg: f64,
     /// Error in per cent.
@@ -27,7 +27,7 @@ pub fn run(work: &Work) -> anyhow::Result<Section> {
     let rows: Vec<Vec<String>> = [("ASD 21", &at_21, 1.0), ("ASD 84", &at_84, 1.0), ("ASD 21, slip 2 %", &slipped, 1.02)]
         .iter()
         .map(|(name, found, rho)| {
-            let of = |number: &dyn Fn(&Found) -> f64| Summary::of(&found.iter().map(number).collect::<Vec<_>>());
+            let of = |number: &dyn Fn(&DriftResult) -> f64| Summary::of(&found.iter().map(number).collect::<Vec<_>>());
             vec![
                 (*name).into(),
                 format!("{} of {n}", found.len()),
@@ -44,8 +44,9 @@ pub fn run(work: &Work) -> anyhow::Result<Section> {
          shifts 0.4 px, edges 0.3 px, SD). The mean of the true shifts is added to the true uy. Error, mean ± SD, worst.\n\n{}",
         table(&["", "solved", "uy, px", "gamma, deg", "scale of angles, %", "volume, %", "most passes"], &rows)
     );
-    let worst = |found: &[Found], number: &dyn Fn(&Found) -> f64| Summary::of(&found.iter().map(number).collect::<Vec<_>>()).worst;
-    let mut goal = |what: &str, found: &[Found], number: &dyn Fn(&Found) -> f64, most: f64, unit: &str| {
+    let worst =
+        |found: &[DriftResult], number: &dyn Fn(&DriftResult) -> f64| Summary::of(&found.iter().map(number).collect::<Vec<_>>()).worst;
+    let mut goal = |what: &str, found: &[DriftResult], number: &dyn Fn(&DriftResult) -> f64, most: f64, unit: &str| {
         let value = worst(found, number);
         section.goals.push(Goal::new(
             format!("4: {what} ({n} seeds)"),
@@ -67,14 +68,14 @@ pub fn run(work: &Work) -> anyhow::Result<Section> {
     Ok(section)
 }
 
-fn many(work: &Work, what: &'static str, asd: usize, rho: f64) -> anyhow::Result<Vec<Found>> {
+fn many(work: &Work, what: &'static str, asd: usize, rho: f64) -> anyhow::Result<Vec<DriftResult>> {
     let each = work.each(what, work.effort.calibrated, |i| {
         let seed = work.seed + 20_000 + i;
         let turn = Turn::of_larva(seed, asd, &Disturbance { rho, ..Disturbance::drift(seed) })?;
         let stops = turn.all();
         Ok(turn.calibrated(&stops).ok().and_then(|c| {
             let volume = off(support(&turn, &stops, &c)?.estimate.volume_um3, turn.truth.size.volume_um3);
-            Some(Found {
+            Some(DriftResult {
                 uy_px: turn.uy_error_px(&stops, &c.camera),
                 gamma_deg: turn.gamma_error_deg(&c.camera),
                 volume,

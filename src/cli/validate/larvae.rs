@@ -15,7 +15,7 @@ const STAGES: [u8; 3] = [3, 4, 5];
 
 /// Numbers of one larva at one ASD.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Found {
+struct LarvaNumbers {
     /// Volume and area.
     voxel: [f64; 2],
     support: [f64; 2],
@@ -26,7 +26,7 @@ struct Larva {
     /// Volume and area of the ideal hull.
     truth: [f64; 2],
     /// One entry per ASD; `None` if it was not measured.
-    found: Vec<Option<Found>>,
+    found: Vec<Option<LarvaNumbers>>,
 }
 
 pub fn run(work: &Work) -> anyhow::Result<Section> {
@@ -71,19 +71,19 @@ fn larva(dpf: u8, turn: &Turn, voxel_um: f64) -> anyhow::Result<Larva> {
             let Ok(found) = turn.calibrated(&stops) else { return Ok(None) };
             let v = voxels(grid(voxel_um)?, &calibrated_views(turn, &masks, &stops, &found), false)?;
             Ok(support(turn, &stops, &found)
-                .map(|s| Found { voxel: [v.volume_um3, v.area_um2], support: [s.estimate.volume_um3, s.estimate.area_um2] }))
+                .map(|s| LarvaNumbers { voxel: [v.volume_um3, v.area_um2], support: [s.estimate.volume_um3, s.estimate.area_um2] }))
         })
         .collect::<anyhow::Result<_>>()?;
     Ok(Larva { dpf, truth: [turn.truth.size.hull_volume_um3, turn.truth.size.hull_area_um2], found })
 }
 
 /// Errors at an ASD, per cent. `number` is 0 for the volume and 1 for the area.
-fn offs(larvae: &[Larva], at: usize, number: usize, of: fn(&Found) -> [f64; 2]) -> Vec<f64> {
+fn offs(larvae: &[Larva], at: usize, number: usize, of: fn(&LarvaNumbers) -> [f64; 2]) -> Vec<f64> {
     larvae.iter().filter_map(|l| Some(off(of(l.found[at].as_ref()?)[number], l.truth[number]))).collect()
 }
 
-const VOXEL: fn(&Found) -> [f64; 2] = |f| f.voxel;
-const SUPPORT: fn(&Found) -> [f64; 2] = |f| f.support;
+const VOXEL: fn(&LarvaNumbers) -> [f64; 2] = |f| f.voxel;
+const SUPPORT: fn(&LarvaNumbers) -> [f64; 2] = |f| f.support;
 
 fn told(larvae: &[Larva], rendered: &[Larva], voxel_um: f64) -> anyhow::Result<Section> {
     let paper = Published::read()?;
@@ -116,7 +116,7 @@ fn told(larvae: &[Larva], rendered: &[Larva], voxel_um: f64) -> anyhow::Result<S
     Ok(section)
 }
 
-fn mean_of(larvae: &[Larva], dpf: u8, at: usize, number: usize, of: fn(&Found) -> [f64; 2]) -> Summary {
+fn mean_of(larvae: &[Larva], dpf: u8, at: usize, number: usize, of: fn(&LarvaNumbers) -> [f64; 2]) -> Summary {
     Summary::of(&larvae.iter().filter(|l| l.dpf == dpf).filter_map(|l| l.found[at].as_ref().map(|f| of(f)[number])).collect::<Vec<_>>())
 }
 
@@ -174,7 +174,7 @@ fn through_frames(rendered: &[Larva]) -> String {
         .iter()
         .flat_map(|l| {
             ASDS.iter().zip(&l.found).map(|(asd, found)| {
-                let cell = |number: usize, of: fn(&Found) -> [f64; 2]| {
+                let cell = |number: usize, of: fn(&LarvaNumbers) -> [f64; 2]| {
                     found.as_ref().map_or("not measured".into(), |f| format!("{:+.2}", off(of(f)[number], l.truth[number])))
                 };
                 vec![l.dpf.to_string(), asd.to_string(), cell(0, SUPPORT), cell(1, SUPPORT), cell(0, VOXEL), cell(1, VOXEL)]

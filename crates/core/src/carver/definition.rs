@@ -7,9 +7,9 @@ use crate::geometry::{Projection, VoxelGrid};
 /// image there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Leaves {
-    /// The specimen goes on beyond the left side.
+    /// The specimen extends beyond the left side.
     pub left: bool,
-    /// The specimen goes on beyond the right side.
+    /// The specimen extends beyond the right side.
     pub right: bool,
 }
 
@@ -68,7 +68,7 @@ impl<'a> View<'a> {
     pub fn covers(&self, i: usize, rest: &[f64; 3]) -> bool {
         let [mut u, v, w] = self.image(i, rest);
         let (width, height) = (self.runs.width(), self.runs.height());
-        // A specimen that leaves the image goes on as in the last column.
+        // A specimen that leaves the image continues as in the last column.
         if self.leaves.left && u < 0.0 {
             u = 0.0;
         } else if self.leaves.right && u >= width as f64 {

@@ -218,7 +218,7 @@ impl Carver {
         Ok(Self { hull, planned: planned_views, epsilon, views: Vec::new() })
     }
 
-    /// Counts the misses of one view. `leaves` says on which sides the specimen goes on beyond the image.
+    /// Counts the misses of one view. `leaves` says on which sides the specimen extends beyond the image.
     ///
     /// # Errors
     /// More views than were planned, and a mask too large for its runs. The hull is then unchanged.

@@ -96,9 +96,9 @@ pub struct Detection {
     pub confidence: f64,
     /// The likelihood of every kind.
     pub likelihoods: Likelihoods,
-    /// Likelihood that the specimen goes on beyond the left border of the picture.
+    /// Likelihood that the specimen extends beyond the left border of the picture.
     pub clipped_left: f64,
-    /// Likelihood that it goes on beyond the right border.
+    /// Likelihood that it extends beyond the right border.
     pub clipped_right: f64,
     /// The side of the head.
     pub head: Head,
@@ -123,12 +123,12 @@ impl Detection {
         (self.confidence >= sure).then(|| self.kind.name())
     }
 
-    /// Whether the specimen goes on beyond the left border.
+    /// Whether the specimen extends beyond the left border.
     pub fn is_clipped_left(&self) -> bool {
         self.clipped_left > LIKELY
     }
 
-    /// Whether the specimen goes on beyond the right border.
+    /// Whether the specimen extends beyond the right border.
     pub fn is_clipped_right(&self) -> bool {
         self.clipped_right > LIKELY
     }

@@ -16,7 +16,7 @@ pub struct ProfileQuality {
     pub uncertain_share: f64,
     /// Share of the outline that lies on a wall.
     pub wall_contact_share: f64,
-    /// Share of the outline that lies on the picture's left or right border: the specimen goes on beyond it.
+    /// Share of the outline that lies on the picture's left or right border: the specimen extends beyond it.
     #[serde(default)]
     pub border_share: f64,
     /// Pieces of foreground larger than a speck, whether or not they belong to the specimen.

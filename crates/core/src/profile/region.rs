@@ -252,7 +252,7 @@ mod tests {
         assert_eq!(drawn(&r)[1], "............");
         let mut r = region(&["..........", ".####.....", "#####....."]);
         r.close(1, &mut Scratch::default());
-        assert_eq!(drawn(&r)[1], "#####.....", "what nearly reaches the map's end goes on beyond it");
+        assert_eq!(drawn(&r)[1], "#####.....", "what nearly reaches the map's end extends beyond it");
         let mut r = region(&["..........", "....#.....", ".########.", ".########.", ".########.", "..........", ".........."]);
         r.open(1, &mut Scratch::default());
         assert_eq!(drawn(&r)[1], "..........");

@@ -19,7 +19,7 @@ const BLUR_MISMATCH_PX: f64 = 0.15;
 pub(crate) struct FlagFacts<'a> {
     /// Whether a view was left out.
     pub has_bad_view: bool,
-    /// Whether the specimen goes on beyond the image on the left and on the right, in a view that carved.
+    /// Whether the specimen extends beyond the image on the left and on the right, in a view that carved.
     pub is_clipped: [bool; 2],
     /// Whether the hull reaches the end of the voxel box.
     pub touches_box: bool,

@@ -21,7 +21,7 @@ mod tests;
 
 pub use query::{Cursor, EventsAfter, RunRow, RunsQuery};
 pub(super) use query::{events_after, events_of, runs, used_bytes, views, was_accepted};
-pub use refresh::{Found, Unreadable};
+pub use refresh::{RunScan, Unreadable};
 pub(super) use rows::word;
 
 use super::{RunRecord, StoreError, durable};
@@ -58,7 +58,7 @@ impl Index {
     ///
     /// # Errors
     /// A newer carved wrote the index. This version must not work in a folder that it does not fully know.
-    pub fn open(root: &Path) -> Result<(Self, Found), StoreError> {
+    pub fn open(root: &Path) -> Result<(Self, RunScan), StoreError> {
         let path = root.join(FILE);
         let opened = if path.exists() {
             match existing(root) {
@@ -170,7 +170,7 @@ fn connect(path: &Path) -> Result<Connection, StoreError> {
     prepare().map_err(failed("open", path))
 }
 
-fn existing(root: &Path) -> Result<(Connection, Found), StoreError> {
+fn existing(root: &Path) -> Result<(Connection, RunScan), StoreError> {
     let path = root.join(FILE);
     let mut connection = connect(&path)?;
     tables::migrate(&mut connection, &path)?;
@@ -228,7 +228,7 @@ pub fn follow_run(root: &Path, id: &str) -> Result<(), StoreError> {
 }
 
 /// Rebuilds the index from the folders in a temporary file, then renames it.
-pub(super) fn rebuild(root: &Path) -> Result<(Connection, Found), StoreError> {
+pub(super) fn rebuild(root: &Path) -> Result<(Connection, RunScan), StoreError> {
     let path = root.join(FILE);
     let new = root.join("index.sqlite.new");
     removed(&new)?;

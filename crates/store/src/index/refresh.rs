@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 /// The result of a scan of the run folders.
 #[derive(Debug, Default)]
-pub struct Found {
+pub struct RunScan {
     pub runs: usize,
     /// Runs without an outcome, oldest first.
     pub open: Vec<String>,
@@ -42,8 +42,8 @@ pub(super) fn folders(root: &Path) -> Result<BTreeMap<String, PathBuf>, StoreErr
 }
 
 /// Scans the run folders without an index.
-pub(super) fn look(root: &Path) -> Result<Found, StoreError> {
-    let (mut found, mut open) = (Found::default(), Vec::new());
+pub(super) fn look(root: &Path) -> Result<RunScan, StoreError> {
+    let (mut found, mut open) = (RunScan::default(), Vec::new());
     for (name, file) in folders(root)? {
         match RunRecord::read(&file) {
             Ok(record) => open.extend(record.outcome.is_none().then_some((record.started, name))),
@@ -62,13 +62,13 @@ fn unfit(why: impl std::error::Error + Send + Sync + 'static) -> rusqlite::Error
 }
 
 /// Follows the journal and every changed `run.json`. Removes runs whose folders are missing.
-pub(super) fn all(c: &Connection, root: &Path) -> rusqlite::Result<Found> {
+pub(super) fn all(c: &Connection, root: &Path) -> rusqlite::Result<RunScan> {
     events(c, &root.join(journal::FILE))?;
     let mut known: BTreeMap<String, (i64, i64)> = c
         .prepare("SELECT id, run_json_ns, run_json_bytes FROM runs")?
         .query_map([], |row| Ok((row.get(0)?, (row.get(1)?, row.get(2)?))))?
         .collect::<Result<_, _>>()?;
-    let mut found = Found::default();
+    let mut found = RunScan::default();
     for (name, file) in folders(root).map_err(unfit)? {
         found.runs += 1;
         if known.remove(&name) == Some(rows::stamp(&file)) {

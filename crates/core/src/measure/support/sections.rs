@@ -31,7 +31,7 @@ pub struct Sections {
     /// Root of the mean square distance of the tangents from the fitted outlines.
     pub(super) residual_sd_um: f64,
     pub(super) harmonics: usize,
-    /// Whether the specimen goes on beyond the image on the left and on the right.
+    /// Whether the specimen extends beyond the image on the left and on the right.
     pub(super) open: [bool; 2],
     /// Variance of the views' shifts, where it is known.
     pub(super) shift_variance_um2: f64,
