@@ -98,8 +98,8 @@ pub struct Known<'a> {
     pub mode: Mode,
     /// The rig's newest bead gate.
     pub gate: Option<&'a GateStatus>,
-    /// Barcode of the plate inside, from the last handover.
-    pub plate_inside: Option<&'a str>,
+    /// Barcode of the plate inside, if it was handed over.
+    pub plate_handed_over: Option<&'a str>,
     pub free_bytes: Option<u64>,
     pub budget: Option<Budget>,
 }
@@ -149,7 +149,7 @@ pub fn checks(config: &Config, plan: &RunPlan, seen: &DeviceReport, known: &Know
             Err((format!("faults stand: {}", stands.join(" ")), "mend their cause, then acknowledge them"))
         },
     ));
-    let plate = known.plate_inside.filter(|inside| *inside != plan.plate_barcode);
+    let plate = known.plate_handed_over.filter(|inside| *inside != plan.plate_barcode);
     checks.push(check(
         "plate",
         true,
@@ -236,7 +236,8 @@ mod tests {
             let plan = RunPlan::new("P-1", "standard", "kim", vec![PlannedWell::new("A01", specimen, None)]);
             let seen =
                 DeviceReport { axis: Ok(()), outputs: None, light: Ok(Some(Light { background: 200.0, saturated: 0.0, focus: 1.0 })) };
-            let known = Known { status, mode: Mode::Hardware, gate: None, plate_inside: None, free_bytes: Some(u64::MAX), budget: None };
+            let known =
+                Known { status, mode: Mode::Hardware, gate: None, plate_handed_over: None, free_bytes: Some(u64::MAX), budget: None };
             let checks = checks(&config, &plan, &seen, &known);
             checks.into_iter().find(|c| c.code == "calibration").unwrap()
         };

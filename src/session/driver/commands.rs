@@ -68,7 +68,7 @@ pub(super) fn is_startable(has_run: bool, state: State) -> Result<(), Refusal> {
     if !has_run && STARTABLE.contains(&state) { Ok(()) } else { Err(Refusal::WrongState { state, accepted_in: STARTABLE.to_vec() }) }
 }
 
-/// Refuses a plan during a plate handover, and a plan for another plate than the one inside.
+/// Refuses a plan during a plate handover, and a plan for another plate than the one that was handed over.
 ///
 /// # Errors
 /// Names the plate that is expected.
@@ -76,7 +76,7 @@ pub(super) fn is_of_this_plate(plan: &RunPlan, plate: &PlateHandover) -> Result<
     if let Some(open) = plate.open() {
         return Err(Refusal::HandoffOpen { barcode: open.barcode.clone() });
     }
-    match plate.inside().filter(|inside| *inside != plan.plate_barcode) {
+    match plate.handed_over().filter(|inside| *inside != plan.plate_barcode) {
         Some(inside) => Err(Refusal::OtherBarcode { expected: inside.to_owned(), found: plan.plate_barcode.clone() }),
         None => Ok(()),
     }

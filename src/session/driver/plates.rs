@@ -9,8 +9,6 @@ pub(super) struct Surroundings<'a> {
     pub state: State,
     /// A run exists that has no outcome yet.
     pub has_run: bool,
-    /// Barcode of the plate that is shown as present.
-    pub plate: Option<&'a str>,
     pub capillary: &'a Capillary,
     /// Some events or records are not on disk yet.
     pub is_failing: bool,
@@ -37,7 +35,7 @@ impl Surroundings<'_> {
             let detail = format!("{:?} is not a barcode: use 1 to 64 letters, digits, '-', '_' or '.', the first not a '.'", plate.barcode);
             return Err(Refusal::InvalidHandoff(vec![FieldError { pointer: "/barcode".into(), detail }]));
         }
-        if let Some(inside) = self.plate.filter(|inside| *inside != plate.barcode) {
+        if let Some(inside) = known.inside().filter(|inside| *inside != plate.barcode) {
             return Err(Refusal::OtherBarcode { expected: inside.to_owned(), found: plate.barcode.clone() });
         }
         if plate.intent == HandoffIntent::Load && (self.has_run || !STARTABLE.contains(&self.state)) {
@@ -77,7 +75,7 @@ mod tests {
     use carved_records::{EventBody, InstrumentState};
 
     const EMPTY: &Capillary = &Capillary::empty();
-    const AT_REST: Surroundings = Surroundings { state: State::Idle, has_run: false, plate: None, capillary: EMPTY, is_failing: false };
+    const AT_REST: Surroundings = Surroundings { state: State::Idle, has_run: false, capillary: EMPTY, is_failing: false };
 
     fn handoff(intent: HandoffIntent, barcode: &str) -> Handoff {
         Handoff { intent, barcode: barcode.into() }
@@ -98,8 +96,8 @@ mod tests {
         assert_eq!(AT_REST.announce(&PlateHandover::default(), &load), Ok(true));
         assert_eq!(AT_REST.announce(&announced, &load), Ok(false));
         assert!(matches!(AT_REST.announce(&announced, &handoff(HandoffIntent::Load, "P/1")), Err(Refusal::InvalidHandoff(_))));
-        let other = Surroundings { plate: Some("P-2"), ..AT_REST };
-        assert!(matches!(other.announce(&announced, &load), Err(Refusal::OtherBarcode { .. })));
+        let other = after(&[EventData::PlateLoaded(PlateNamed { barcode: "P-2".into() })]);
+        assert!(matches!(AT_REST.announce(&other, &load), Err(Refusal::OtherBarcode { .. })));
         let runs = Surroundings { state: State::Execute, has_run: true, ..AT_REST };
         assert!(matches!(runs.announce(&announced, &load), Err(Refusal::WrongState { .. })));
         assert_eq!(runs.announce(&announced, &handoff(HandoffIntent::Unload, "P-1")), Ok(true), "it waits for the end of the run");

@@ -14,7 +14,7 @@ use super::super::preflight;
 use super::super::search::DevicesFound;
 use super::super::state::{self, HOLDABLE, Trigger};
 use super::super::worker::{self, Instrument, Progress, RunContext, RunEnd, RunError};
-use super::super::{CameraStatus, Live, OutputStatus, Plate, Shown, SpecimenStatus, State, Status, TranslationStatus, fault, gate};
+use super::super::{CameraStatus, Live, OutputStatus, Shown, SpecimenStatus, State, Status, TranslationStatus, fault, gate};
 use super::devices::{Devices, Done, Finding, PreflightRequest, findings, intervention};
 use super::handling::Waited;
 use super::interrupt::{Course, Fate, interruptions};
@@ -103,7 +103,6 @@ impl Running {
         let outputs: Vec<OutputStatus> = self.config.rotation.outputs().into_iter().map(Into::into).collect();
         let disk_free_bytes = self.outbox.store().free_bytes();
         let calibration = gate::calibration(&self.config, self.mode);
-        let inside = self.state().plate.inside().map(str::to_owned);
         let open = self.open_runs();
         self.event(None, EventData::DaemonStarted(DaemonStarted { version: env!("CARGO_PKG_VERSION").into(), mode: self.mode }));
         self.calibration = calibration;
@@ -118,8 +117,6 @@ impl Running {
             s.hardware.camera_second =
                 second.map(|identity| CameraStatus { identity: Some(identity), connected: true, ..CameraStatus::default() });
             s.hardware.disk_free_bytes = disk_free_bytes;
-            s.plate.present = inside.is_some();
-            s.plate.barcode = inside;
         });
         self.life = Life::Up;
         if let Some(record) = open {
@@ -158,26 +155,19 @@ impl Running {
     fn show_again(&mut self, record: &RunRecord) {
         let events = start::events_of(self.outbox.store(), &self.publisher, &record.id);
         let run = start::run_after(&record.id, &events);
-        let tail = self.publisher.tail();
-        let plate_is_away = start::plate_is_away(&events, tail.iter().map(AsRef::as_ref));
         let state = start::rests_in(record.outcome, run.end_request());
         self.outbox.recall(run);
-        let barcode = record.plan.plate_barcode.clone();
         let change = self.over(record);
         self.publish(|s| {
             change(s);
             s.state = state;
-            if !s.plate.present && !plate_is_away {
-                s.plate.present = true;
-                s.plate.barcode = Some(barcode);
-            }
         });
     }
 
     /// Takes up a run that the previous process left open.
     fn take_up(&mut self, record: RunRecord, run: RunState) {
         let asd = record.method.asd;
-        let (status, barcode) = (run_status(&record), record.plan.plate_barcode.clone());
+        let status = run_status(&record);
         let end_request = run.end_request();
         self.outbox.recall(run);
         self.run = Some(RunInProgress::new(record));
@@ -198,8 +188,6 @@ impl Running {
         self.go_with(Trigger::TakeUp, |s: &mut Status| {
             s.run = Some(status);
             s.specimen = left;
-            s.plate.barcode = Some(barcode);
-            s.plate.present = true;
         });
         self.interrupt_specimens("the daemon ended before this specimen was done", Fate::PoseLost);
         if let Some(run) = &self.run {
@@ -553,7 +541,7 @@ impl Running {
                     status: &self.publisher.status(),
                     mode: self.mode,
                     gate: self.calibration.as_ref().and_then(|c| c.gate.as_ref()),
-                    plate_inside: self.state().plate.inside(),
+                    plate_handed_over: self.state().plate.handed_over(),
                     free_bytes: store.free_bytes(),
                     budget: room::budget(&self.config, store),
                 };
@@ -753,13 +741,7 @@ impl Running {
     }
 
     fn surroundings<'a>(&'a self, status: &'a Status) -> Surroundings<'a> {
-        Surroundings {
-            state: status.state,
-            has_run: self.run.is_some(),
-            plate: status.plate.barcode.as_deref().filter(|_| status.plate.present),
-            capillary: self.capillary(),
-            is_failing: self.outbox.is_failing(),
-        }
+        Surroundings { state: status.state, has_run: self.run.is_some(), capillary: self.capillary(), is_failing: self.outbox.is_failing() }
     }
 
     /// Announces that a plate will be moved. Returns what must happen first.
@@ -776,12 +758,7 @@ impl Running {
         let status = self.publisher.status();
         let Some(data) = self.surroundings(&status).end(&self.state().plate, end)? else { return Ok(()) };
         self.promise(None, data)?;
-        let inside = self.state().plate.inside().map(str::to_owned);
-        self.publish(|s| {
-            if end == HandoffEnd::Completed {
-                s.plate = Plate { present: inside.is_some(), barcode: inside, ..Plate::default() };
-            }
-        });
+        self.publish(|_| ());
         Ok(())
     }
 
@@ -828,7 +805,6 @@ impl Running {
             return Err(refused);
         }
         let status = run_status(&record);
-        let barcode = record.plan.plate_barcode.clone();
         self.loader.begin_run();
         self.devices.begin_run();
         let mut run = RunInProgress::new(record);
@@ -841,7 +817,6 @@ impl Running {
         self.go_with(Trigger::Start, |s| {
             s.run = Some(status);
             s.specimen = None;
-            s.plate = Plate { barcode: Some(barcode), present: true, ..Plate::default() };
         });
         Ok(())
     }

@@ -44,12 +44,14 @@ impl Parts<'_> {
         if let Some(run) = &mut s.run {
             self.derive_run(s.state, s.specimen.as_ref(), run);
         }
+        s.plate.barcode = self.state.plate.inside().map(str::to_owned);
+        s.plate.present = s.plate.barcode.is_some();
         (s.plate.take_out, s.plate.bring) = self.loader.requests(capillary, self.run.map(RunInProgress::handling));
         s.plate.needs = needs(s.plate.take_out.as_deref(), s.plate.bring.as_deref());
         // The specimen is out only if the loader or the sampler has reported it. During a start a run may still be restored.
         let is_empty = capillary.inside().is_none() && !self.loader.has_unexpected();
         let is_over = self.life != Life::Starting && self.run.is_none() && is_empty;
-        s.plate.removable = is_over && s.plate.barcode.is_some() && !self.is_failing;
+        s.plate.removable = is_over && s.plate.present && !self.is_failing;
         s.not_ready_reason = self.not_ready();
         s.ready = s.not_ready_reason.is_none();
         s.doing = sentence::of(s);
@@ -146,10 +148,12 @@ mod tests {
     use super::*;
     use crate::session::Driver;
     use carved_devices::sampler::{LoaderInterlock, LoaderSampler};
-    use carved_records::{EventBody, EventData, Mode, PhaseEntered, fault_table};
+    use carved_records::{EventBody, EventData, Mode, PhaseEntered, PlateNamed, fault_table};
 
     fn after(events: &[(Option<&str>, EventData)]) -> InstrumentState {
         let mut state = InstrumentState { run: Some(RunState::new("r1")), ..InstrumentState::default() };
+        let loaded = EventData::PlateLoaded(PlateNamed { barcode: "P-1".into() });
+        state.apply(&EventBody { time: String::new(), run: None, well: None, data: loaded });
         for (well, data) in events {
             state.apply(&EventBody { time: String::new(), run: Some("r1".into()), well: well.map(Into::into), data: data.clone() });
         }
@@ -177,7 +181,6 @@ mod tests {
 
     fn snapshot(parts: &Parts) -> Status {
         let mut s = Driver::first_status(Mode::Simulated, "b".into());
-        s.plate.barcode = Some("P-1".into());
         parts.derive(&mut s);
         s
     }

@@ -2,20 +2,13 @@
 //! order.
 
 use super::super::{Publisher, State};
-use carved_records::{EndRequest, Event, EventData, InstrumentState, Mode, RunOutcome, RunState};
+use carved_records::{EndRequest, Event, InstrumentState, Mode, RunOutcome, RunState};
 use carved_store::{RunRecord, Store};
 
 /// The run that can continue, and the open runs that cannot: older runs, or runs of another mode. `open`: oldest first.
 pub(super) fn newest_of(mut open: Vec<RunRecord>, mode: Mode) -> (Option<RunRecord>, Vec<RunRecord>) {
     let newest = open.pop_if(|run| run.mode == mode);
     (newest, open)
-}
-
-/// Whether the plate was taken away after the run was accepted. `of_run`: the run's events. `newest`: the newest events of all.
-pub(super) fn plate_is_away<'a>(of_run: &[Event], newest: impl IntoIterator<Item = &'a Event>) -> bool {
-    // No plate is taken away during a run. The loader's message may come after the end of the run.
-    let accepted = of_run.first().map_or(0, |event| event.id);
-    newest.into_iter().any(|event| matches!(event.body.data, EventData::PlateUnloaded(_)) && event.id > accepted)
 }
 
 /// The events of a run, oldest first. If they cannot be read: the newest events of all.
@@ -56,7 +49,6 @@ pub(super) fn rests_in(outcome: Option<RunOutcome>, asked: Option<EndRequest>) -
 mod tests {
     use super::super::run::tests::run;
     use super::*;
-    use carved_records::{EventBody, PlateNamed};
 
     #[test]
     fn only_the_newest_run_of_this_kind_of_rig_goes_on() {
@@ -68,16 +60,6 @@ mod tests {
         assert_eq!(found(&[]), (false, 0));
         assert_eq!(found(&[Mode::Hardware, Mode::Hardware]), (true, 1));
         assert_eq!(found(&[Mode::Hardware, Mode::Simulated]), (false, 2), "the rig has run something else since");
-    }
-
-    #[test]
-    fn a_plate_that_was_taken_away_before_the_run_does_not_count() {
-        let event = |id, data| Event { id, body: EventBody { time: String::new(), run: None, well: None, data } };
-        let unloaded = |id| event(id, EventData::PlateUnloaded(PlateNamed { barcode: "P-1".into() }));
-        let of_run = [event(5, EventData::RunStarted)];
-        assert!(!plate_is_away(&of_run, &[unloaded(4)]));
-        assert!(plate_is_away(&of_run, &[unloaded(6)]));
-        assert!(!plate_is_away(&of_run, &[event(7, EventData::RunStarted)]));
     }
 
     #[test]

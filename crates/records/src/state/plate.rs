@@ -1,4 +1,5 @@
-//! The plate that the loader handed over. The instrument does not see plates, and relies on the loader.
+//! The plate inside. The instrument does not see plates: it relies on the loader that hands one over, and on the run of a person who put
+//! one in by hand.
 
 use crate::{EventData, Handoff, HandoffEnd};
 
@@ -6,14 +7,22 @@ use crate::{EventData, Handoff, HandoffEnd};
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct PlateHandover {
     inside: Option<String>,
+    /// Whether the plate inside was handed over. A plate that was put in by hand is replaced without a message.
+    is_handed_over: bool,
     open: Option<Handoff>,
     ended: Option<HandoffEnd>,
 }
 
 impl PlateHandover {
-    /// Barcode of the plate inside. `None` if it was taken away or never handed over.
+    /// Barcode of the plate inside: the newest one that was handed over or that a run was accepted for. `None` if it was taken away, or no
+    /// plate is known.
     pub fn inside(&self) -> Option<&str> {
         self.inside.as_deref()
+    }
+
+    /// Barcode of the plate inside, if a loader handed it over. A run of another plate must then wait until it is taken away.
+    pub fn handed_over(&self) -> Option<&str> {
+        self.inside().filter(|_| self.is_handed_over)
     }
 
     /// The handover that was announced and has not ended.
@@ -34,16 +43,24 @@ impl PlateHandover {
         match event {
             EventData::PlateAnnounced(plate) => (self.open, self.ended) = (Some(plate.clone()), None),
             EventData::PlateLoaded(plate) => {
-                self.inside = Some(plate.barcode.clone());
+                (self.inside, self.is_handed_over) = (Some(plate.barcode.clone()), true);
                 self.end(HandoffEnd::Completed);
             }
             EventData::PlateUnloaded(_) => {
-                self.inside = None;
+                (self.inside, self.is_handed_over) = (None, false);
                 self.end(HandoffEnd::Completed);
             }
             EventData::PlateHandoffAborted(_) => self.end(HandoffEnd::Aborted),
-            // A run is accepted only for the plate inside. Early journals may lack the end of the handover.
-            EventData::RunAccepted(_) if self.open.is_some() => (self.open, self.ended) = (None, None),
+            EventData::RunAccepted(run) => {
+                // If a plate was handed over, a run is accepted only for this plate.
+                if self.inside() != Some(&run.plate_barcode) {
+                    (self.inside, self.is_handed_over) = (Some(run.plate_barcode.clone()), false);
+                }
+                // Early journals may lack the end of the handover.
+                if self.open.is_some() {
+                    (self.open, self.ended) = (None, None);
+                }
+            }
             _ => {}
         }
     }
@@ -75,7 +92,8 @@ mod tests {
         let load = [announced(HandoffIntent::Load)];
         assert_eq!((after(&load).inside(), after(&load).open().map(|h| h.intent)), (None, Some(HandoffIntent::Load)));
         let loaded = [&load[..], &[EventData::PlateLoaded(named())]].concat();
-        assert_eq!(after(&loaded), PlateHandover { inside: Some("P-1".into()), open: None, ended: Some(HandoffEnd::Completed) });
+        let ended = Some(HandoffEnd::Completed);
+        assert_eq!(after(&loaded), PlateHandover { inside: Some("P-1".into()), is_handed_over: true, open: None, ended });
         let unload = [&loaded[..], &[announced(HandoffIntent::Unload)]].concat();
         assert_eq!((after(&unload).inside(), after(&unload).ended()), (Some("P-1"), None));
         let kept = [&unload[..], &[EventData::PlateHandoffAborted(named())]].concat();
@@ -84,9 +102,26 @@ mod tests {
         assert_eq!(after(&gone), PlateHandover { ended: Some(HandoffEnd::Completed), ..PlateHandover::default() });
     }
 
+    fn accepted(barcode: &str) -> EventData {
+        EventData::RunAccepted(RunAccepted { plate_barcode: barcode.into(), method: "m".into(), left_in_capillary: None })
+    }
+
     #[test]
     fn a_run_ends_a_handover_whose_end_is_missing() {
-        let accepted = RunAccepted { plate_barcode: "P-1".into(), method: "m".into(), left_in_capillary: None };
-        assert_eq!(after(&[announced(HandoffIntent::Load), EventData::RunAccepted(accepted)]), PlateHandover::default());
+        let plate = after(&[announced(HandoffIntent::Load), accepted("P-1")]);
+        assert_eq!((plate.inside(), plate.open(), plate.ended()), (Some("P-1"), None, None));
+    }
+
+    #[test]
+    fn the_plate_of_a_run_is_inside_until_it_is_unloaded_or_a_run_of_another_plate_is_accepted() {
+        let known = |events: &[EventData]| {
+            let plate = after(events);
+            (plate.inside().map(str::to_owned), plate.handed_over().map(str::to_owned))
+        };
+        let p = |barcode: &str| Some(barcode.to_owned());
+        assert_eq!(known(&[accepted("P-1")]), (p("P-1"), None), "a person put it in");
+        assert_eq!(known(&[accepted("P-1"), accepted("P-2")]), (p("P-2"), None), "and replaced it");
+        assert_eq!(known(&[accepted("P-1"), EventData::PlateUnloaded(named())]), (None, None));
+        assert_eq!(known(&[EventData::PlateLoaded(named()), accepted("P-1")]), (p("P-1"), p("P-1")), "it is still the loader's");
     }
 }

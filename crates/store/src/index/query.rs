@@ -176,7 +176,7 @@ fn data_of(kind: &str, json: &str) -> EventData {
 }
 
 /// The newest `most` events without views, and the earlier events that are still valid: open faults, the newest events of a plate and of
-/// its handover, and the acceptance of the runs among the newest events.
+/// its handover, and the acceptance of the newest run and of the runs among the newest events.
 pub(super) fn remembered(c: &Connection, most: usize) -> rusqlite::Result<Vec<Event>> {
     let mut select = c.prepare(
         "WITH newest AS (SELECT id, run FROM events WHERE kind <> ?2 ORDER BY id DESC LIMIT ?1)
@@ -185,6 +185,7 @@ pub(super) fn remembered(c: &Connection, most: usize) -> rusqlite::Result<Vec<Ev
             OR id IN (SELECT event FROM faults WHERE cleared IS NULL AND acknowledged IS NULL)
             OR id = (SELECT MAX(id) FROM events WHERE kind IN (?3, ?4))
             OR id = (SELECT MAX(id) FROM events WHERE kind IN (?3, ?4, ?6, ?7))
+            OR id = (SELECT MAX(id) FROM events WHERE kind = ?5)
             OR kind = ?5 AND run IN (SELECT run FROM newest WHERE run IS NOT NULL)
          ORDER BY id",
     )?;

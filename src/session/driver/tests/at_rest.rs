@@ -5,7 +5,7 @@ use crate::session::handle::{Refusal, Towards};
 use crate::session::search::DevicesFound;
 use crate::session::worker::RunEnd;
 use carved_devices::DeviceError;
-use carved_records::{EventData, Phase, fault_table};
+use carved_records::{EventData, Handoff, HandoffEnd, HandoffIntent, Phase, fault_table};
 
 fn held() -> DeviceError {
     DeviceError::Intervention { device: "rotation axis", what: "feed hold".into(), way_out: "Press cycle start" }
@@ -49,7 +49,8 @@ fn a_specimen_that_no_run_asked_for_is_said_and_neither_ready_nor_removable_goes
     on_this_thread(async {
         let dir = scratch();
         let mut b = bench(dir.path(), false);
-        b.d.publish(|s| s.plate.barcode = Some("P-1".into()));
+        b.d.handoff(Handoff { intent: HandoffIntent::Load, barcode: "P-1".into() }).unwrap();
+        b.d.end_handoff(HandoffEnd::Completed).unwrap();
         look(&mut b, Ok(()), Some(false));
         assert!(b.status().ready && b.status().plate.removable);
         for _ in 0..3 {

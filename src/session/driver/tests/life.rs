@@ -163,8 +163,8 @@ fn what_comes_with_a_step_that_the_table_lacks_is_told_all_the_same() {
     on_this_thread(async {
         let dir = scratch();
         let b = bench(dir.path(), false);
-        b.d.go_with(Trigger::Recorded, |s| s.plate.barcode = Some("P-7".into()));
-        assert_eq!((b.status().state, b.status().plate.barcode.as_deref()), (State::Idle, Some("P-7")));
+        b.d.go_with(Trigger::Recorded, |s| s.hardware.disk_free_bytes = Some(7));
+        assert_eq!((b.status().state, b.status().hardware.disk_free_bytes), (State::Idle, Some(7)));
     });
 }
 

@@ -147,6 +147,8 @@ fn check(loaded_from_outside: bool, steps: &[Step]) {
             assert_eq!(b.status().faults.iter().map(|fault| fault.seq).collect::<Vec<_>>(), open, "{when}");
             let inside = b.status().specimen.filter(|s| s.in_capillary).map(|s| s.well);
             assert!(inside.is_none() || inside.as_deref() == b.d.capillary().inside(), "{when}");
+            let (plate, shown) = (b.d.state().plate.inside(), b.status().plate);
+            assert_eq!((shown.present, shown.barcode.as_deref()), (plate.is_some(), plate), "{when}");
         }
         disk_trace::end();
     });

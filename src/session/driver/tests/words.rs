@@ -7,7 +7,7 @@ use crate::session::handle::{Accepted, Refusal, Towards};
 use crate::session::worker::{Progress, RunEnd};
 use carved_devices::DeviceError;
 use carved_devices::testing::FakeAxis;
-use carved_records::{EventData, Handoff, HandoffEnd, HandoffIntent, Phase, WellLoaded, kind};
+use carved_records::{EventData, Handoff, HandoffEnd, HandoffIntent, Phase, ViewTaken, WellLoaded, kind};
 
 /// A driven sampler was about to bring it when the daemon crashed. It may be inside, and a person has checked.
 #[test]
@@ -93,6 +93,10 @@ fn a_late_word_does_not_bring_a_plate_back() {
         b.d.handoff(Handoff { intent: HandoffIntent::Unload, barcode: "P-1".into() }).unwrap();
         b.d.end_handoff(HandoffEnd::Completed).unwrap();
         b.loaded("A01", true).unwrap();
+        // A start reads the newest 2000 events for its readers. The plate was taken away before them.
+        for index in 0..2100 {
+            b.d.event(None, EventData::ViewTaken(ViewTaken { index, ..ViewTaken::default() }));
+        }
         drop(b);
         let b = bench(dir.path(), true);
         assert!(!b.status().plate.present && b.inside_by_status().as_deref() == Some("A01"));

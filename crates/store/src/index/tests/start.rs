@@ -31,6 +31,11 @@ fn what_lies_before_the_newest_events_is_remembered_where_it_still_means_somethi
     assert_eq!(ids(store.index.remembered(3).unwrap()), [&[3, 4, 6, 8][..], &newest].concat());
     let by_lines = journal::remembered(&dir.path().join("events.jsonl"), 3).unwrap();
     assert_eq!(ids(by_lines), [&[1, 2, 3, 4, 5, 6, 7, 8][..], &newest].concat());
+    for _ in 0..3 {
+        say(&mut journal, "daemon.started", None, json!(null));
+    }
+    let newest = [49, 50, 51];
+    assert_eq!(ids(store.index.remembered(3).unwrap()), [&[3, 4, 6, 8][..], &newest].concat(), "the plate of the newest run is inside");
     let of_run = store.events_of("r1").unwrap();
     assert!(of_run.len() == 24 && of_run.iter().all(|e| e.body.data.kind() != "view.taken"), "{}", of_run.len());
 }
