@@ -138,6 +138,13 @@ impl Running {
                 return None;
             }
         };
+        let (unaccepted, open): (Vec<RunRecord>, _) =
+            open.into_iter().partition(|run| start::is_not_accepted(self.outbox.store(), &run.id));
+        for run in unaccepted {
+            // A repeat of the request must not be answered as known.
+            let forgotten = self.outbox.store().forget_run(&run.id);
+            self.keep(forgotten);
+        }
         let (newest, others) = start::newest_of(open, self.mode);
         for mut run in others {
             seal_run(self.outbox.store(), &run.id);

@@ -23,6 +23,8 @@ pub struct Trace {
     pub fails: Option<usize>,
     /// All later operations fail too, until there is room.
     pub stays_full: bool,
+    /// The process is dead: operations that free space have no effect either.
+    pub is_dead: bool,
     /// Number of refused operations.
     pub refused: usize,
     /// Called before each operation.
@@ -38,7 +40,7 @@ pub fn step(op: Op) -> io::Result<()> {
             witness();
         }
         // Operations that free space succeed on a full disk.
-        let frees = trace.stays_full && matches!(op, Op::Cut(..) | Op::Remove(..));
+        let frees = trace.stays_full && !trace.is_dead && matches!(op, Op::Cut(..) | Op::Remove(..));
         if trace.fails.is_some_and(|at| trace.ops.len() >= at) && !frees {
             trace.fails = trace.fails.filter(|_| trace.stays_full);
             trace.refused += 1;
@@ -61,6 +63,11 @@ pub fn begin(fails: Option<usize>) {
 /// Fills the disk at the operation of this number, until [`make_room`]. `witness` is called before each operation.
 pub fn fill(at: usize, witness: impl Fn() + 'static) {
     TRACE.set(Some(Trace { fails: Some(at), stays_full: true, witness: Some(Box::new(witness)), ..Trace::default() }));
+}
+
+/// The process dies at the operation of this number: it has no effect, nor has any later one until [`make_room`].
+pub fn die(at: usize) {
+    TRACE.set(Some(Trace { fails: Some(at), stays_full: true, is_dead: true, ..Trace::default() }));
 }
 
 pub fn was_full() -> bool {

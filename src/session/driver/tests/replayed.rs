@@ -1,14 +1,15 @@
-//! In every sequence of steps, the live state equals the state that is read from the journal, and a restart gets the same state.
+//! In every sequence of steps, the live state equals the state that is read from the journal, and a restart gets the same state. The disk
+//! may fail, and the process may die, at any operation within a step.
 
 use super::super::*;
-use super::bench::{Bench, bench, journalled, on_this_thread, plan, scratch};
+use super::bench::{Bench, RUN, bench, journalled, on_this_thread, plan, scratch};
 use crate::session::handle::Towards;
 use crate::session::worker::{Progress, RunEnd, RunError};
 use carved_devices::DeviceError;
-use carved_records::{Handoff, HandoffEnd, HandoffIntent, InstrumentState, LiveEstimate, Phase};
+use carved_records::{Event, EventData, Handoff, HandoffEnd, HandoffIntent, InstrumentState, LiveEstimate, Phase, SpecimenOutcome};
 use carved_store::testing::trace as disk_trace;
+use futures::FutureExt;
 use proptest::prelude::*;
-use std::path::Path;
 
 const WELLS: [&str; 3] = ["A01", "A02", "A03"];
 const PHASES: [Phase; 8] =
@@ -29,10 +30,16 @@ enum Step {
     Plate(u8),
     Fault(u8),
     Acknowledge(u64),
-    DiskFails,
+    /// The disk fails from this operation on.
+    DiskFails(usize),
     DiskHasRoom,
     Beat,
+    EmergencyStop,
+    /// The daemon ends as requested, with its run or without.
+    ShutDown(bool),
     Crash,
+    /// The process dies at this operation, within this step or a later one.
+    DiesAt(usize),
 }
 
 fn step() -> impl Strategy<Value = Step> {
@@ -50,10 +57,13 @@ fn step() -> impl Strategy<Value = Step> {
         2 => (0..4_u8).prop_map(Step::Plate),
         1 => (0..4_u8).prop_map(Step::Fault),
         2 => (1..6_u64).prop_map(Step::Acknowledge),
-        1 => Just(Step::DiskFails),
+        2 => (0..12_usize).prop_map(Step::DiskFails),
         2 => Just(Step::DiskHasRoom),
         2 => Just(Step::Beat),
+        1 => Just(Step::EmergencyStop),
+        1 => any::<bool>().prop_map(Step::ShutDown),
         2 => Just(Step::Crash),
+        2 => (0..24_usize).prop_map(Step::DiesAt),
     ]
 }
 
@@ -113,42 +123,99 @@ async fn takes(b: &mut Bench, step: &Step) {
         }),
         Step::Fault(which) => b.d.raise(&error(which)),
         Step::Acknowledge(seq) => drop(b.d.acknowledge(seq)),
-        Step::DiskFails => disk_trace::fill(0, || ()),
+        Step::DiskFails(at) => disk_trace::fill(at, || ()),
         Step::DiskHasRoom => disk_trace::make_room(),
         Step::Beat => b.beat().await,
+        Step::EmergencyStop => {
+            // The caller's thread stops the motors. Nobody reads the mailbox of the bench.
+            drop(b.handle.emergency_stop().now_or_never());
+            b.d.emergency_pressed();
+        }
+        Step::ShutDown(leaves_run) => {
+            b.d.shut_down(if leaves_run { Departure::LeavesRun } else { Departure::EndsRun });
+            if b.works() {
+                b.ends(RunEnd::Cancelled).await;
+            }
+            drop(b.d.final_report());
+        }
         _ => {}
     }
 }
 
 /// The state that follows from the journal and from the events that wait for the disk.
-fn replayed(b: &Bench, root: &Path) -> InstrumentState {
-    let mut state = InstrumentState::after(&journalled(root));
+fn replayed(b: &Bench, events: &[Event]) -> InstrumentState {
+    let mut state = InstrumentState::after(events);
     b.d.outbox.waiting_events().for_each(|body| state.apply(body));
     state
+}
+
+/// The outcomes of the wells in the file of the run are those of the events. `may_lead`: the file is written before the event, and the
+/// process has died between the two.
+fn compare_outcomes(b: &Bench, events: &[Event], may_lead: bool, when: &str) {
+    let Some(record) = b.d.outbox.store().run(RUN).unwrap() else { return };
+    if let Some(run) = &b.d.run {
+        assert_eq!(record.wells, run.record().wells, "{when}");
+    }
+    for well in &record.wells {
+        let done = events.iter().rev().find_map(|event| match &event.body.data {
+            EventData::SpecimenDone(done) if done.result.well == well.well => Some(done.result.outcome),
+            _ => None,
+        });
+        match done {
+            Some(outcome) => assert_eq!(well.outcome, outcome, "{when}"),
+            None => assert!(may_lead || well.outcome != Some(SpecimenOutcome::Succeeded), "{} {when}", well.well),
+        }
+    }
 }
 
 fn check(loaded_from_outside: bool, steps: &[Step]) {
     on_this_thread(async {
         let dir = scratch();
         let mut b = bench(dir.path(), loaded_from_outside);
+        let (mut written, mut is_dying, mut has_died) = (journalled(dir.path()), false, false);
         disk_trace::begin(None);
         for (at, step) in steps.iter().enumerate() {
-            if matches!(step, Step::Crash) {
-                // Events that the disk did not accept are lost with the daemon.
-                drop(b);
-                disk_trace::make_room();
-                b = bench(dir.path(), loaded_from_outside);
-            } else {
-                takes(&mut b, step).await;
-            }
             let when = format!("after step {at} of {steps:?}");
-            assert_eq!(*b.d.state(), replayed(&b, dir.path()), "{when}");
+            match *step {
+                Step::DiesAt(at) => {
+                    disk_trace::die(at);
+                    is_dying = true;
+                }
+                // It would replace the death.
+                Step::DiskFails(_) | Step::DiskHasRoom if is_dying => {}
+                _ => takes(&mut b, step).await,
+            }
+            let dies = is_dying && disk_trace::was_full();
+            if dies || matches!(step, Step::Crash | Step::ShutDown(_)) {
+                // What the disk did not accept is lost with the process. If it accepted everything, nothing is.
+                let mut before = (b.d.outbox.waiting() == 0 && !dies).then(|| b.d.state().clone());
+                if before.is_some() {
+                    written = journalled(dir.path());
+                }
+                drop(b);
+                disk_trace::begin(None);
+                (is_dying, has_died) = (false, has_died || dies || before.is_none());
+                b = bench(dir.path(), loaded_from_outside);
+                let after = journalled(dir.path());
+                assert_eq!(after[..written.len()], written, "a start changed what is written, {when}");
+                if let Some(before) = &mut before {
+                    after[written.len()..].iter().for_each(|event| before.apply(&event.body));
+                    assert_eq!(b.d.state(), before, "the start forgot something, {when}");
+                }
+            }
+            written = journalled(dir.path());
+            assert_eq!(*b.d.state(), replayed(&b, &written), "{when}");
+            let status = b.status();
             let open: Vec<u64> = b.d.state().faults.open().iter().map(|fault| fault.seq).collect();
-            assert_eq!(b.status().faults.iter().map(|fault| fault.seq).collect::<Vec<_>>(), open, "{when}");
-            let inside = b.status().specimen.filter(|s| s.in_capillary).map(|s| s.well);
+            assert_eq!(status.faults.iter().map(|fault| fault.seq).collect::<Vec<_>>(), open, "{when}");
+            let inside = status.specimen.filter(|s| s.in_capillary).map(|s| s.well);
             assert!(inside.is_none() || inside.as_deref() == b.d.capillary().inside(), "{when}");
-            let (plate, shown) = (b.d.state().plate.inside(), b.status().plate);
-            assert_eq!((shown.present, shown.barcode.as_deref()), (plate.is_some(), plate), "{when}");
+            let plate = b.d.state().plate.inside();
+            assert_eq!((status.plate.present, status.plate.barcode.as_deref()), (plate.is_some(), plate), "{when}");
+            assert!(b.d.run.is_none() || plate == Some("P-1"), "a run without its plate, {when}");
+            if b.d.outbox.waiting() == 0 {
+                compare_outcomes(&b, &written, has_died, &when);
+            }
         }
         disk_trace::end();
     });
