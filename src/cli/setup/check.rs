@@ -2,11 +2,13 @@
 
 use super::bench::{Action, Bead, Bench, Outcome, Request, Turn};
 use super::dialogue::{Person, Stopped};
-use super::machine::{LEAST_CLOSURE, MOST_STEPS_OFF, Machine, out_of_focus};
+use super::judgement::{LEAST_CLOSURE, MOST_STEPS_OFF, out_of_focus};
+use super::machine::{Machine, Refused};
 use super::period::likely;
 use super::question::Question;
 use super::rig::{RealBench, Stopper};
 use super::terminal::Answers;
+use super::wording::question;
 use crate::config::{Config, RotationDriver};
 use anyhow::{Context, bail, ensure};
 use std::path::PathBuf;
@@ -54,12 +56,12 @@ pub fn run(args: &Args, stopper: &Stopper) -> anyhow::Result<()> {
 /// Asks, turns and measures.
 fn check(bench: &mut dyn Bench, person: &mut dyn Person, config: &str, is_stopped: &dyn Fn() -> bool) -> anyhow::Result<Vec<Verdict>> {
     let plain = Machine::default();
-    let stated: f64 = ask(person, &plain.question("bead_um"))?.parse()?;
-    let tolerance: f64 = ask(person, &plain.question("tolerance_percent"))?.parse()?;
-    ask(person, &plain.question("loaded"))?;
+    let stated: f64 = ask(person, &question(plain.state(), "bead_um"))?.parse()?;
+    let tolerance: f64 = ask(person, &question(plain.state(), "tolerance_percent"))?.parse()?;
+    ask(person, &question(plain.state(), "loaded"))?;
     let text = "The motors will now home, and turn the capillary forwards by two turns and then by one turn. Nothing else moves. Keep a hand on \
                 their power switch. May they move?";
-    ask(person, &Question { text: text.into(), ..plain.question("motion") })?;
+    ask(person, &Question { text: text.into(), ..question(plain.state(), "motion") })?;
     let mut perform = |action: Action| {
         person.busy(action, &plain)?;
         let outcome = bench.perform(&Request { action, draft: config, controller: "", replaces: false });
@@ -86,7 +88,7 @@ fn check(bench: &mut dyn Bench, person: &mut dyn Person, config: &str, is_stoppe
 fn ask(person: &mut dyn Person, question: &Question) -> anyhow::Result<String> {
     loop {
         let typed = person.ask(question, &Machine::default())?;
-        let read = question.kind.read(&typed).map_err(super::machine::Refused::Wrong);
+        let read = question.kind.read(&typed).map_err(Refused::Wrong);
         person.answered(question, read.as_ref().err())?;
         if let Ok(value) = read {
             return Ok(value);

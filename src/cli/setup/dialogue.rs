@@ -9,8 +9,9 @@
 //! The state is stored after each step. Nobody is named here: a terminal, a file of answers and a page are a [`Person`] each.
 
 use super::bench::{Action, Bench};
-use super::machine::{Machine, Refused, State, Step};
+use super::machine::{Machine, Refused, Step};
 use super::question::Question;
+use super::state::State;
 
 /// Who answers.
 pub trait Person {

@@ -1,7 +1,7 @@
 //! `carved setup --simulate`: an emulated rig to try the set-up on. The answers bring its bead into the capillary and take it out again.
 
 use super::bench::Listed;
-use super::machine::State;
+use super::state::State;
 use anyhow::Context;
 use hardware_sim::scene::{Camera, Contents, Placement, Scene, SceneSettings, Specimen};
 use hardware_sim::{Controller, Rig, RigSettings, ShaftSettings, relay, tmcl, zaber};

@@ -3,7 +3,11 @@
 //! ```text
 //! terminal: lines, answers ─┐                          ┌─ bench: what is asked of the instrument
 //!                           ├─ dialogue ── machine ────┤    └─ rig: the real devices
-//! site: page ───────────────┘              the stages  └─ draft: the text of the configuration
+//! site: page ───────────────┘              the stages  └─ state: what is known
+//!
+//! state ──► wording    the questions
+//!      ├──► judgement  what is wrong with a measurement
+//!      └──► result     the configuration (draft: its text) and the summary
 //! ```
 
 mod bench;
@@ -12,21 +16,26 @@ mod dialogue;
 mod draft;
 #[cfg(feature = "simulate")]
 mod emulated;
+mod judgement;
 mod machine;
 mod period;
 mod question;
+mod result;
 mod rig;
 mod site;
+mod state;
 mod terminal;
 #[cfg(test)]
 mod tests;
+mod wording;
 
 use super::signals::{INTERRUPTED, Signals};
 use anyhow::Context;
 use carved_store::durable;
 use dialogue::Person;
-use machine::{Machine, State};
+use machine::Machine;
 use rig::{RealBench, Show, Stopper, stored};
+use state::State;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 

@@ -2,9 +2,11 @@
 
 use super::bench::{Action, Bead, Bench, Controller, Empty, FoundExposure, Listed, Outcome, Request, Turn, Written};
 use super::dialogue::{Person, Stopped, converse};
-use super::machine::{Machine, Refused, State};
+use super::machine::{Machine, Refused};
 use super::period::Orbit;
 use super::question::Question;
+use super::state::State;
+use super::wording::question;
 use crate::cli::told;
 use crate::config::Config;
 use std::collections::{BTreeMap, VecDeque};
@@ -510,6 +512,6 @@ fn a_large_difference_between_bead_and_bore_has_no_ruler_by_default() {
     for (measured_um, default) in [(505.0, Some("bead")), (541.0, None), (459.0, None)] {
         let bench = FakeBench::new("grbl").with(Action::Measure, [Ok(Outcome::Bead(bead(measured_um)))]);
         let (machine, _) = set_up(bench, &[("ruler", "bead")]);
-        assert_eq!(machine.question("ruler").default.as_deref(), default, "{measured_um} um");
+        assert_eq!(question(machine.state(), "ruler").default.as_deref(), default, "{measured_um} um");
     }
 }
