@@ -105,19 +105,44 @@ fn only_results_and_old_events_read_the_store() {
     assert_eq!(reads.iter().map(String::as_str).collect::<BTreeSet<_>>(), BTreeSet::from(["events.rs", "results.rs"]));
 }
 
-/// The driver's parts decide. What they decide is carried out in one file.
+/// The driver's parts decide and know nothing of each other. The files that carry out what they decide call each other in one direction.
 #[test]
-fn one_file_carries_out_what_the_parts_of_the_driver_decide() {
+fn what_carries_out_the_decisions_of_the_driver_calls_in_one_direction() {
     let driver = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/session/driver");
+    let calls = [
+        ("station", &[][..]),
+        ("reports", &["station"]),
+        ("missing", &["station"]),
+        ("course", &["station", "missing"]),
+        ("checks", &["station", "course"]),
+        ("requests", &["station", "course"]),
+        ("restart", &["station", "missing", "course"]),
+    ];
+    for (file, may_call) in calls {
+        let code = code(&driver.join(format!("{file}.rs")));
+        for (other, _) in calls.iter().filter(|(other, _)| *other != file && !may_call.contains(other)) {
+            assert!(!names(&code, other), "{file}.rs must not use {other}.rs");
+        }
+    }
     let mut files = Vec::new();
     sources(&driver, &mut files);
-    let carries_out = |file: &&PathBuf| {
-        let code = code(file);
-        ["impl Running", "impl Driver"].iter().any(|block| code.contains(block))
-    };
-    let found: BTreeSet<_> = files.iter().filter(carries_out).map(|file| file.strip_prefix(&driver).unwrap().to_owned()).collect();
-    // `mod.rs` waits for what comes next and passes it on.
-    assert_eq!(found, BTreeSet::from(["mod.rs".into(), "running.rs".into()]));
+    for file in files {
+        let name = file.strip_prefix(&driver).unwrap().with_extension("");
+        let is_part = !name.starts_with("tests") && !calls.iter().any(|(other, _)| name == Path::new(other));
+        // `mod.rs` waits for what comes next and passes it on.
+        assert!(!is_part || name == Path::new("mod") || !names(&code(&file), "station"), "{} is a part", file.display());
+    }
+}
+
+/// Whether the code names this module in a path.
+fn names(code: &str, module: &str) -> bool {
+    let is_of_a_name = |c: char| c.is_alphanumeric() || c == '_';
+    code.match_indices(module).any(|(at, _)| {
+        let (before, after) = (&code[..at], &code[at + module.len()..]);
+        let is_whole = !before.ends_with(is_of_a_name) && !after.starts_with(is_of_a_name);
+        let is_listed = before.rsplit([';', '}']).next().is_some_and(|line| line.trim_start().starts_with("use super::"));
+        is_whole && (after.starts_with("::") || is_listed)
+    })
 }
 
 /// Files outlive versions of the API: what is written knows nothing of it.

@@ -5,6 +5,12 @@ use super::super::handle::{Refusal, Towards};
 use super::super::state::{HOLDABLE, STARTABLE, STOPPABLE};
 use carved_records::{FieldError, PlateHandover, RunOutcome, RunPlan, is_plain_name};
 use carved_store::RunRecord;
+use tokio::sync::oneshot;
+
+/// A client may disconnect before its answer. The decision still stands.
+pub(super) fn reply<T>(answer: oneshot::Sender<Result<T, Refusal>>, result: Result<T, Refusal>) {
+    let _hung_up = answer.send(result);
+}
 
 /// Whether a command to the current run changes its state. `false` if the run is in that state, or on its way to it.
 ///

@@ -3,7 +3,7 @@
 //! ```text
 //!            commands ─────────┐                    ┌──► Outbox: journal (synced) ──► state, events
 //!                              ▼                    │
-//!  worker ──► progress ──► Running (one thread) ────┼──► snapshot: one revision of the status
+//!  worker ──► progress ──► Station (one thread) ────┼──► snapshot: one revision of the status
 //!  numbers ────────────────────┤                    │
 //!  look, preflight ────────────┘   asks its parts   └──► a worker for the wells that are left
 //! ```
@@ -24,27 +24,41 @@
 //! | `resume`, `start` | rules: when a held run continues, what a start restores |
 //! | `snapshot`, `progress` | what a revision of the status shows |
 //!
-//! `running.rs` carries out the decisions of the parts, in the order in which they are written and shown. A
-//! [`RunInProgress`](run::RunInProgress) exists from the acceptance of the run to its outcome. It has a worker, which uses the instrument.
-//! It has no worker while the run is held.
+//! The decisions of the parts are carried out in this order of files. Each file calls those to its right only:
+//!
+//! ```text
+//! mod ──► restart   what a start restores        ─┬─► course ──► missing ─┬─► station ──► the parts
+//!         requests  what clients ask for          │   a run,     numbers  │   all parts: writes events,
+//!         checks    devices, disk and index, by   │   until its  that are │   publishes revisions
+//!                   itself with each heartbeat   ─┘   outcome    missing  │
+//!         reports   what the worker reports      ─────────────────────────┘
+//! ```
+//! A [`RunInProgress`](run::RunInProgress) exists from the acceptance of the run to its outcome. It has a worker, which uses the
+//! instrument. It has no worker while the run is held.
 
+mod checks;
 mod commands;
+mod course;
 mod devices;
 mod faults;
 mod handling;
 mod interrupt;
 mod loader;
+mod missing;
 mod outbox;
 mod plates;
 mod progress;
 mod recovery;
+mod reports;
+mod requests;
+mod restart;
 mod resume;
 mod room;
 mod run;
-mod running;
 mod sealing;
 mod snapshot;
 mod start;
+mod station;
 #[cfg(test)]
 mod tests;
 
@@ -60,7 +74,7 @@ use carved_devices::sampler::LoaderInterlock;
 use carved_records::Mode;
 use carved_store::{Journal, Store, StoreError};
 use run::{Message, next_message};
-use running::Running;
+use station::Station;
 use std::future::Future;
 use std::sync::Arc;
 use tokio::sync::mpsc;
@@ -145,8 +159,8 @@ impl Driver {
     /// Serves commands until `shutdown`. Then the motors stop, the record is closed or left open, and all threads are joined.
     pub async fn run(self, mut mailbox: mpsc::Receiver<Command>, shutdown: impl Future<Output = Departure>) -> Result<(), DriverError> {
         let (heartbeat, halt) = (self.heartbeat.clone(), self.publisher.halt().clone());
-        let mut d = Running::new(self);
-        d.first_report();
+        let mut d = Station::new(self);
+        restart::first_report(&mut d);
         tokio::pin!(shutdown);
         let mut beat = tokio::time::interval(heartbeat::INTERVAL);
         let mut look = tokio::time::interval(search::LOOK);
@@ -157,27 +171,27 @@ impl Driver {
             }
             tokio::select! {
                 biased;
-                departure = &mut shutdown, if !d.life.is_stopping() => d.shut_down(departure),
+                departure = &mut shutdown, if !d.life.is_stopping() => course::shut_down(&mut d, departure),
                 // Not only through the mailbox: the client may disconnect before its command is queued.
-                () = halt.pressed(), if !d.life.is_stopping() => d.emergency_pressed(),
+                () = halt.pressed(), if !d.life.is_stopping() => requests::emergency_pressed(&mut d),
                 message = next_message(&mut d.run) => match message {
-                    Message::Progress(progress) => d.progress(progress),
-                    Message::Recovered(ended) => d.recovered(ended),
-                    Message::Ended(ended) => d.worker_ended(ended.map_err(|_| DriverError::WorkerPanicked)?),
+                    Message::Progress(progress) => reports::progress(&mut d, progress),
+                    Message::Recovered(ended) => course::recovered(&mut d, ended),
+                    Message::Ended(ended) => course::worker_ended(&mut d, ended.map_err(|_| DriverError::WorkerPanicked)?),
                 },
-                done = d.devices.done() => d.task_done(done.map_err(|_| DriverError::WorkerPanicked)?),
+                done = d.devices.done() => checks::task_done(&mut d, done.map_err(|_| DriverError::WorkerPanicked)?),
                 _ = beat.tick() => {
                     heartbeat.beat();
-                    d.beat();
+                    checks::beat(&mut d);
                 }
                 _ = look.tick(), if d.run.is_some() => d.show_camera(),
                 // Commands wait for a device check: a run needs the instrument. The check takes milliseconds if no device is lost. If one
                 // is lost, commands do not wait, because no run can start.
                 command = mailbox.recv(), if !d.life.is_stopping() && !d.devices.are_looked_at() => {
                     match command {
-                        Some(command) => d.command(command),
+                        Some(command) => requests::command(&mut d, command),
                         // Every handle is dropped. No command can arrive any more, not even one that ends the daemon.
-                        None => d.shut_down(Departure::EndsRun),
+                        None => course::shut_down(&mut d, Departure::EndsRun),
                     }
                 }
             }

@@ -1,4 +1,4 @@
-//! What a start restores from the journal and the runs of the previous daemon process. `Running::take_up` calls these functions in
+//! What a start restores from the journal and the runs of the previous daemon process. `restart::take_up` calls these functions in
 //! order.
 
 use super::super::{Publisher, State};

@@ -1,5 +1,6 @@
 //! Results of device checks between runs.
 
+use super::super::{checks, requests};
 use super::bench::{Arm, Bench, bench, count, journalled, on_this_thread, plan, scratch, started};
 use crate::session::handle::{Refusal, Towards};
 use crate::session::search::DevicesFound;
@@ -14,7 +15,7 @@ fn held() -> DeviceError {
 /// A device check with these results.
 fn look(b: &mut Bench, rotation: Result<(), DeviceError>, wire: Option<bool>) {
     b.d.devices.instrument_mut().sampler = Box::new(Arm { wire, ..Arm::default() });
-    b.d.searched(DevicesFound { rotation, camera: Ok(()), outputs: Vec::new() });
+    checks::searched(&mut b.d, DevicesFound { rotation, camera: Ok(()), outputs: Vec::new() });
 }
 
 #[test]
@@ -30,14 +31,14 @@ fn somebody_who_has_the_axis_is_a_fault_once_and_until_he_lets_go() {
         assert_eq!((status.faults[0].code.as_str(), status.ready), (fault_table::ROTATION_INTERVENTION.code, false));
         assert!(matches!(b.put_run(&plan(&["A01"])), Err(Refusal::FaultStands { .. })));
         // Acknowledged while the cause lasts, the fault is raised again.
-        b.d.acknowledge(status.faults[0].seq).unwrap();
+        requests::acknowledge(&mut b.d, status.faults[0].seq).unwrap();
         look(&mut b, Err(held()), None);
         assert_eq!(b.status().faults.len(), 1);
         // It is not enough that the cause is over: an operator must acknowledge the fault.
         look(&mut b, Ok(()), None);
         let status = b.status();
         assert_eq!((status.faults.len(), status.ready), (1, false));
-        b.d.acknowledge(status.faults[0].seq).unwrap();
+        requests::acknowledge(&mut b.d, status.faults[0].seq).unwrap();
         look(&mut b, Ok(()), None);
         assert!(b.status().ready && b.status().faults.is_empty());
         assert_eq!(count(&journalled(dir.path()), "fault.raised"), 2);
@@ -49,8 +50,8 @@ fn a_specimen_that_no_run_asked_for_is_said_and_neither_ready_nor_removable_goes
     on_this_thread(async {
         let dir = scratch();
         let mut b = bench(dir.path(), false);
-        b.d.handoff(Handoff { intent: HandoffIntent::Load, barcode: "P-1".into() }).unwrap();
-        b.d.end_handoff(HandoffEnd::Completed).unwrap();
+        requests::handoff(&mut b.d, Handoff { intent: HandoffIntent::Load, barcode: "P-1".into() }).unwrap();
+        requests::end_handoff(&mut b.d, HandoffEnd::Completed).unwrap();
         look(&mut b, Ok(()), Some(false));
         assert!(b.status().ready && b.status().plate.removable);
         for _ in 0..3 {
@@ -64,7 +65,7 @@ fn a_specimen_that_no_run_asked_for_is_said_and_neither_ready_nor_removable_goes
         assert!(matches!(b.put_run(&plan(&["A01"])), Err(Refusal::FaultStands { .. })));
         look(&mut b, Ok(()), Some(false));
         assert!(b.status().plate.removable && !b.status().ready, "somebody has to say that it is known");
-        b.d.acknowledge(status.faults[0].seq).unwrap();
+        requests::acknowledge(&mut b.d, status.faults[0].seq).unwrap();
         assert!(b.status().ready);
     });
 }

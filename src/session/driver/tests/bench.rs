@@ -86,7 +86,7 @@ pub fn instrument(axis: FakeAxis, sampler: Arm) -> Instrument {
 pub const RUN: &str = "r1";
 
 pub struct Bench {
-    pub d: Running,
+    pub d: Station,
     pub handle: SessionHandle,
     _mailbox: mpsc::Receiver<Command>,
     /// The well whose specimen is really in the capillary, whatever the messages say.
@@ -140,8 +140,8 @@ pub fn bench_of(root: &Path, instrument: Instrument) -> Bench {
 }
 
 fn spoken((driver, handle, mailbox): (Driver, SessionHandle, mpsc::Receiver<Command>)) -> Bench {
-    let mut d = Running::new(driver);
-    d.first_report();
+    let mut d = Station::new(driver);
+    restart::first_report(&mut d);
     Bench { d, handle, _mailbox: mailbox, inside: None }
 }
 
@@ -168,7 +168,7 @@ impl Bench {
 
     pub fn ask<T>(&mut self, make: impl FnOnce(oneshot::Sender<Result<T, Refusal>>) -> Command) -> Result<T, Refusal> {
         let (answer, mut answered) = oneshot::channel();
-        self.d.command(make(answer));
+        requests::command(&mut self.d, make(answer));
         answered.try_recv().unwrap()
     }
 
@@ -190,7 +190,7 @@ impl Bench {
 
     /// Sends progress as the worker does. Returns `false` if the run is cancelled.
     pub fn tell(&mut self, progress: Progress) -> bool {
-        self.d.progress(progress);
+        reports::progress(&mut self.d, progress);
         self.d.run.as_mut().and_then(|run| run.work_mut().as_ref()).is_some_and(|work| !work.is_cancelled())
     }
 
@@ -209,7 +209,7 @@ impl Bench {
 
     /// A heartbeat and the device check that it begins. Commands wait for the check.
     pub async fn beat(&mut self) {
-        self.d.beat();
+        checks::beat(&mut self.d);
         if self.d.devices.are_busy() {
             self.task_ends().await;
         }
@@ -217,14 +217,14 @@ impl Bench {
 
     pub async fn task_ends(&mut self) {
         let done = self.d.devices.done().await.unwrap();
-        self.d.task_done(done);
+        checks::task_done(&mut self.d, done);
     }
 
     /// The worker returns the instrument and ends in this way.
     pub async fn ends(&mut self, end: RunEnd) {
         let work = self.d.run.as_mut().unwrap().work_mut();
         let instrument = work.as_mut().unwrap().instrument().await;
-        self.d.worker_ended((instrument, end));
+        course::worker_ended(&mut self.d, (instrument, end));
     }
 }
 

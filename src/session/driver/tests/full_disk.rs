@@ -5,6 +5,7 @@
 //!                                             └─ aborted, still full ──► room, or the daemon's end ──► on disk all the same
 //! ```
 
+use super::super::{checks, course};
 use super::bench::{Bench, RUN, bench, count, indexed, journalled, on_this_thread, plan, scratch};
 use crate::session::handle::{SessionHandle, Towards};
 use crate::session::worker::{Progress, RunEnd};
@@ -205,10 +206,10 @@ fn an_abort_on_a_full_disk_is_written_once_there_is_room_or_when_the_daemon_ends
                     assert_eq!((b.status().state, b.status().plate.removable), (State::Aborted, false), "{when}");
                     disk_trace::make_room();
                     if !daemon_ends {
-                        b.d.try_the_store();
+                        checks::try_the_store(&mut b.d);
                         is_whole(&b, dir.path(), RunOutcome::Aborted, &when);
                     }
-                    b.d.shut_down(Departure::EndsRun);
+                    course::shut_down(&mut b.d, Departure::EndsRun);
                     b.d.final_report().unwrap();
                     was_full |= disk_trace::was_full();
                     disk_trace::end();
@@ -256,7 +257,7 @@ fn a_stop_on_a_full_disk_stays_a_stop() {
                     b.steer(Towards::Stop).unwrap();
                 }
                 assert_eq!(b.status().state, State::Stopped, "{when}");
-                b.d.try_the_store();
+                checks::try_the_store(&mut b.d);
                 was_full |= disk_trace::was_full();
                 disk_trace::end();
                 let measured = b.status().run.unwrap().wells.succeeded == 1;

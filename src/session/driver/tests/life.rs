@@ -49,8 +49,8 @@ fn a_specimen_that_could_not_be_taken_out_is_not_forgotten_with_its_numbers() {
             assert_eq!(handling.eject_first(), Some("A01"));
             // It is also ejected if the run has no further well.
             let seq = status.faults[0].seq;
-            b.d.acknowledge(seq).unwrap();
-            b.d.unhold(ResumedBy::Operator).unwrap();
+            requests::acknowledge(&mut b.d, seq).unwrap();
+            course::unhold(&mut b.d, ResumedBy::Operator).unwrap();
             assert!(b.works(), "the run has ended with a specimen in the capillary");
         });
     }
@@ -66,14 +66,14 @@ fn a_run_that_has_to_go_on_without_its_instrument_waits_for_it() {
         b.loaded("A01", true).unwrap();
         b.phase("A01", Phase::Position, true);
         b.ends(RunEnd::Failed(RunError::Device(gone()))).await;
-        b.d.searched(DevicesFound { rotation: Ok(()), camera: Ok(()), outputs: Vec::new() });
+        checks::searched(&mut b.d, DevicesFound { rotation: Ok(()), camera: Ok(()), outputs: Vec::new() });
         assert_eq!(b.status().state, State::Suspended, "it goes on to have the specimen taken out");
-        b.d.searched(DevicesFound { rotation: Err(gone()), camera: Ok(()), outputs: Vec::new() });
+        checks::searched(&mut b.d, DevicesFound { rotation: Err(gone()), camera: Ok(()), outputs: Vec::new() });
         let instrument = b.d.devices.take().unwrap();
         b.loaded("A01", false).unwrap();
         assert_eq!((b.status().state, b.works()), (State::Held, false));
         b.d.devices.give_back(instrument);
-        b.d.searched(DevicesFound { rotation: Ok(()), camera: Ok(()), outputs: Vec::new() });
+        checks::searched(&mut b.d, DevicesFound { rotation: Ok(()), camera: Ok(()), outputs: Vec::new() });
         assert!(b.works(), "{:?}", b.status().state);
     });
 }
@@ -88,15 +88,15 @@ fn an_emergency_stop_that_comes_while_a_run_is_launched_ends_it_and_latches() {
         b.put_run(&plan(&["A01"])).unwrap();
         assert!(!b.tell(Progress::Ready), "a worker that was launched under the stop is not cancelled");
         b.d.publisher.halt().pressed().await;
-        b.d.emergency_pressed();
+        requests::emergency_pressed(&mut b.d);
         b.ends(RunEnd::Cancelled).await;
         let status = b.status();
         assert_eq!((status.state, status.faults[0].code.as_str()), (State::Aborted, fault_table::EMERGENCY_STOP.code));
-        assert_eq!(b.d.emergency_stopped(), Ok(()), "the word in the mailbox comes after all");
+        assert_eq!(requests::emergency_stopped(&mut b.d), Ok(()), "the word in the mailbox comes after all");
         assert_eq!(count(&journalled(dir.path()), "fault.raised"), 1);
         let seq = status.faults[0].seq;
-        b.d.acknowledge(seq).unwrap();
-        assert!(b.d.emergency_stopped().is_ok() && b.status().faults.is_empty(), "it was seen to");
+        requests::acknowledge(&mut b.d, seq).unwrap();
+        assert!(requests::emergency_stopped(&mut b.d).is_ok() && b.status().faults.is_empty(), "it was seen to");
     });
 }
 
@@ -129,11 +129,11 @@ fn a_start_after_thousands_of_views_knows_the_plate_the_run_and_what_stands() {
     on_this_thread(async {
         let dir = scratch();
         let mut b = bench(dir.path(), true);
-        b.d.handoff(Handoff { intent: HandoffIntent::Load, barcode: "P-1".into() }).unwrap();
+        requests::handoff(&mut b.d, Handoff { intent: HandoffIntent::Load, barcode: "P-1".into() }).unwrap();
         assert!(!b.status().ready && b.status().not_ready_reason.unwrap().contains("handed over"), "a gripper may hold the plate");
         let overtaken = b.put_run(&plan(&["A01"])).unwrap_err();
         assert!(matches!(overtaken, Refusal::HandoffOpen { .. }), "{overtaken}");
-        b.d.end_handoff(HandoffEnd::Completed).unwrap();
+        requests::end_handoff(&mut b.d, HandoffEnd::Completed).unwrap();
         b.put_run(&plan(&["A01", "A02", "A03"])).unwrap();
         b.tell(Progress::Ready);
         b.tell(Progress::WaitingForLoader { well: "A01".into() });

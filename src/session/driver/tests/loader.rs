@@ -162,7 +162,7 @@ fn what_an_operator_holds_does_not_go_on_by_itself() {
                 assert_eq!((b.steer(Towards::Hold), b.steer(Towards::Hold)), (Ok(()), Ok(())));
             }
             assert_eq!((b.status().state, b.status().run.unwrap().held_by_operator), (State::Held, held));
-            b.d.searched(DevicesFound { rotation: Ok(()), camera: Ok(()), outputs: Vec::new() });
+            checks::searched(&mut b.d, DevicesFound { rotation: Ok(()), camera: Ok(()), outputs: Vec::new() });
             let expected = if held { State::Held } else { State::Suspended };
             assert_eq!((b.status().state, b.status().faults.len()), (expected, 0), "before {before}, after {after}");
             if held {
@@ -180,8 +180,8 @@ fn a_run_that_may_go_on_does_so_when_the_errand_is_done() {
         let dir = scratch();
         let mut b = started(dir.path(), false, &["A01"]);
         b.ends(RunEnd::Failed(RunError::Store(StoreError::Vanished { path: PathBuf::from("a disk") }))).await;
-        b.d.look();
-        b.d.try_the_store();
+        checks::look(&mut b.d);
+        checks::try_the_store(&mut b.d);
         let status = b.status();
         assert_eq!((status.state, status.faults.len(), b.d.state().run.as_ref().unwrap().resumed_by_itself()), (State::Held, 0, 0));
         b.task_ends().await;
@@ -198,7 +198,7 @@ fn what_is_ready_takes_a_run() {
         let mut b = bench(dir.path(), false);
         assert!(b.status().ready);
         let (answer, _answered) = oneshot::channel();
-        b.d.preflight(plan(&["A01"]), answer);
+        requests::preflight(&mut b.d, plan(&["A01"]), answer);
         assert!(b.status().not_ready_reason.is_some_and(|why| why.contains("being checked")));
         assert_eq!(b.put("r1"), Err(Refusal::Busy));
         b.task_ends().await;

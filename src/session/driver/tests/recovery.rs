@@ -77,13 +77,13 @@ fn a_well_that_is_given_up_has_the_sums_of_what_it_keeps() {
         record.method.policy.interrupted = carved_records::Interrupted::Skip;
         let recording = a_recording(RUN, &record.plan.plate_map[0]);
         drop(RecordingWriter::create(&b.d.outbox.store().run_folder(RUN).join("A01"), recording, None).unwrap());
-        b.d.interrupt_specimens("the power was cut", Fate::PoseLost);
+        course::interrupt_specimens(&mut b.d, "the power was cut", Fate::PoseLost);
         assert!(has_sums(&b, "A01"), "skipped by policy");
 
         // A crash left it, and it was never begun again: the end of the run seals it.
         let recording = a_recording(RUN, &b.d.run.as_ref().unwrap().record().plan.plate_map[1]);
         drop(RecordingWriter::create(&b.d.outbox.store().run_folder(RUN).join("A02.attempt-1"), recording, None).unwrap());
-        b.d.end_now();
+        course::end_now(&mut b.d);
         assert!(has_sums(&b, "A02.attempt-1"), "at the end of the run");
     });
 }
@@ -115,7 +115,7 @@ fn a_daemon_that_was_asked_to_end_has_not_died_of_them() {
         drop(let_go(dir.path(), &["A01", "A02"]));
         for _ in 0..4 {
             let mut b = bench(dir.path(), true);
-            b.d.shut_down(Departure::EndsRun);
+            course::shut_down(&mut b.d, Departure::EndsRun);
         }
         let b = bench(dir.path(), true);
         assert_eq!((of_well(&b, 0).outcome, count(&journalled(dir.path()), kind::SPECIMEN_RECOVERING)), (None, 5));
@@ -137,7 +137,7 @@ fn numbers_that_take_longer_than_the_method_allows_fail_their_well_and_let_the_r
         *in_progress.work_mut() = None;
         *in_progress.numbers_mut() = Numbers::awaited(Recovery::awaited(planned, &run, done, Duration::from_millis(1)), Continuation::End);
         let Message::Recovered(made) = next_message(&mut b.d.run).await else { panic!("another word") };
-        b.d.recovered(made);
+        course::recovered(&mut b.d, made);
         let well = of_well(&b, 0);
         let why = well.reason.unwrap();
         assert!(well.outcome == Some(SpecimenOutcome::Failed) && why.contains("measure") && why.contains("carved measure"), "{why}");

@@ -116,23 +116,23 @@ async fn takes(b: &mut Bench, step: &Step) {
         }
         Step::Loader(well, loaded) => drop(b.loaded(WELLS[well], loaded)),
         Step::Plate(what) => drop(match what {
-            0 => b.d.handoff(Handoff { intent: HandoffIntent::Load, barcode: "P-1".into() }).map(|_| ()),
-            1 => b.d.handoff(Handoff { intent: HandoffIntent::Unload, barcode: "P-1".into() }).map(|_| ()),
-            2 => b.d.end_handoff(HandoffEnd::Completed),
-            _ => b.d.end_handoff(HandoffEnd::Aborted),
+            0 => requests::handoff(&mut b.d, Handoff { intent: HandoffIntent::Load, barcode: "P-1".into() }).map(|_| ()),
+            1 => requests::handoff(&mut b.d, Handoff { intent: HandoffIntent::Unload, barcode: "P-1".into() }).map(|_| ()),
+            2 => requests::end_handoff(&mut b.d, HandoffEnd::Completed),
+            _ => requests::end_handoff(&mut b.d, HandoffEnd::Aborted),
         }),
         Step::Fault(which) => b.d.raise(&error(which)),
-        Step::Acknowledge(seq) => drop(b.d.acknowledge(seq)),
+        Step::Acknowledge(seq) => drop(requests::acknowledge(&mut b.d, seq)),
         Step::DiskFails(at) => disk_trace::fill(at, || ()),
         Step::DiskHasRoom => disk_trace::make_room(),
         Step::Beat => b.beat().await,
         Step::EmergencyStop => {
             // The caller's thread stops the motors. Nobody reads the mailbox of the bench.
             drop(b.handle.emergency_stop().now_or_never());
-            b.d.emergency_pressed();
+            requests::emergency_pressed(&mut b.d);
         }
         Step::ShutDown(leaves_run) => {
-            b.d.shut_down(if leaves_run { Departure::LeavesRun } else { Departure::EndsRun });
+            course::shut_down(&mut b.d, if leaves_run { Departure::LeavesRun } else { Departure::EndsRun });
             if b.works() {
                 b.ends(RunEnd::Cancelled).await;
             }

@@ -21,13 +21,13 @@ fn gone() -> RunError {
 fn snapshots(root: &Path) -> Vec<Status> {
     let (driver, handle, _mailbox) = driver(root, true);
     let seen = Rc::new(RefCell::new(Vec::new()));
-    let mut d = Running::new(driver);
+    let mut d = Station::new(driver);
     let witness = {
         let (handle, seen) = (handle.clone(), Rc::clone(&seen));
         move || seen.borrow_mut().push(handle.status())
     };
     disk_trace::fill(usize::MAX, witness);
-    d.first_report();
+    restart::first_report(&mut d);
     disk_trace::end();
     seen.borrow_mut().push(handle.status());
     seen.take()
@@ -65,7 +65,7 @@ fn a_run_that_is_taken_up_and_goes_on_is_never_shown_as_waiting_for_somebody() {
 
         let mut b = bench(dir.path(), true);
         let seq = b.status().faults[0].seq;
-        b.d.acknowledge(seq).unwrap();
+        requests::acknowledge(&mut b.d, seq).unwrap();
         b.d.event(None, EventData::RunStopRequested);
         drop(b);
         for status in snapshots(dir.path()).iter().filter(|s| s.state == State::Held) {
@@ -104,24 +104,28 @@ fn a_plate_on_its_way_is_remembered_over_a_restart() {
             let plate = Handoff { intent, barcode: "P-1".into() };
             let mut b = bench(dir.path(), true);
             if intent == HandoffIntent::Unload {
-                b.d.handoff(Handoff { intent: HandoffIntent::Load, barcode: "P-1".into() }).unwrap();
-                b.d.end_handoff(HandoffEnd::Completed).unwrap();
+                requests::handoff(&mut b.d, Handoff { intent: HandoffIntent::Load, barcode: "P-1".into() }).unwrap();
+                requests::end_handoff(&mut b.d, HandoffEnd::Completed).unwrap();
             }
-            b.d.handoff(plate.clone()).unwrap();
+            requests::handoff(&mut b.d, plate.clone()).unwrap();
             drop(b);
             let mut b = bench(dir.path(), true);
             let why = b.status().not_ready_reason;
             assert!(why.as_deref().is_some_and(|why| why.contains("P-1 is being handed over")), "{why:?}");
             assert!(matches!(b.put_run(&plan(&["A01"])), Err(Refusal::HandoffOpen { .. })));
-            assert_eq!(b.d.handoff(plate).map(|asked| asked.needs), Ok(None), "asked again");
-            b.d.end_handoff(end).unwrap();
+            assert_eq!(requests::handoff(&mut b.d, plate).map(|asked| asked.needs), Ok(None), "asked again");
+            requests::end_handoff(&mut b.d, end).unwrap();
             let inside = (intent == HandoffIntent::Load) == (end == HandoffEnd::Completed);
             assert_eq!((b.status().ready, b.status().plate.present), (true, inside));
             drop(b);
             let mut b = bench(dir.path(), true);
-            assert_eq!((b.status().ready, b.status().plate.present, b.d.end_handoff(end)), (true, inside, Ok(())), "said again");
+            assert_eq!(
+                (b.status().ready, b.status().plate.present, requests::end_handoff(&mut b.d, end)),
+                (true, inside, Ok(())),
+                "said again"
+            );
             let other = if end == HandoffEnd::Completed { HandoffEnd::Aborted } else { HandoffEnd::Completed };
-            assert_eq!(b.d.end_handoff(other), Err(Refusal::NoHandoff));
+            assert_eq!(requests::end_handoff(&mut b.d, other), Err(Refusal::NoHandoff));
         }
     });
 }
@@ -139,7 +143,7 @@ fn a_hold_whose_cause_is_over_names_it_and_the_next_action() {
             let hold = status.run.unwrap().hold.unwrap();
             assert_eq!((hold.code.as_str(), hold.times), ("rotation_lost", times));
             assert!(hold.next_action.unwrap().contains("power and cable"), "while it is away");
-            b.d.searched(DevicesFound { rotation: Ok(()), camera: Ok(()), outputs: Vec::new() });
+            checks::searched(&mut b.d, DevicesFound { rotation: Ok(()), camera: Ok(()), outputs: Vec::new() });
             assert_eq!(b.works(), times < 4, "{times}: {:?}", b.status().state);
             b.tell(Progress::Ready);
         }
@@ -193,7 +197,7 @@ fn an_operators_hold_and_an_acknowledged_fault_are_named_too() {
         b.tell(Progress::Ready);
         b.ends(RunEnd::Failed(RunError::SpecimenThread)).await;
         let seq = b.status().faults[0].seq;
-        b.d.acknowledge(seq).unwrap();
+        requests::acknowledge(&mut b.d, seq).unwrap();
         let status = b.status();
         let hold = status.run.unwrap().hold.unwrap();
         assert_eq!((hold.code.as_str(), hold.times), ("internal_error", 1));

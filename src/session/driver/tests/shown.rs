@@ -1,5 +1,6 @@
 //! The status shows only data of the current specimen and of its current attempt.
 
+use super::super::checks;
 use super::bench::{Bench, on_this_thread, scratch, started};
 use crate::session::Live;
 use crate::session::search::DevicesFound;
@@ -81,7 +82,7 @@ fn a_specimen_that_is_begun_anew_is_shown_from_its_first_view_on() {
         let mut b = started(dir.path(), false, &["A01"]);
         b.turns("A01", 5);
         b.ends(RunEnd::Failed(DeviceError::Gone { device: "rotation axis", why: "the cable".into() }.into())).await;
-        b.d.searched(DevicesFound { rotation: Ok(()), camera: Ok(()), outputs: Vec::new() });
+        checks::searched(&mut b.d, DevicesFound { rotation: Ok(()), camera: Ok(()), outputs: Vec::new() });
         assert!(b.works(), "{:?}", b.status().state);
         b.tell(Progress::Ready);
         b.turns("A01", 2);

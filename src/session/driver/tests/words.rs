@@ -90,8 +90,8 @@ fn a_late_word_does_not_bring_a_plate_back() {
         b.asks_for("A01");
         b.steer(Towards::Abort).unwrap();
         b.ends(RunEnd::Cancelled).await;
-        b.d.handoff(Handoff { intent: HandoffIntent::Unload, barcode: "P-1".into() }).unwrap();
-        b.d.end_handoff(HandoffEnd::Completed).unwrap();
+        requests::handoff(&mut b.d, Handoff { intent: HandoffIntent::Unload, barcode: "P-1".into() }).unwrap();
+        requests::end_handoff(&mut b.d, HandoffEnd::Completed).unwrap();
         b.loaded("A01", true).unwrap();
         // A start reads the newest 2000 events for its readers. The plate was taken away before them.
         for index in 0..2100 {

@@ -1,0 +1,141 @@
+//! What the driver checks by itself, with each heartbeat: the devices between runs, the disk, the index, the calibration's age.
+
+use super::super::search::DevicesFound;
+use super::super::{OutputStatus, Status, preflight};
+use super::commands::reply;
+use super::devices::{Done, Finding, PreflightRequest, findings, intervention};
+use super::room;
+use super::station::Station;
+use super::{course, faults};
+use carved_devices::DeviceError;
+use carved_records::{Device, EventData, Fault, fault_table};
+
+pub(super) fn beat(d: &mut Station) {
+    d.calibration_ages();
+    d.show_index();
+    d.show_notices();
+    if !d.life.is_stopping() {
+        // Before the device check: the check takes the instrument, and a run that continues needs it.
+        try_the_store(d);
+        look(d);
+        d.look_for_room();
+    }
+}
+
+/// Tries a failed disk again. What is not on disk yet is written first.
+pub(super) fn try_the_store(d: &mut Station) {
+    if !d.outbox.is_failing() || d.works() || !room::is_worth_a_retry(d.outbox.store()) {
+        return;
+    }
+    let written = match &d.run {
+        Some(run) => d.outbox.promise_with(run.record(), EventData::StoreRegained),
+        None => d.outbox.promise(None, None, EventData::StoreRegained),
+    };
+    if let Err(error) = written {
+        tracing::warn!(%error, "the disk does not take writes yet");
+        return;
+    }
+    d.outbox.set_failing(false);
+    d.fault_over(Fault::is_of_storage, "the disk takes writes again", |_| ());
+    course::resume_by_itself(d);
+}
+
+/// Checks the devices between runs.
+pub(super) fn look(d: &mut Station) {
+    if d.devices.at_rest().is_none() {
+        return;
+    }
+    if d.devices.camera_is_lost() {
+        lose(d, Device::Camera, DeviceError::ControlLost);
+    }
+    d.devices.begin_look();
+}
+
+pub(super) fn task_done(d: &mut Station, done: Done) {
+    match done {
+        Done::Searched(found) => searched(d, found),
+        Done::Preflight(seen, request) => {
+            let PreflightRequest { plan, answer } = *request;
+            if let Some(taken) = seen.intervention().and_then(intervention) {
+                find(d, taken);
+            }
+            let store = d.outbox.store();
+            let known = preflight::Known {
+                status: &d.publisher.status(),
+                mode: d.mode,
+                gate: d.calibration.as_ref().and_then(|c| c.gate.as_ref()),
+                plate_handed_over: d.state().plate.handed_over(),
+                free_bytes: store.free_bytes(),
+                budget: room::budget(&d.config, store),
+            };
+            let checks = preflight::checks(&d.config, &plan, &seen, &known);
+            // Publish first: when the client reads the answer, a run can be accepted again.
+            d.publish(|_| ());
+            reply(answer, Ok(checks));
+        }
+    }
+    course::go_on_if_it_may(d);
+}
+
+pub(super) fn searched(d: &mut Station, found: DevicesFound) {
+    let was_lost = d.devices.lost().is_some();
+    let outputs = found.outputs.iter().cloned().map(OutputStatus::from).collect::<Vec<_>>();
+    for finding in findings(found) {
+        find(d, finding);
+    }
+    if !outputs.is_empty() && outputs != d.publisher.status().hardware.outputs {
+        d.publish(|s| s.hardware.outputs = outputs);
+    }
+    let seen = d.devices.at_rest().and_then(|instrument| instrument.sampler.sees_specimen());
+    read_wire(d, seen);
+    // A run that this loss has held may continue.
+    if was_lost && d.devices.lost().is_none() {
+        course::resume_by_itself(d);
+    }
+}
+
+fn find(d: &mut Station, finding: Finding) {
+    match finding {
+        Finding::There(device) => find_again(d, device),
+        Finding::Lost(device, error) => lose(d, device, error),
+        Finding::Stands(code, error) => {
+            if !faults::is_open(&d.state().faults, code) {
+                d.raise(&error.into());
+            }
+        }
+    }
+}
+
+/// Raises the fault of a device that was lost between runs, once.
+fn lose(d: &mut Station, device: Device, error: DeviceError) {
+    if !d.devices.has_lost(device) {
+        d.raise(&error.into());
+    }
+}
+
+fn find_again(d: &mut Station, device: Device) {
+    let identity = d.devices.at_rest().map(|instrument| instrument.rig.rotation.identity().to_owned()).unwrap_or_default();
+    let connected = |s: &mut Status| match device {
+        Device::Camera => s.hardware.camera.connected = true,
+        Device::Rotation | Device::Pictures => s.hardware.find_axes(&identity),
+    };
+    if d.devices.find(device) {
+        d.fault_over(|fault| device.is_all_of(fault), device.is_back(), connected);
+    }
+    // A controller that was held when the port was opened sends its version only once it is free.
+    if device == Device::Rotation && d.publisher.status().hardware.rotation.identity.as_deref() != Some(&identity) {
+        d.publish(connected);
+    }
+}
+
+/// Reads the sampler's sensor for a specimen in the capillary, while there is no run and the capillary should be empty.
+fn read_wire(d: &mut Station, seen: Option<bool>) {
+    let Some(seen) = seen.filter(|_| d.run.is_none() && d.capillary().inside().is_none()) else { return };
+    let reading = d.loader.read_wire(seen);
+    if reading.is_news {
+        d.publish(|_| ());
+    }
+    if reading.unexpected {
+        find(d, Finding::Stands(fault_table::SAMPLER_FAILED.code, DeviceError::Unasked));
+    }
+}

@@ -1,0 +1,392 @@
+//! The course of a run, from its acceptance to its outcome.
+//!
+//! ```text
+//! start ──► launch ──► worker ──► worker_ended ─┬─ all wells ──► finish ──► close ───────► Complete
+//!             ▲                                 ├─ paused, failed ──► rest ──► Held ──┐
+//!             │                                 └─ stop, abort, shut-down ──► end_run ──► end_now ──► Stopped, Aborted
+//!             └──────────── unhold (operator, or by itself) ◄─────────────────────────┘
+//! ```
+//! `finish` and `end_run` wait for the numbers of specimens that were released.
+
+use super::super::handle::Refusal;
+use super::super::state::Trigger;
+use super::super::worker::{self, Instrument, RunContext, RunEnd, RunError};
+use super::super::{State, gate};
+use super::interrupt::{Course, Fate, interruptions};
+use super::recovery::{Continuation, Made};
+use super::run::{AfterWork, Request, RunInProgress, Work};
+use super::sealing::seal_well;
+use super::snapshot::{self, run_status};
+use super::station::Station;
+use super::{Departure, Life, faults, missing, resume};
+use carved_records::{
+    EventData, HeldBy, Method, ResumedBy, RunAccepted, RunEnded, RunHeld, RunPlan, RunResumed, SpecimenInterrupted, WellCounts,
+};
+use carved_store::{RunRecord, StoreError};
+
+pub(super) fn shut_down(d: &mut Station, departure: Departure) {
+    d.life = Life::Stopping(departure);
+    d.ask(Request::ShutDown);
+    d.go(Trigger::ShutDown);
+    if d.run.is_some() {
+        d.event(None, EventData::DaemonStopping);
+    }
+    if d.has_idle_run() {
+        end_run(d);
+    }
+}
+
+/// Writes the acceptance of the run to the journal, then starts the worker.
+pub(super) fn start(d: &mut Station, id: &str, plan: RunPlan, method: Method) -> Result<(), StoreError> {
+    let calibration = gate::calibration(&d.config, d.mode);
+    let record = RunRecord {
+        instrument: Some(d.identity.clone()),
+        calibration: calibration.clone(),
+        ..RunRecord::new(id, plan, method, d.mode, d.config.empty_capillary.as_deref())
+    };
+    // A driven sampler ejects this specimen before the first well.
+    let left = d.capillary().inside().map(str::to_owned);
+    let accepted = EventData::RunAccepted(RunAccepted {
+        plate_barcode: record.plan.plate_barcode.clone(),
+        method: record.plan.method.clone(),
+        left_in_capillary: left.clone(),
+    });
+    // Write what waits for the disk first.
+    d.outbox.flush()?;
+    if let Err(refused) = d.outbox.promise_with(&record, accepted) {
+        // The run is not accepted. If the same request comes again, it must not be answered as known.
+        if let Err(error) = d.outbox.store().forget_run(id) {
+            tracing::error!(%error, "a run that was refused is still on disk");
+        }
+        return Err(refused);
+    }
+    let status = run_status(&record);
+    d.loader.begin_run();
+    d.devices.begin_run();
+    let mut run = RunInProgress::new(record);
+    if let Some(left) = left {
+        run.handling_mut().remove(&left, false);
+    }
+    d.run = Some(run);
+    launch(d);
+    d.calibration = calibration;
+    d.go_with(Trigger::Start, |s| {
+        s.run = Some(status);
+        s.specimen = None;
+    });
+    Ok(())
+}
+
+/// Starts a worker with the instrument for the wells that are left.
+fn launch(d: &mut Station) {
+    let lacks_gate = d.lacks_gate();
+    let accepted = d.accepted();
+    // A specimen that a plate-loader brought is reported through the interlock.
+    let inside = d.capillary().brought().filter(|_| !d.loader.fills_capillary()).map(str::to_owned);
+    let (Some(run), Some(instrument)) = (&mut d.run, d.devices.take()) else {
+        tracing::error!("there is no run, or no instrument for it");
+        return;
+    };
+    let (wells, eject_first) = (run.wells_left(&accepted), run.handling_mut().hand_to_worker());
+    let record = run.record();
+    let work = Work::begin(instrument, d.loader.cleared_interlock(), d.publisher.halt(), |cancel, pause, progress| RunContext {
+        config: d.config.clone(),
+        identity: d.identity.clone(),
+        mode: d.mode,
+        run: record.id.clone(),
+        plate: record.plan.plate_barcode.clone(),
+        wells,
+        eject_first,
+        inside,
+        method_name: record.plan.method.clone(),
+        method: record.method.clone(),
+        folder: d.outbox.store().run_folder(&record.id),
+        cancel,
+        pause,
+        progress,
+    });
+    run.set_lacks_gate(lacks_gate);
+    run.launch(work);
+}
+
+/// Holds the run for an operator. This hold stays when other causes of a hold are over.
+pub(super) fn hold(d: &mut Station, state: State) -> Result<(), Refusal> {
+    if d.is_held_by_operator() {
+        return Ok(());
+    }
+    d.promise(None, EventData::RunHoldRequested)?;
+    if matches!(state, State::Holding | State::Held) {
+        d.publish(|_| ());
+        return Ok(());
+    }
+    d.ask(Request::Hold);
+    d.go(Trigger::Hold);
+    if d.has_idle_run() {
+        rest(d, false);
+    }
+    Ok(())
+}
+
+pub(super) fn stop(d: &mut Station) -> Result<(), Refusal> {
+    d.promise(None, EventData::RunStopRequested)?;
+    d.ask(Request::Stop);
+    d.go(Trigger::Stop);
+    if d.has_idle_run() {
+        end_run(d);
+    }
+    Ok(())
+}
+
+/// Aborts the run even if the disk fails. The event is written as soon as possible.
+pub(super) fn abort(d: &mut Station) {
+    d.ask(Request::Abort);
+    d.go(Trigger::Abort);
+    d.event(None, EventData::RunAbortRequested);
+    if d.has_idle_run() {
+        end_run(d);
+    }
+}
+
+/// Continues a held run, once the causes of the hold are over.
+pub(super) fn unhold(d: &mut Station, by: ResumedBy) -> Result<(), Refusal> {
+    d.nothing_stands_in_the_way()?;
+    let Some(run) = &mut d.run else { return Ok(()) };
+    if d.devices.at_rest().is_none() {
+        return Err(Refusal::Busy);
+    }
+    d.outbox.promise_with(run.record(), EventData::RunResumed(RunResumed { by }))?;
+    run.set_may_go_on(false);
+    let status = run_status(run.record());
+    d.go_with(Trigger::Unhold, |s| s.run = Some(status));
+    proceed(d);
+    Ok(())
+}
+
+/// The step after Unholding: wait for the loader, measure the next well, or end the run.
+pub(super) fn proceed(d: &mut Station) {
+    missing::recover(d);
+    let accepted = d.accepted();
+    let Some(run) = &d.run else { return };
+    if run.handling().take_out().is_some() {
+        d.go(Trigger::WaitForLoader);
+    } else if d.devices.at_rest().is_none() {
+        // A device was lost while the run waited for the loader. The run continues once the device is found.
+        rest(d, true);
+    } else if run.wells_left(&accepted).is_empty() && run.handling().eject_first().is_none() {
+        finish(d);
+    } else {
+        launch(d);
+    }
+}
+
+/// Every cause of the hold is over. The run continues by itself if its method allows it and no operator holds it.
+pub(super) fn resume_by_itself(d: &mut Station) {
+    let known = d.outbox.state().run.as_ref();
+    if let Some(run) = &mut d.run {
+        run.set_may_go_on(resume::is_automatic(run, known));
+    }
+    go_on_if_it_may(d);
+}
+
+/// Continues the run now, or when the background task returns the instrument.
+pub(super) fn go_on_if_it_may(d: &mut Station) {
+    let may = d.run.as_ref().is_some_and(RunInProgress::may_go_on) && !d.is_held_by_operator();
+    if !may || d.publisher.status().state != State::Held {
+        return;
+    }
+    match unhold(d, ResumedBy::Instrument) {
+        // Tried again when the task returns the instrument, or when the disk accepts writes.
+        Ok(()) | Err(Refusal::Busy | Refusal::Store { .. }) => {}
+        Err(refusal) => {
+            tracing::warn!(%refusal, "the run stays held");
+            d.run.iter_mut().for_each(|run| run.set_may_go_on(false));
+            d.publish(|_| ());
+        }
+    }
+}
+
+pub(super) fn worker_ended(d: &mut Station, (instrument, end): (Instrument, RunEnd)) {
+    d.devices.give_back(instrument);
+    let Some(run) = &mut d.run else { return };
+    match run.joined(end) {
+        AfterWork::Finish => finish(d),
+        AfterWork::End(error) => {
+            if let Some(error) = error {
+                tracing::error!(%error, "the run failed while it was being ended");
+            }
+            end_run(d);
+        }
+        AfterWork::Rest => rest(d, false),
+        AfterWork::Fault(error) => {
+            let fate = match worker::keeps_specimen(&error) {
+                false => Fate::PoseLost,
+                // A stock VAST cannot take up a specimen twice.
+                true if d.devices.steps_through_a_list() => Fate::BroughtAgain,
+                true => Fate::Stays,
+            };
+            if matches!(error, RunError::Store(_)) {
+                d.outbox.set_failing(true);
+            }
+            d.raise(&error);
+            interrupt_specimens(d, &error.to_string(), fate);
+            rest(d, true);
+        }
+        AfterWork::Halted => {
+            interrupt_specimens(d, "the run could not be stored", Fate::PoseLost);
+            rest(d, true);
+        }
+        AfterWork::Abort => abort(d),
+    }
+}
+
+/// Decides for each specimen in progress: its well ends, it is kept, or it is requested again.
+pub(super) fn interrupt_specimens(d: &mut Station, reason: &str, fate: Fate) {
+    let accepted = d.accepted();
+    let Some(run) = &d.run else { return };
+    let policy = run.record().method.policy.interrupted;
+    let (by_loader, brings_again) = (d.loader.fills_capillary(), d.loader.brings_again());
+    let known = d.state().run.as_ref();
+    let found = known.map_or_else(Vec::new, |known| interruptions(run, known, &accepted, brings_again, fate));
+    for interruption in found {
+        let Some(run) = &mut d.run else { return };
+        let well = &interruption.well;
+        if interruption.remove {
+            run.handling_mut().remove(well, by_loader);
+        }
+        if interruption.course == Course::LacksNumbers {
+            continue;
+        }
+        if interruption.course == Course::GivenUp && run.give_up(well, reason) {
+            seal_well(d.outbox.store(), &run.record().id, well);
+        }
+        let interrupted = SpecimenInterrupted { reason: reason.to_owned(), policy, kept: interruption.course == Course::Kept };
+        d.event(Some(well), EventData::SpecimenInterrupted(interrupted));
+    }
+    // A specimen whose well is done may still be inside, if the sampler could not eject it.
+    if let Some(run) = d.run.as_mut().filter(|_| !by_loader) {
+        run.handling_mut().remove_what_is_stuck(snapshot::capillary(d.outbox.state()));
+    }
+}
+
+/// Ends a well whose specimen cannot be measured any more.
+pub(super) fn give_up(d: &mut Station, well: &str, reason: &str) {
+    let Some(run) = &mut d.run else { return };
+    if !run.give_up(well, reason) {
+        return;
+    }
+    let (record, policy) = (run.record().clone(), run.record().method.policy.interrupted);
+    seal_well(d.outbox.store(), &record.id, well);
+    let status = run_status(&record);
+    d.save(record);
+    let interrupted = SpecimenInterrupted { reason: reason.to_owned(), policy, kept: false };
+    d.event_shown(Some(well), EventData::SpecimenInterrupted(interrupted), |d| d.publish(|s| s.run = Some(status)));
+}
+
+/// Goes to Held from any state of a run. The worker has returned the instrument.
+fn rest(d: &mut Station, by_fault: bool) {
+    let state = d.publisher.status().state;
+    if state == State::Stopping {
+        // A requested end comes first.
+        return end_run(d);
+    }
+    if state != State::Holding {
+        d.go(Trigger::Hold);
+    }
+    let Some(run) = &mut d.run else { return };
+    run.rests();
+    let record = run.record().clone();
+    let status = run_status(&record);
+    let cause = faults::cause_of_hold(&d.state().faults, by_fault);
+    let by = if by_fault { HeldBy::Fault } else { HeldBy::Operator };
+    d.save(record);
+    let held = RunHeld { by, code: Some(cause.code), cause: Some(cause.words) };
+    d.event_shown(None, EventData::RunHeld(held), |d| d.go_with(Trigger::Rested, |s| s.run = Some(status)));
+}
+
+/// Completes a run after its last well, once the missing numbers are computed.
+fn finish(d: &mut Station) {
+    d.go(Trigger::WellsDone);
+    missing::recover(d);
+    if !is_delayed(d, Continuation::Finish) {
+        close(d);
+    }
+}
+
+/// Ends the run as requested, once the numbers of released specimens are computed.
+pub(super) fn end_run(d: &mut Station) {
+    if d.leaves_run() {
+        // The next start finds what a crash leaves. It computes numbers that are missing.
+        return d.forget_run();
+    }
+    missing::recover(d);
+    if !is_delayed(d, Continuation::End) {
+        end_now(d);
+    }
+}
+
+/// Whether `then` must wait for numbers that are being computed.
+fn is_delayed(d: &mut Station, then: Continuation) -> bool {
+    d.run.as_mut().is_some_and(|run| run.numbers_mut().delay(then))
+}
+
+/// Closes a completed run. It ends once this is on disk, and is held until then.
+fn close(d: &mut Station) {
+    let Some(run) = &d.run else { return };
+    let record = run.finished();
+    d.close_folder(&record.id);
+    if let Err(error) = d.outbox.promise_with(&record, ended(&record)) {
+        d.keep(Err(error));
+        return rest(d, true);
+    }
+    d.forget_run();
+    let change = d.over(&record);
+    d.go_with(Trigger::Recorded, change);
+}
+
+/// Ends a run that was stopped or aborted, or that ends with the daemon.
+pub(super) fn end_now(d: &mut Station) {
+    let Some(run) = &d.run else { return };
+    let (asked, record) = (run.request(), run.ended());
+    d.close_folder(&record.id);
+    d.save(record.clone());
+    d.event(None, ended(&record));
+    d.forget_run();
+    let change = d.over(&record);
+    match asked {
+        Request::Abort => d.go_with(Trigger::MotorsStopped, change),
+        Request::Stop if !d.life.is_stopping() => d.go_with(Trigger::Joined, change),
+        // The daemon ends later, when all threads are joined.
+        _ => d.publish(change),
+    }
+}
+
+pub(super) fn recovered(d: &mut Station, made: Made) {
+    let Some((found, wells)) = d.run.as_mut().and_then(|run| run.numbers_mut().take(made)) else { return };
+    match found {
+        Ok(found) => {
+            missing::well_recovered(d, found);
+            missing::recover_next(d, wells);
+            if d.run.as_ref().is_some_and(|run| !run.numbers().are_being_made()) {
+                match missing::take_continuation(d) {
+                    Some(Continuation::Finish) => close(d),
+                    Some(Continuation::End) => end_now(d),
+                    None => {}
+                }
+            }
+        }
+        // As in a live run that cannot write its numbers: the run is held, and they are computed when it continues.
+        Err(error) => {
+            d.keep(Err(error));
+            match missing::take_continuation(d) {
+                Some(Continuation::Finish) => rest(d, true),
+                Some(Continuation::End) => end_now(d),
+                None => {}
+            }
+        }
+    }
+}
+
+/// The event of a run's end.
+fn ended(record: &RunRecord) -> EventData {
+    EventData::RunEnded(RunEnded { outcome: record.outcome, wells: WellCounts::of(&record.wells) })
+}

@@ -1,0 +1,114 @@
+//! What the worker reports during a run: written, and shown. No report changes the course of the run.
+
+use super::super::state::Trigger;
+use super::super::worker::Progress;
+use super::super::{Live, Shown, SpecimenStatus, State};
+use super::progress::{Hardware, View, show_done, show_estimate, show_hardware, show_phase, show_view};
+use super::run::Request;
+use super::snapshot::run_status;
+use super::station::Station;
+use carved_core::units::Steps;
+use carved_records::{AttemptFailed, EventData, Phase, PhaseEntered, SpecimenDone, ViewTaken, WellStatus, WellTimes};
+
+pub(super) fn progress(d: &mut Station, progress: Progress) {
+    match progress {
+        Progress::Ready => ready(d),
+        Progress::WaitingForLoader { well } => waits_for_loader(d, &well),
+        Progress::Phase { well, phase, in_capillary } => {
+            let Some(views_planned) = d.run.as_ref().map(|run| run.record().method.asd) else { return };
+            d.event_shown(Some(&well), EventData::SpecimenPhase(PhaseEntered { phase, in_capillary }), |d| {
+                d.publish(|s| show_phase(s, &well, phase, views_planned));
+            });
+        }
+        Progress::Detected { well, found, live } => {
+            show(d, &well, 0, live);
+            d.publish(|_| ());
+            d.event(Some(&well), EventData::SpecimenDetected(found));
+        }
+        Progress::TriedAgain { well, attempt, why } => {
+            let views_planned = d.run.as_ref().map_or(0, |run| run.record().method.asd);
+            d.publish(|s| s.specimen = Some(SpecimenStatus::new(&well, Phase::Position, views_planned)));
+            d.event(Some(&well), EventData::SpecimenTriedAgain(AttemptFailed { attempt, why }));
+        }
+        Progress::View { well, index, closure, achieved_steps, hull_volume_um3, estimate, wait, light, live } => {
+            let shown = d.publisher.status().specimen.as_ref().filter(|s| s.well == well).map(|s| s.view);
+            // A late view of an earlier specimen is written to the journal and not shown.
+            if let Some(before) = shown {
+                show(d, &well, before + u32::from(hull_volume_um3.is_some()), live);
+            }
+            let position_deg = d.config.steps_per_revolution.angle(Steps(achieved_steps)).to_degrees();
+            let view = View { achieved_steps, position_deg, hull_volume_um3, estimate, wait, light };
+            d.publish(|s| show_view(s, &well, &view));
+            let view = ViewTaken { index, closure, achieved_steps, hull_volume_um3, estimate };
+            d.event(Some(&well), EventData::ViewTaken(view));
+        }
+        Progress::Measured { well, glb, end } => {
+            // Unless the pictures show the next specimen by now.
+            d.publisher.set_live(|l| {
+                if l.shown.as_ref().is_some_and(|shown| shown.well == well) {
+                    l.mesh_glb = glb.or(l.mesh_glb.take());
+                }
+            });
+            d.publish(|s| show_estimate(s, &well, end));
+        }
+        Progress::Hardware { rotation, translation, outputs, counters, second } => {
+            let disk_free_bytes = d.outbox.store().free_bytes();
+            d.publish(|s| show_hardware(s, Hardware { rotation, translation, outputs, counters, second, disk_free_bytes }));
+        }
+        Progress::WellDone { result, seconds, times } => well_done(d, result, seconds, times),
+    }
+}
+
+/// Publishes the newest pictures, with their run and well.
+fn show(d: &Station, well: &str, views: u32, live: Live) {
+    let shown = d.run.as_ref().map(|run| Shown { run: run.record().id.clone(), well: well.to_owned(), views });
+    d.publisher.set_live(|l| *l = Live { shown, ..live });
+}
+
+fn ready(d: &mut Station) {
+    if matches!(d.publisher.status().state, State::Starting | State::Unholding) {
+        d.go_with(Trigger::Ready, |s| {
+            s.hardware.camera.connected = true;
+            s.hardware.rotation.connected = true;
+        });
+    }
+    d.event(None, EventData::RunStarted);
+}
+
+fn waits_for_loader(d: &mut Station, well: &str) {
+    if d.capillary().brought() == Some(well) {
+        // It was brought before the run continued. If a hold has interrupted the wait, the message is withheld: the specimen stays
+        // until the run continues again.
+        if d.run.as_ref().is_some_and(|run| run.request() == Request::Nothing) {
+            d.loader.say_loaded(well);
+        }
+        return;
+    }
+    d.run.iter_mut().for_each(|run| run.handling_mut().await_specimen(well));
+    d.event_shown(Some(well), EventData::WellAwaited, |d| {
+        if d.publisher.status().state == State::Execute {
+            d.go(Trigger::WaitForLoader);
+        } else {
+            d.publish(|_| ());
+        }
+    });
+}
+
+/// All files of a well are on disk. The next well may be in progress already.
+fn well_done(d: &mut Station, result: WellStatus, seconds: f64, times: WellTimes) {
+    let Some(run) = &mut d.run else { return };
+    let result = run.enter(result);
+    let record = run.record().clone();
+    let (status, views_planned) = (run_status(&record), record.method.asd);
+    let next = run.next_well().map(|next| SpecimenStatus::new(next, Phase::Load, views_planned));
+    // A plate-loader takes it out before it brings the next one. With a driven sampler, a specimen that is still inside could not be
+    // ejected.
+    let stuck = d.capillary().inside() == Some(&result.well) && !d.loader.fills_capillary();
+    d.save(record);
+    let well = result.well.clone();
+    let done = SpecimenDone { result, times: Some(times), seconds: Some(seconds) };
+    // One revision: counters and phase change together, so that no reader sees a gap between two wells.
+    d.event_shown(Some(&well), EventData::SpecimenDone(Box::new(done)), |d| {
+        d.publish(|s| show_done(s, status, &well, next.filter(|_| !stuck)));
+    });
+}

@@ -1,0 +1,209 @@
+//! What clients ask for: each request is accepted or refused, and carried out.
+
+use super::super::handle::{Accepted, Command, Refusal, Towards};
+use super::super::state::Trigger;
+use super::super::{State, Status, gate, preflight};
+use super::commands::{self, reply};
+use super::devices::PreflightRequest;
+use super::handling::Waited;
+use super::loader::{LoaderMessage, capillary_full};
+use super::plates::Surroundings;
+use super::room;
+use super::run::RunInProgress;
+use super::station::Station;
+use super::{course, faults};
+use crate::api::{self, HandoffNeeds};
+use carved_records::{EventData, Fault, Handoff, HandoffEnd, ResumedBy, RunPlan, fault_table};
+use tokio::sync::oneshot;
+
+pub(super) fn acknowledge(d: &mut Station, seq: u64) -> Result<(), Refusal> {
+    if let Some((known, ends)) = faults::acknowledge(&d.state().faults, seq)? {
+        d.promise(None, EventData::FaultAcknowledged(known))?;
+        if ends {
+            d.publish(|_| ());
+        }
+    }
+    Ok(())
+}
+
+/// Aborts the run. The motors have stopped already. No run starts before an operator acknowledges the fault.
+pub(super) fn emergency_stopped(d: &mut Station) -> Result<(), Refusal> {
+    emergency_pressed(d);
+    d.outbox.on_disk()
+}
+
+/// Handles the emergency stop once, however often it was pressed.
+pub(super) fn emergency_pressed(d: &mut Station) {
+    if !d.publisher.halt().take() {
+        return;
+    }
+    if !faults::is_open(&d.state().faults, fault_table::EMERGENCY_STOP.code) {
+        let (seq, since) = (d.state().faults.newest() + 1, jiff::Timestamp::now().to_string());
+        let fault = Fault::new(seq, &fault_table::EMERGENCY_STOP, fault_table::EMERGENCY_STOP.meaning.into(), since);
+        d.event_shown(None, EventData::FaultRaised(fault), |d| d.publish(|_| ()));
+    }
+    let state = d.publisher.status().state;
+    if d.run.is_some() && state != State::Aborting {
+        course::abort(d);
+    } else if d.run.is_none() && state != State::Aborted {
+        d.go(Trigger::Abort);
+        d.go(Trigger::MotorsStopped);
+    }
+}
+
+pub(super) fn command(d: &mut Station, command: Command) {
+    match command {
+        Command::PutRun { id, plan, answer } => reply(answer, put_run(d, &id, plan)),
+        Command::Steer { id, towards, answer } => reply(answer, steer(d, &id, towards)),
+        Command::EmergencyStop { answer } => reply(answer, emergency_stopped(d)),
+        Command::Acknowledge { seq, answer } => reply(answer, acknowledge(d, seq)),
+        Command::Loaded { run, well, loaded: true, answer } => reply(answer, loaded(d, &run, &well)),
+        Command::Loaded { run, well, loaded: false, answer } => reply(answer, unloaded(d, &run, &well)),
+        Command::Handoff { plate, answer } => reply(answer, handoff(d, plate)),
+        Command::EndHandoff { end, answer } => reply(answer, end_handoff(d, end)),
+        Command::Preflight { plan, answer } => preflight(d, plan, answer),
+    }
+}
+
+fn put_run(d: &mut Station, id: &str, plan: RunPlan) -> Result<Accepted, Refusal> {
+    commands::is_named_well(id)?;
+    let store = d.outbox.store();
+    if let Some(known) = store.run(id).map_err(Refusal::from)? {
+        return if known.plan == plan { Ok(Accepted::Same) } else { Err(Refusal::OtherPlan { id: id.to_owned() }) };
+    }
+    if store.reader().was_accepted(id).unwrap_or(false) {
+        return Err(Refusal::Pruned { id: id.to_owned() });
+    }
+    plan.check(&d.config.methods).map_err(Refusal::InvalidPlan)?;
+    gate::refuses(&d.config, d.mode, &plan).map_or(Ok(()), |mistake| Err(Refusal::InvalidPlan(vec![mistake])))?;
+    let status = d.publisher.status();
+    commands::is_startable(d.run.is_some(), status.state)?;
+    d.nothing_stands_in_the_way()?;
+    if let Some(left) = d.loader.has_to_take_out(d.capillary()) {
+        return Err(capillary_full(status.run.as_ref().map(|newest| newest.id.as_str()), left));
+    }
+    commands::is_of_this_plate(&plan, &d.state().plate)?;
+    let method = d.config.methods.get(&plan.method).cloned().ok_or_else(|| commands::unknown_method(&plan))?;
+    if d.devices.at_rest().is_none() {
+        return Err(Refusal::Busy);
+    }
+    room::fits(&d.config, d.outbox.store(), preflight::needed_bytes(&d.config, &method, plan.plate_map.len()))?;
+    course::start(d, id, plan, method)?;
+    Ok(Accepted::Created)
+}
+
+fn steer(d: &mut Station, id: &str, towards: Towards) -> Result<(), Refusal> {
+    let status = d.publisher.status();
+    if !d.is(id) {
+        let stored = d.outbox.store().run(id).map_err(Refusal::from)?;
+        return commands::steer_ended(id, towards, stored, status.run.as_ref().map(|r| r.id.as_str()), status.state);
+    }
+    if !commands::steer(towards, status.state)? {
+        return Ok(());
+    }
+    match towards {
+        Towards::Abort => {
+            course::abort(d);
+            d.outbox.on_disk()
+        }
+        Towards::Stop => course::stop(d),
+        Towards::Hold => course::hold(d, status.state),
+        Towards::Unhold => course::unhold(d, ResumedBy::Operator),
+    }
+}
+
+fn loader_message<'a>(d: &'a Station, run: &'a str, well: &'a str, status: &'a Status) -> LoaderMessage<'a> {
+    let newest = status.run.as_ref().map(|newest| (newest.id.as_str(), newest.outcome));
+    let wanted = d.run.as_ref().map(RunInProgress::handling);
+    LoaderMessage { run, well, newest, capillary: d.capillary(), wanted }
+}
+
+/// The run that an event of the loader belongs to. `None` if the run was pruned: its folder must not be created again.
+fn run_of_event<'a>(d: &Station, run: &'a str) -> Option<&'a str> {
+    d.outbox.store().run_folder(run).is_dir().then_some(run)
+}
+
+fn loaded(d: &mut Station, run: &str, well: &str) -> Result<(), Refusal> {
+    let status = d.publisher.status();
+    let Some(loaded) = loader_message(d, run, well, &status).loaded()? else { return Ok(()) };
+    d.outbox.promise(run_of_event(d, run), Some(well), EventData::WellLoaded(loaded))?;
+    let waited = d.run.as_mut().map(|run| run.handling_mut().brought());
+    match waited {
+        Some(Waited::ForIt) if status.state == State::Suspended => {
+            d.loader.say_loaded(well);
+            d.go(Trigger::Loaded);
+        }
+        Some(Waited::ForTheFormer) if status.state == State::Suspended => {
+            d.go(Trigger::Loaded);
+            course::proceed(d);
+        }
+        // In a held run it waits for the continuation, and is not brought again. In a run that ends it stays inside.
+        Some(_) => d.publish(|_| ()),
+        None => {
+            let views_planned = d.outbox.store().run(run).ok().flatten().map_or(0, |record| record.method.asd);
+            let left = d.left_specimen(views_planned);
+            d.publish(|s| s.specimen = left);
+        }
+    }
+    Ok(())
+}
+
+fn unloaded(d: &mut Station, run: &str, well: &str) -> Result<(), Refusal> {
+    let status = d.publisher.status();
+    let worked_on = status.specimen.as_ref().filter(|s| d.works() && s.phase != api::Phase::Eject).map(|s| s.well.as_str());
+    if !loader_message(d, run, well, &status).unloaded(worked_on)? {
+        return Ok(());
+    }
+    let was_kept = d.capillary().brought() == Some(well);
+    d.outbox.promise(run_of_event(d, run), Some(well), EventData::WellUnloaded)?;
+    if was_kept && !d.loader.brings_again() {
+        course::give_up(d, well, "somebody took its specimen out, and the sampler brings none twice");
+    }
+    let waited = d.run.as_mut().is_some_and(|run| run.handling_mut().taken_out(well));
+    let at_rest = d.run.is_none();
+    let change = |s: &mut Status| drop(s.specimen.take_if(|_| at_rest));
+    if waited && status.state == State::Suspended {
+        d.go_with(Trigger::Loaded, change);
+        course::proceed(d);
+    } else {
+        d.publish(change);
+    }
+    Ok(())
+}
+
+fn surroundings<'a>(d: &'a Station, status: &'a Status) -> Surroundings<'a> {
+    Surroundings { state: status.state, has_run: d.run.is_some(), capillary: d.capillary(), is_failing: d.outbox.is_failing() }
+}
+
+/// Announces that a plate will be moved. Returns what must happen first.
+pub(super) fn handoff(d: &mut Station, plate: Handoff) -> Result<HandoffNeeds, Refusal> {
+    let status = d.publisher.status();
+    if surroundings(d, &status).announce(&d.state().plate, &plate)? {
+        d.promise(None, EventData::PlateAnnounced(plate.clone()))?;
+        d.publish(|_| ());
+    }
+    Ok(HandoffNeeds { intent: plate.intent.into(), needs: surroundings(d, &status).needs(), barcode: plate.barcode })
+}
+
+pub(super) fn end_handoff(d: &mut Station, end: HandoffEnd) -> Result<(), Refusal> {
+    let status = d.publisher.status();
+    let Some(data) = surroundings(d, &status).end(&d.state().plate, end)? else { return Ok(()) };
+    d.promise(None, data)?;
+    d.publish(|_| ());
+    Ok(())
+}
+
+/// Checks everything that a run of this plan needs. The check uses the instrument, so it is refused during a run.
+pub(super) fn preflight(d: &mut Station, plan: RunPlan, answer: oneshot::Sender<Result<Vec<api::Check>, Refusal>>) {
+    let sound = plan.check(&d.config.methods).map_err(Refusal::InvalidPlan);
+    let accepted = sound.and_then(|()| commands::is_startable(d.run.is_some(), d.publisher.status().state));
+    if let Err(refusal) = accepted {
+        return reply(answer, Err(refusal));
+    }
+    let deadline = std::time::Duration::from_millis(d.config.acquisition.grab_deadline_ms.into());
+    match d.devices.begin_preflight(Box::new(PreflightRequest { plan, answer }), deadline, d.publisher.halt()) {
+        // Shows that no run is accepted during the check.
+        Ok(()) => d.publish(|_| ()),
+        Err(request) => reply(request.answer, Err(Refusal::Busy)),
+    }
+}

@@ -1,0 +1,130 @@
+//! What a start does with the state that the previous process left.
+
+use super::super::state::Trigger;
+use super::super::{CameraStatus, OutputStatus, Status, TranslationStatus, gate};
+use super::interrupt::Fate;
+use super::run::RunInProgress;
+use super::sealing::seal_run;
+use super::snapshot::{self, run_status};
+use super::station::Station;
+use super::{Life, course, missing, resume, start};
+use carved_records::{DaemonStarted, EndRequest, EventData, LoadedBy, RunInterrupted, RunState};
+use carved_store::RunRecord;
+
+/// Shows the devices, then the state that the previous process left. If the disk refuses writes, that is a fault and not the end of the
+/// daemon.
+pub(super) fn first_report(d: &mut Station) {
+    let second = d.devices.at_rest().and_then(|i| i.second.as_ref()).map(|second| second.identity().to_owned());
+    let identities = d.devices.at_rest().map(|i| (i.rig.rotation.identity().to_owned(), i.rig.camera.identity().to_owned()));
+    let has_translation = d.config.translation.is_some();
+    let outputs: Vec<OutputStatus> = d.config.rotation.outputs().into_iter().map(Into::into).collect();
+    let disk_free_bytes = d.outbox.store().free_bytes();
+    let calibration = gate::calibration(&d.config, d.mode);
+    let open = open_runs(d);
+    d.event(None, EventData::DaemonStarted(DaemonStarted { version: env!("CARGO_PKG_VERSION").into(), mode: d.mode }));
+    d.calibration = calibration;
+    d.publish(|s| {
+        if let Some((rotation, camera)) = identities {
+            s.hardware.translation = has_translation.then(TranslationStatus::default);
+            s.hardware.find_axes(&rotation);
+            s.hardware.outputs = outputs;
+            s.hardware.camera.identity = Some(camera);
+            s.hardware.camera.connected = true;
+        }
+        s.hardware.camera_second =
+            second.map(|identity| CameraStatus { identity: Some(identity), connected: true, ..CameraStatus::default() });
+        s.hardware.disk_free_bytes = disk_free_bytes;
+    });
+    d.life = Life::Up;
+    if let Some(record) = open {
+        let run = start::run_after(&record.id, &start::events_of(d.outbox.store(), &d.publisher, &record.id));
+        take_up(d, record, run);
+    } else if let Some(record) = start::ended_run(d.outbox.store(), d.mode) {
+        show_again(d, &record);
+    } else {
+        d.publish(|_| ());
+    }
+}
+
+/// The newest open run, if it can continue. The other open runs are ended here.
+fn open_runs(d: &mut Station) -> Option<RunRecord> {
+    let open = match d.outbox.store().open_runs() {
+        Ok(open) => open,
+        Err(error) => {
+            d.keep(Err(error));
+            return None;
+        }
+    };
+    let (unaccepted, open): (Vec<RunRecord>, _) = open.into_iter().partition(|run| start::is_not_accepted(d.outbox.store(), &run.id));
+    for run in unaccepted {
+        // A repeat of the request must not be answered as known.
+        let forgotten = d.outbox.store().forget_run(&run.id);
+        d.keep(forgotten);
+    }
+    let (newest, others) = start::newest_of(open, d.mode);
+    for mut run in others {
+        seal_run(d.outbox.store(), &run.id);
+        run.end_interrupted();
+        let id = run.id.clone();
+        d.save(run);
+        let interrupted = RunInterrupted { found: "at start".into(), loaded_by: None };
+        d.outbox.happened(Some(&id), None, EventData::RunInterrupted(interrupted));
+        d.write();
+    }
+    newest
+}
+
+/// Shows an ended run as before the restart, until the next run starts.
+fn show_again(d: &mut Station, record: &RunRecord) {
+    let events = start::events_of(d.outbox.store(), &d.publisher, &record.id);
+    let run = start::run_after(&record.id, &events);
+    let state = start::rests_in(record.outcome, run.end_request());
+    d.outbox.recall(run);
+    let change = d.over(record);
+    d.publish(|s| {
+        change(s);
+        s.state = state;
+    });
+}
+
+/// Takes up a run that the previous process left open.
+fn take_up(d: &mut Station, record: RunRecord, run: RunState) {
+    let asd = record.method.asd;
+    let status = run_status(&record);
+    let end_request = run.end_request();
+    d.outbox.recall(run);
+    d.run = Some(RunInProgress::new(record));
+    let by_loader = d.loader.fills_capillary();
+    let loaded_by = if by_loader { LoadedBy::Loader } else { LoadedBy::Sampler };
+    d.event(None, EventData::RunInterrupted(RunInterrupted { found: "at start".into(), loaded_by: Some(loaded_by) }));
+    let (known, capillary) = (d.outbox.state().run.as_ref(), snapshot::capillary(d.outbox.state()));
+    if let Some(run) = &mut d.run {
+        // Set this before publishing, so that no client reads that the run waits for a person.
+        run.recall(end_request);
+        run.set_may_go_on(end_request.is_none() && resume::is_automatic(run, known));
+        // A specimen that the loader brought stays: the run continues with it.
+        if let Some(inside) = capillary.inside().filter(|inside| capillary.brought() != Some(inside)) {
+            run.handling_mut().remove(inside, by_loader);
+        }
+    }
+    let left = d.left_specimen(asd);
+    d.go_with(Trigger::TakeUp, |s: &mut Status| {
+        s.run = Some(status);
+        s.specimen = left;
+    });
+    course::interrupt_specimens(d, "the daemon ended before this specimen was done", Fate::PoseLost);
+    if let Some(run) = &d.run {
+        // Save the wells that were given up, so that they stay so whatever happens before the run continues.
+        let (record, status) = (run.record().clone(), run_status(run.record()));
+        d.save(record);
+        d.publish(|s| s.run = Some(status));
+    }
+    missing::recover(d);
+    match end_request {
+        Some(end) => {
+            d.go(if end == EndRequest::Stop { Trigger::Stop } else { Trigger::Abort });
+            course::end_run(d);
+        }
+        None => course::resume_by_itself(d),
+    }
+}

@@ -1,0 +1,319 @@
+//! The driver's parts together, and the two things that all its work is made of: an event or record is written, and a revision of the status
+//! is published. Nothing here decides what a run does next.
+
+use super::super::handle::{Publisher, Refusal};
+use super::super::state::{self, HOLDABLE, Trigger};
+use super::super::worker::RunError;
+use super::super::{SpecimenStatus, Status, fault, gate};
+use super::devices::Devices;
+use super::loader::Loader;
+use super::outbox::Outbox;
+use super::recovery;
+use super::room::{self, DiskRoom};
+use super::run::{Request, RunInProgress};
+use super::sealing::seal_run;
+use super::snapshot::{self, Parts, left_specimen, run_status};
+use super::{Departure, Driver, Life, faults};
+use crate::config::Config;
+use crate::notify::Notices;
+use carved_devices::cancel::CancelToken;
+use carved_records::{
+    CalibrationStatus, Capillary, Device, Event, EventData, Fault, FaultsCleared, InstrumentIdentity, InstrumentState, Mode, PlannedWell,
+    RunState,
+};
+use carved_store::{RunRecord, StoreError};
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+/// The parts of the driver.
+pub(super) struct Station {
+    pub(super) config: Arc<Config>,
+    pub(super) identity: InstrumentIdentity,
+    pub(super) mode: Mode,
+    pub(super) publisher: Publisher,
+    notices: Option<Notices>,
+    pub(super) outbox: Outbox,
+    pub(super) devices: Devices,
+    pub(super) loader: Loader,
+    room: DiskRoom,
+    /// The rig's newest calibration, as of the last lookup.
+    pub(super) calibration: Option<CalibrationStatus>,
+    pub(super) run: Option<RunInProgress>,
+    pub(super) life: Life,
+}
+
+impl Station {
+    pub fn new(driver: Driver) -> Self {
+        let Driver { config, mode, store, journal, publisher, instrument, identity, interlock, notices, heartbeat: _ } = driver;
+        publisher.halt().aim(instrument.rig.rotation.stop_handle(), CancelToken::default());
+        // The tail of the journal is not enough: most events are views, and after some dozen wells it no longer names the plate.
+        let remembered = store.remembered().unwrap_or_else(|error| {
+            tracing::error!(%error, "the journal cannot be read; its newest events are all that is remembered");
+            publisher.tail().iter().map(|event| Event::clone(event)).collect()
+        });
+        Self {
+            outbox: Outbox::new(store, journal, publisher.log(), InstrumentState::after(&remembered)),
+            loader: Loader::new(interlock, instrument.sampler.as_ref()),
+            devices: Devices::new(instrument),
+            config,
+            identity,
+            mode,
+            publisher,
+            notices,
+            room: DiskRoom::default(),
+            calibration: None,
+            run: None,
+            life: Life::Starting,
+        }
+    }
+
+    /// Whether no run and no background task is in progress.
+    pub fn is_at_rest(&self) -> bool {
+        self.run.is_none() && !self.devices.are_busy()
+    }
+
+    /// Writes the daemon's last event, and tries once more to write what is not on disk.
+    pub fn final_report(&mut self) -> Result<(), StoreError> {
+        let stopped = self.promise(None, EventData::DaemonStopped);
+        if self.outbox.waiting() > 0 {
+            tracing::error!(waiting = self.outbox.waiting(), "the daemon ends with events and records that the disk did not take");
+        }
+        stopped
+    }
+
+    /// The state that follows from the events.
+    pub fn state(&self) -> &InstrumentState {
+        self.outbox.state()
+    }
+
+    pub fn capillary(&self) -> &Capillary {
+        snapshot::capillary(self.state())
+    }
+
+    pub fn is(&self, run: &str) -> bool {
+        self.run.as_ref().is_some_and(|r| r.record().id == run)
+    }
+
+    pub fn works(&self) -> bool {
+        self.run.as_ref().is_some_and(RunInProgress::works)
+    }
+
+    /// Whether the run has no worker.
+    pub fn has_idle_run(&self) -> bool {
+        self.run.as_ref().is_some_and(|r| !r.works())
+    }
+
+    pub fn is_held_by_operator(&self) -> bool {
+        self.state().run.as_ref().is_some_and(RunState::is_held_by_operator)
+    }
+
+    /// Whether the daemon ends without ending the run. An end that was asked for earlier comes first.
+    pub fn leaves_run(&self) -> bool {
+        self.life == Life::Stopping(Departure::LeavesRun) && self.run.as_ref().is_some_and(|run| run.request() == Request::ShutDown)
+    }
+
+    pub fn left_specimen(&self, views_planned: u32) -> Option<SpecimenStatus> {
+        left_specimen(self.capillary(), self.publisher.status().specimen.as_ref(), views_planned)
+    }
+
+    pub fn nothing_stands_in_the_way(&self) -> Result<(), Refusal> {
+        faults::stands_in_the_way(&self.state().faults, self.devices.lost())
+    }
+
+    /// The wells of the current run of which only the numbers are missing.
+    pub fn accepted(&self) -> VecDeque<PlannedWell> {
+        let run = self.run.as_ref().map(RunInProgress::record);
+        run.map_or_else(VecDeque::new, |record| recovery::accepted(&self.outbox.store().run_folder(&record.id), record))
+    }
+
+    /// Whether the run measures larvae without a valid bead gate.
+    pub fn lacks_gate(&self) -> bool {
+        let newest = gate::calibration(&self.config, self.mode).and_then(|c| c.gate);
+        self.run.as_ref().is_some_and(|run| gate::lacking(newest.as_ref(), &run.record().method, self.mode).is_some())
+    }
+
+    /// Makes a transition of the state table. Every state on the way is published as a revision of its own.
+    pub fn go(&self, trigger: Trigger) {
+        self.go_with(trigger, |_| ());
+    }
+
+    /// As `go`, with a change that is published in the same revision as the first state.
+    pub fn go_with(&self, trigger: Trigger, change: impl FnOnce(&mut Status)) {
+        let from = self.publisher.status().state;
+        let Some(path) = state::next(from, trigger) else {
+            tracing::error!(?from, ?trigger, "no such transition");
+            return self.publish(change);
+        };
+        let mut change = Some(change);
+        for &to in path {
+            let change = change.take();
+            self.publish(|s| {
+                s.state = to;
+                if let Some(change) = change {
+                    change(s);
+                }
+            });
+        }
+        if let Some(change) = change {
+            self.publish(change);
+        }
+    }
+
+    /// Publishes a change and everything that follows from it as one revision.
+    pub fn publish(&self, change: impl FnOnce(&mut Status)) {
+        let parts = Parts {
+            state: self.outbox.state(),
+            run: self.run.as_ref(),
+            loader: &self.loader,
+            lost: self.devices.lost(),
+            is_checked: self.devices.are_checked(),
+            no_room: self.room.lacking(),
+            is_failing: self.outbox.is_failing(),
+            calibration: self.calibration.as_ref(),
+            life: self.life,
+            now: jiff::Timestamp::now(),
+        };
+        self.publisher.publish(|s| {
+            change(s);
+            parts.derive(s);
+        });
+    }
+
+    /// Records an event of the current run, or of no run.
+    pub fn event(&mut self, well: Option<&str>, data: EventData) {
+        self.event_shown(well, data, |_| ());
+    }
+
+    /// Shows an event before it is written: if the disk hangs, clients must still see a fault or a state.
+    pub fn event_shown(&mut self, well: Option<&str>, data: EventData, show: impl FnOnce(&Self)) {
+        let run = self.run.as_ref().map(|run| run.record().id.as_str());
+        self.outbox.happened(run, well, data);
+        show(self);
+        self.write();
+    }
+
+    pub fn write(&mut self) {
+        let written = self.outbox.flush();
+        self.keep(written);
+    }
+
+    /// Writes a run's record, after all earlier events.
+    pub fn save(&mut self, record: RunRecord) {
+        self.outbox.save(record);
+        self.write();
+    }
+
+    /// Writes the event of a command. If the disk refuses it, the command has no effect.
+    pub fn promise(&mut self, well: Option<&str>, data: EventData) -> Result<(), StoreError> {
+        let run = self.run.as_ref().map(|run| run.record().id.as_str());
+        self.outbox.promise(run, well, data)
+    }
+
+    /// Handles a failed write: it holds the run. The motors stop first, then the fault is raised. What could not be written is shown all
+    /// the same, and the plate is not removable.
+    pub fn keep(&mut self, written: Result<(), StoreError>) {
+        let Err(error) = written else { return };
+        tracing::error!(%error, "not stored");
+        self.publisher.log().tally().store_refused();
+        let works = self.works();
+        if works {
+            self.ask(Request::Halt);
+        }
+        // The fault is written after the failed write. A second failure raises no new fault.
+        if !self.outbox.set_failing(true) {
+            self.raise(&error.into());
+        }
+        if works && HOLDABLE.contains(&self.publisher.status().state) {
+            self.go(Trigger::Hold);
+        }
+    }
+
+    pub fn raise(&mut self, error: &RunError) {
+        let raised = fault::of(self.state().faults.newest() + 1, error);
+        let lost = fault::lost_device(error);
+        if let Some(lost) = lost {
+            self.devices.lose(lost);
+        }
+        self.event_shown(None, EventData::FaultRaised(raised), |d| {
+            d.publish(|s| match lost {
+                Some(Device::Camera) => s.hardware.camera.connected = false,
+                Some(Device::Rotation | Device::Pictures) => s.hardware.lose_axes(),
+                None => {}
+            });
+        });
+    }
+
+    /// Clears the faults that are over, then shows the change.
+    pub fn fault_over(&mut self, is_over: impl Fn(&Fault) -> bool, why: &str, change: impl FnOnce(&mut Status)) {
+        let seq = self.state().faults.open().iter().filter(|f| is_over(f)).map(|f| f.seq).collect();
+        self.event(None, EventData::FaultsCleared(FaultsCleared { seq, why: why.to_owned() }));
+        self.publish(change);
+    }
+
+    /// Shows whether the camera is lost. During a run the worker reopens a lost camera by itself, or ends.
+    pub fn show_camera(&self) {
+        let is_lost = self.devices.camera_is_lost();
+        if self.publisher.status().hardware.camera.connected == is_lost {
+            self.publish(|s| s.hardware.camera.connected = !is_lost);
+        }
+    }
+
+    /// Shows whether the index holds all that is on disk.
+    pub fn show_index(&self) {
+        let trouble = self.outbox.store().index_trouble();
+        if self.publisher.status().hardware.index_trouble != trouble {
+            if trouble.is_some() {
+                self.publisher.log().tally().index_failed();
+            }
+            self.publish(|s| s.hardware.index_trouble = trouble);
+        }
+    }
+
+    /// Shows whether notices reach their receiver.
+    pub fn show_notices(&self) {
+        let found = self.notices.as_ref().map(Notices::status);
+        if self.publisher.status().notices != found {
+            self.publish(|s| s.notices = found);
+        }
+    }
+
+    /// Publishes a revision when the calibration or the bead gate becomes too old.
+    pub fn calibration_ages(&mut self) {
+        if self.calibration.as_mut().is_some_and(|c| c.grows_too_old(jiff::Timestamp::now())) {
+            self.publish(|_| ());
+        }
+    }
+
+    /// Checks the free space between runs, which other programs also use.
+    pub fn look_for_room(&mut self) {
+        let lacking = if self.run.is_none() { room::look(&self.config, self.outbox.store()) } else { None };
+        if self.room.note(lacking) {
+            self.publish(|_| ());
+        }
+    }
+
+    pub fn ask(&mut self, what: Request) {
+        self.run.iter_mut().for_each(|run| run.ask(what));
+    }
+
+    /// Seals the open recordings of the run, and stores the bead gate if it measured enough beads.
+    pub fn close_folder(&self, run: &str) {
+        seal_run(self.outbox.store(), run);
+        gate::keep(&self.config, &self.outbox.store().run_folder(run));
+    }
+
+    pub fn forget_run(&mut self) {
+        self.run = None;
+        self.room.note(room::look(&self.config, self.outbox.store()));
+    }
+
+    /// The end of a run and everything that follows from it, as one change of the status.
+    pub fn over(&mut self, record: &RunRecord) -> impl FnOnce(&mut Status) + use<> {
+        self.calibration = gate::calibration(&self.config, self.mode);
+        let (status, left) = (run_status(record), self.left_specimen(record.method.asd));
+        |s| {
+            s.run = Some(status);
+            s.specimen = left;
+        }
+    }
+}
