@@ -299,7 +299,7 @@ impl Statistics {
         let names: Vec<String> = runs.iter().map(|run| run.record().id.clone()).collect();
         let mut modes: Vec<String> = Vec::new();
         for run in runs {
-            let mode = super::columns::mode(run.record().mode).to_owned();
+            let mode = super::mode(run.record().mode).to_owned();
             if !modes.contains(&mode) {
                 modes.push(mode);
             }

@@ -16,6 +16,7 @@ mod archive;
 mod attempts;
 mod budget;
 pub mod calibrations;
+pub mod columns;
 mod disk;
 pub mod durable;
 mod error;

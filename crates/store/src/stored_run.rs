@@ -17,7 +17,7 @@ use serde_json::Value;
 use std::path::{Path, PathBuf};
 
 /// Name of the file with a specimen's times.
-const TIMINGS: &str = "timings.json";
+pub(super) const TIMINGS: &str = "timings.json";
 
 /// A run and where it is.
 #[derive(Debug)]

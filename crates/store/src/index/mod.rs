@@ -12,6 +12,7 @@
 //! A write to the index that fails is logged and stops nothing. From then on the index is *behind* and reports this ([`Index::trouble`]).
 //! Later writes first try to update it from the folders, at most once per [`AGAIN`].
 
+mod cells;
 mod query;
 mod refresh;
 mod rows;

@@ -1,11 +1,14 @@
 //! The rows of a run, a specimen and an event. The daemon and a rebuild both write them here.
 
-use crate::{MEASUREMENT, RECORDING, RunRecord, attempts, place_among_references, run};
-use carved_records::{Event, EventData, WellStatus, sha256_hex};
+use super::cells;
+use crate::columns::OfRun;
+use crate::stored_run::TIMINGS;
+use crate::{MEASUREMENT, RECORDING, RecordingFiles, RunRecord, StoredWell, attempts, run};
+use carved_records::{Event, EventData, PlannedWell, WellStatus, sha256_hex};
 use rusqlite::{Connection, OptionalExtension, params};
 use serde_json::Value;
 use std::os::unix::fs::MetadataExt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// A value as serde writes it: `succeeded`, `simulated`.
 pub(crate) fn word<T: serde::Serialize>(value: &T) -> Option<String> {
@@ -26,7 +29,7 @@ pub(super) fn put_run(c: &Connection, root: &Path, record: &RunRecord, anew: boo
     let (ns, bytes) = stamp(&folder.join(run::FILE));
     let plan = &record.plan;
     let started_us = record.started.parse::<jiff::Timestamp>().map_or(0, jiff::Timestamp::as_microsecond);
-    c.prepare_cached("INSERT OR REPLACE INTO runs VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")?.execute(params![
+    c.prepare_cached("INSERT OR REPLACE INTO runs VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")?.execute(params![
         record.id,
         record.schema,
         record.software.version,
@@ -42,24 +45,18 @@ pub(super) fn put_run(c: &Connection, root: &Path, record: &RunRecord, anew: boo
         record.wells.len(),
         ns,
         bytes,
-        record.method.version,
     ])?;
+    cells::put_run(c, record)?;
     for (place, planned) in plan.plate_map.iter().enumerate() {
-        c.prepare_cached("INSERT OR REPLACE INTO wells VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")?.execute(params![
+        c.prepare_cached("INSERT OR REPLACE INTO wells VALUES (?, ?, ?, ?, ?)")?.execute(params![
             record.id,
             place,
             planned.well,
             word(&planned.specimen),
             planned.dpf,
-            planned.strain,
-            planned.treatment,
-            planned.compound,
-            planned.concentration,
-            planned.concentration_unit.map(carved_records::ConcentrationUnit::symbol),
-            word(&planned.control),
-            planned.replicate,
         ])?;
     }
+    let of_run = OfRun::new(record);
     for status in &record.wells {
         let text = serde_json::to_string(status).unwrap_or_default();
         let known: Option<String> = c
@@ -69,19 +66,55 @@ pub(super) fn put_run(c: &Connection, root: &Path, record: &RunRecord, anew: boo
         if known.as_ref() == Some(&text) {
             continue;
         }
-        put_specimen(c, &record.id, &status.well, 0, Some((status, &text)), &folder)?;
-        for attempt in attempts::earlier(&folder, &status.well) {
-            put_specimen(c, &record.id, &status.well, attempt, None, &folder)?;
+        let earlier = attempts::earlier(&folder, &status.well);
+        let files = Files::read(&folder.join(attempts::folder_name(&status.well, 0)));
+        put_specimen(c, &record.id, &status.well, 0, Some((status, &text)), &files)?;
+        if let Some((place, planned)) = plan.plate_map.iter().enumerate().find(|(_, planned)| planned.well == status.well) {
+            cells::put_specimen(c, &of_run, place, &files.into_well(planned, status, earlier.len()))?;
+        }
+        for attempt in earlier {
+            let files = Files::read(&folder.join(attempts::folder_name(&status.well, attempt)));
+            put_specimen(c, &record.id, &status.well, attempt, None, &files)?;
         }
     }
     Ok(())
 }
 
 pub(super) fn remove_run(c: &Connection, id: &str) -> rusqlite::Result<()> {
-    for table in ["beads", "measurements", "specimens", "wells"] {
+    for table in ["beads", "measurements", "specimens", "wells", "specimen_cells", "run_cells"] {
         c.execute(&format!("DELETE FROM {table} WHERE run = ?"), [id])?;
     }
     c.execute("DELETE FROM runs WHERE id = ?", [id]).map(|_| ())
+}
+
+/// The files of one attempt at a well, as far as they are there and valid.
+struct Files {
+    folder: PathBuf,
+    recording: Option<Value>,
+    /// With the hash of its bytes.
+    measurement: Option<(String, Value)>,
+}
+
+impl Files {
+    fn read(folder: &Path) -> Self {
+        let recording = json(&folder.join(RECORDING)).map(|(_, recording)| recording);
+        Self { folder: folder.to_owned(), recording, measurement: json(&folder.join(MEASUREMENT)) }
+    }
+
+    fn into_well(self, planned: &PlannedWell, status: &WellStatus, earlier_attempts: usize) -> StoredWell {
+        let (measurement_sha256, measurement) = self.measurement.unzip();
+        StoredWell {
+            planned: planned.clone(),
+            status: Some(status.clone()),
+            earlier_attempts,
+            recording: self.recording,
+            measurement,
+            measurement_sha256,
+            timings: json(&self.folder.join(TIMINGS)).map(|(_, timings)| timings),
+            measured_by: None,
+            files: RecordingFiles::Folder(self.folder),
+        }
+    }
 }
 
 /// Writes the row of one attempt at a well. The fields of an earlier attempt come from its folder, as far as possible.
@@ -91,11 +124,10 @@ fn put_specimen(
     well: &str,
     attempt: u32,
     status: Option<(&WellStatus, &str)>,
-    of_run: &Path,
+    files: &Files,
 ) -> rusqlite::Result<()> {
-    let folder = of_run.join(attempts::folder_name(well, attempt));
-    let recording = json(&folder.join(RECORDING)).unwrap_or_default().1;
-    c.prepare_cached("INSERT OR REPLACE INTO specimens VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")?.execute(params![
+    let recording = files.recording.as_ref().unwrap_or(&Value::Null);
+    c.prepare_cached("INSERT OR REPLACE INTO specimens VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")?.execute(params![
         run,
         well,
         attempt,
@@ -104,19 +136,15 @@ fn put_specimen(
         status.map(|(s, _)| serde_json::to_string(&s.flags).unwrap_or_default()),
         recording["started"].as_str(),
         recording["ledger"].as_array().map_or(0, |l| l.iter().filter(|e| e["closure"] != true && e["retake"].is_null()).count()),
-        bytes_of(&folder),
+        bytes_of(&files.folder),
         status.map(|(_, text)| text),
-        recording["software"]["version"].as_str(),
-        recording["software"]["commit"].as_str(),
-        recording["software"]["dirty"].as_bool(),
     ])?;
     for table in ["measurements", "beads"] {
         c.execute(&format!("DELETE FROM {table} WHERE run = ? AND well = ? AND attempt = ?"), params![run, well, attempt])?;
     }
-    let Some((sha256, file)) = json(&folder.join(MEASUREMENT)) else { return Ok(()) };
+    let Some((sha256, file)) = &files.measurement else { return Ok(()) };
     let m = &file["measurement"];
-    let z = |quantity| place_among_references(&file, quantity).and_then(|(_, place)| place["z"].as_f64());
-    c.prepare_cached("INSERT INTO measurements VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")?.execute(params![
+    c.prepare_cached("INSERT INTO measurements VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")?.execute(params![
         run,
         well,
         attempt,
@@ -131,12 +159,6 @@ fn put_specimen(
         m["field_volume_um3"].as_f64(),
         m["field_area_um2"].as_f64(),
         m["length_um"].as_f64(),
-        file["shape"]["body"]["length_um"].as_f64(),
-        file["shape"]["solid"]["sphericity"].as_f64(),
-        file["fluorescence"]["signal_per_nl"].as_f64(),
-        z("volume"),
-        z("area"),
-        file["quality"]["passed"].as_bool(),
     ])?;
     if let Some(diameter_um) = m["diameter_um"].as_f64() {
         c.prepare_cached("INSERT INTO beads VALUES (?, ?, ?, ?, ?, ?)")?.execute(params![

@@ -1,6 +1,8 @@
 //! The tables of the index, by version. A released step is never changed. A newer step follows it.
+//!
+//! The columns of specimens have tables of their own (`cells`), which follow the list of columns without a step.
 
-use super::{failed, in_one};
+use super::{cells, failed, in_one};
 use crate::StoreError;
 use rusqlite::Connection;
 use std::path::Path;
@@ -104,6 +106,27 @@ pub(super) const STEPS: &[&str] = &[
     -- The new columns are filled from the folders by the refresh that follows.
     UPDATE runs SET run_json_ns = 0, run_json_bytes = 0;
 ",
+    "
+    -- The columns of `carved export table` have tables of their own.
+    DROP VIEW specimen_table;
+    ALTER TABLE runs DROP COLUMN method_version;
+    ALTER TABLE specimens DROP COLUMN software_version;
+    ALTER TABLE specimens DROP COLUMN software_commit;
+    ALTER TABLE specimens DROP COLUMN software_dirty;
+    ALTER TABLE wells DROP COLUMN strain;
+    ALTER TABLE wells DROP COLUMN treatment;
+    ALTER TABLE wells DROP COLUMN compound;
+    ALTER TABLE wells DROP COLUMN concentration;
+    ALTER TABLE wells DROP COLUMN concentration_unit;
+    ALTER TABLE wells DROP COLUMN control;
+    ALTER TABLE wells DROP COLUMN replicate;
+    ALTER TABLE measurements DROP COLUMN body_length_um;
+    ALTER TABLE measurements DROP COLUMN sphericity;
+    ALTER TABLE measurements DROP COLUMN signal_grey_px_per_nl;
+    ALTER TABLE measurements DROP COLUMN reference_volume_z;
+    ALTER TABLE measurements DROP COLUMN reference_area_z;
+    ALTER TABLE measurements DROP COLUMN qc_passed;
+",
 ];
 
 /// Migrates an index to the newest version. Each step is one transaction.
@@ -127,5 +150,5 @@ pub(super) fn migrate(connection: &mut Connection, path: &Path) -> Result<(), St
             tracing::info!(path = %path.display(), from = version, to = version + 1, "the index is brought to a newer version");
         }
     }
-    Ok(())
+    in_one(connection, |tx| cells::follow_the_list(tx)).map_err(failed("be given the columns of specimens", path))
 }

@@ -274,3 +274,21 @@ fn an_earlier_attempt_is_kept_beside_the_newest_and_known() {
     rebuild_index(dir.path()).unwrap();
     assert_eq!(rows(dir.path()), written);
 }
+
+#[test]
+fn an_index_with_other_columns_is_filled_anew_and_one_with_the_same_is_not() {
+    let dir = tempfile::tempdir().unwrap();
+    drop(live(dir.path()));
+    let expected = rows(dir.path());
+    assert_eq!((count(dir.path(), "run_cells"), count(dir.path(), "specimen_cells")), (2, 4));
+    let change = |sql: &str| connect(&dir.path().join(FILE)).unwrap().execute_batch(sql).unwrap();
+    let open = || drop(Claim::on(dir.path()).and_then(Store::open).unwrap());
+    change("UPDATE specimen_cells SET place = 4711");
+    open();
+    assert!(rows(dir.path()).iter().any(|row| row.contains("4711")), "runs that have not changed are not read");
+    change("DROP VIEW specimen_table; CREATE VIEW specimen_table AS SELECT 1");
+    open();
+    assert_eq!(rows(dir.path()), expected);
+    change("DELETE FROM specimen_cells WHERE (SELECT count(*) FROM specimen_table) <> 4");
+    assert_eq!(rows(dir.path()), expected, "the view has a row per well");
+}

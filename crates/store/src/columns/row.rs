@@ -1,16 +1,17 @@
 //! What the columns of one row are read from.
 
 use super::Cell;
-use carved_records::plate_map::KeptColumns;
+use crate::{RunRecord, StoredWell, place_among_references};
+use carved_records::plate_map::{KeptColumns, kept_columns};
 use carved_records::sha256_hex;
-use carved_store::{RunRecord, StoredWell, place_among_references};
 use serde_json::Value;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// What is the same in every row of a run.
 pub struct OfRun<'r> {
     pub record: &'r RunRecord,
-    /// Cells of the lab's own columns.
-    pub kept: KeptColumns,
+    /// Cells of the lab's own columns, by the name of the column and the well.
+    own: KeptColumns,
     /// SHA-256 of the run's method.
     pub method_sha256: String,
 }
@@ -26,10 +27,44 @@ pub struct Row<'r> {
 impl<'r> OfRun<'r> {
     pub fn new(record: &'r RunRecord) -> Self {
         let plan = &record.plan;
-        let kept = carved_records::plate_map::kept_columns(&plan.metadata, &plan.plate_barcode);
+        let own = named(kept_columns(&plan.metadata, &plan.plate_barcode));
         let method_sha256 = serde_json::to_value(&record.method).map_or_else(|_| String::new(), |method| hash_of(&method));
-        Self { record, kept, method_sha256 }
+        Self { record, own, method_sha256 }
     }
+
+    /// Names of the lab's own columns: `meta_...`.
+    pub fn own_columns(&self) -> BTreeSet<&str> {
+        self.own.keys().map(String::as_str).collect()
+    }
+
+    /// The cell of one of the lab's own columns.
+    pub fn own_cell(&self, column: &str, well: &str) -> Option<&str> {
+        self.own.get(column)?.get(well).map(String::as_str)
+    }
+
+    /// The cells that a well has in the lab's own columns, as JSON. `None` where it has none.
+    pub(crate) fn own_cells(&self, well: &str) -> Option<String> {
+        let cells: BTreeMap<&str, &str> =
+            self.own.keys().filter_map(|column| Some((column.as_str(), self.own_cell(column, well)?))).collect();
+        if cells.is_empty() { None } else { serde_json::to_string(&cells).ok() }
+    }
+}
+
+/// Names of columns for headings of the lab: `meta_` and the heading in lower case with `_` for everything that is no letter or digit.
+/// Headings that become equal get a number.
+fn named(kept: KeptColumns) -> KeptColumns {
+    let mut names = KeptColumns::new();
+    for (heading, cells) in kept {
+        let plain = |c: char| if c.is_alphanumeric() { c } else { '_' };
+        let base = format!("meta_{}", heading.to_lowercase().chars().map(plain).collect::<String>());
+        let (mut name, mut count) = (base.clone(), 1);
+        while names.contains_key(&name) {
+            count += 1;
+            name = format!("{base}_{count}");
+        }
+        names.insert(name, cells);
+    }
+    names
 }
 
 /// SHA-256 of a method: of its JSON with sorted keys and without white space. It names the settings, not the file.
@@ -79,5 +114,18 @@ impl Row<'_> {
     pub fn retaken(&self) -> Option<usize> {
         let ledger = self.recorded("/ledger")?.as_array()?;
         Some(ledger.iter().filter(|entry| entry["retake"].as_u64().is_some_and(|take| take > 0)).count())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn headings_become_names_that_programs_can_type() {
+        let headings = ["Clutch, ID", "clutch  id", "Größe (mm)", "clutch__id"].map(|heading| (heading.to_owned(), BTreeMap::new()));
+        let names = named(KeptColumns::from(headings));
+        let keys: Vec<&str> = names.keys().map(String::as_str).collect();
+        assert_eq!(keys, ["meta_clutch__id", "meta_clutch__id_2", "meta_clutch__id_3", "meta_größe__mm_"]);
     }
 }

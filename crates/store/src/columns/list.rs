@@ -2,6 +2,7 @@
 
 use super::row::{Row, hash_of};
 use super::{Cell, Kind, ontology};
+use crate::RunRecord;
 use carved_records::{InstrumentIdentity, Mode, SpecimenKind};
 
 /// Where a value is.
@@ -17,6 +18,8 @@ pub enum Source {
     Check(&'static str, &'static str),
     /// A key of the place among reference larvae, by the quantity.
     Reference(&'static str, &'static str),
+    /// The run, the same for all its wells. It may change while the run goes on.
+    Run(fn(&RunRecord) -> Cell),
     /// Anything else.
     Made(fn(&Row) -> Cell),
 }
@@ -30,13 +33,18 @@ pub struct Column {
 }
 
 use Kind::{Integer, Number, Text, Truth};
-use Source::{Check, Made, Measured, Recorded, Reference, Timed};
+use Source::{Check, Made, Measured, Recorded, Reference, Run, Timed};
 
 const fn col(name: &'static str, kind: Kind, source: Source, meaning: &'static str) -> Column {
     Column { name, kind, source, meaning }
 }
 
 impl Column {
+    /// The value of a run. `None` for a column of specimens.
+    pub(crate) fn of_run(&self, run: &RunRecord) -> Option<Cell> {
+        if let Run(make) = self.source { Some(make(run)) } else { None }
+    }
+
     /// The value in a row.
     pub fn cell(&self, row: &Row) -> Cell {
         let value = match self.source {
@@ -45,6 +53,7 @@ impl Column {
             Timed(pointer) => row.well.timings.as_ref().and_then(|timings| timings.pointer(pointer)),
             Check(name, key) => row.check(name).and_then(|check| check.get(key)),
             Reference(quantity, key) => row.reference(quantity, key),
+            Run(make) => return make(row.run.record),
             Made(make) => return make(row),
         };
         Cell::of_json(self.kind, value)
@@ -53,18 +62,18 @@ impl Column {
 
 /// Columns before those of the lab's own metadata: what and where the specimen is.
 pub const BEFORE: &[Column] = &[
-    col("run", Text, Made(|r| r.run.record.id.as_str().into()), "name of the run"),
-    col("external_id", Text, Made(|r| r.run.record.plan.external_id.clone().into()), "the run's name in another system"),
-    col("plate_barcode", Text, Made(|r| r.run.record.plan.plate_barcode.as_str().into()), "barcode of the plate"),
-    col("operator", Text, Made(|r| r.run.record.plan.operator.as_str().into()), "who started the run"),
-    col("mode", Text, Made(|r| mode(r.run.record.mode).into()), "`hardware`, `simulated` or `imported`: where the frames come from"),
+    col("run", Text, Run(|r| r.id.as_str().into()), "name of the run"),
+    col("external_id", Text, Run(|r| r.plan.external_id.clone().into()), "the run's name in another system"),
+    col("plate_barcode", Text, Run(|r| r.plan.plate_barcode.as_str().into()), "barcode of the plate"),
+    col("operator", Text, Run(|r| r.plan.operator.as_str().into()), "who started the run"),
+    col("mode", Text, Run(|r| mode(r.mode).into()), "`hardware`, `simulated` or `imported`: where the frames come from"),
     col("instrument", Text, Made(instrument), "name of the instrument in its configuration"),
-    col("instrument_serial", Text, Made(|r| identity(r).and_then(|i| i.serial.clone()).into()), "serial number of the instrument"),
-    col("instrument_location", Text, Made(|r| identity(r).and_then(|i| i.location.clone()).into()), "where the instrument stands"),
+    col("instrument_serial", Text, Run(|r| identity(r).and_then(|i| i.serial.clone()).into()), "serial number of the instrument"),
+    col("instrument_location", Text, Run(|r| identity(r).and_then(|i| i.location.clone()).into()), "where the instrument stands"),
     col(
         "instrument_uuid",
         Text,
-        Made(|r| identity(r).map(|i| i.uuid.as_str()).into()),
+        Run(|r| identity(r).map(|i| i.uuid.as_str()).into()),
         "uuid of the instrument; it stays the same when the name changes",
     ),
     col("well", Text, Made(|r| r.well.planned.well.as_str().into()), "`A01` to `AF48`"),
@@ -106,14 +115,14 @@ pub const BEFORE: &[Column] = &[
 ];
 
 /// The instrument of the run. Runs of earlier versions and imported runs have none.
-fn identity<'r>(row: &Row<'r>) -> Option<&'r InstrumentIdentity> {
-    row.run.record.instrument.as_ref()
+fn identity(run: &RunRecord) -> Option<&InstrumentIdentity> {
+    run.instrument.as_ref()
 }
 
 /// The name of the instrument. Recordings of earlier versions have it as the name of the rig.
 fn instrument(row: &Row) -> Cell {
     let recorded = || row.recorded("/rig/name").and_then(serde_json::Value::as_str);
-    identity(row).map(|i| i.name.as_str()).or_else(recorded).into()
+    identity(row.run.record).map(|i| i.name.as_str()).or_else(recorded).into()
 }
 
 /// Row and column of the well: a name ends in two digits.
@@ -291,9 +300,9 @@ pub const AFTER: &[Column] = &[
     col("voxel_um", Number, Measured("/measurement/voxel_size_um"), "edge of a voxel (SD)"),
     col("epsilon", Number, Measured("/measurement/epsilon"), "share of views that may miss a voxel"),
     col("started", Text, Recorded("/started"), "when the recording began, RFC 3339, UTC"),
-    col("run_started", Text, Made(|r| r.run.record.started.as_str().into()), "when the run began"),
-    col("run_ended", Text, Made(|r| r.run.record.ended.clone().into()), "when the run ended; empty while it is going on"),
-    col("run_outcome", Text, Made(|r| word(&r.run.record.outcome)), "outcome of the run"),
+    col("run_started", Text, Run(|r| r.started.as_str().into()), "when the run began"),
+    col("run_ended", Text, Run(|r| r.ended.clone().into()), "when the run ended; empty while it is going on"),
+    col("run_outcome", Text, Run(|r| word(&r.outcome)), "outcome of the run"),
     col("turn_s", Number, Timed("/phases_s/revolve"), "time of the turn"),
     col("devices_s", Number, Timed("/devices_s"), "time of motors, exposures and of loading and unloading"),
     col("own_s", Number, Timed("/own_s"), "time of carved itself"),
@@ -341,4 +350,20 @@ pub fn page() -> String {
     let own = "| `meta_...` | text | one column for each column of the plate map that carved does not read |\n".to_owned();
     let lines: String = BEFORE.iter().map(line).chain([own]).chain(AFTER.iter().map(line)).collect();
     format!("| column | holds | meaning |\n|---|---|---|\n{lines}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+
+    #[test]
+    fn every_column_has_a_name_of_its_own() {
+        // The index has those of the lab's own as `metadata`.
+        let mut seen = BTreeSet::from(["metadata"]);
+        for column in BEFORE.iter().chain(AFTER) {
+            assert!(seen.insert(column.name), "{} is there twice", column.name);
+            assert!(!column.name.starts_with("meta_"), "{} could be a column of the lab's own", column.name);
+        }
+    }
 }
