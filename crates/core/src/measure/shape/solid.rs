@@ -61,7 +61,7 @@ impl Solid {
         let principal_axes = [long, second, long.cross(&second)].map(Into::into);
         let trace = moment.trace();
         let principal_moments_um5 = order.map(|i| trace - eigen.eigenvalues[i]);
-        let sphericity = (36.0 * PI * volume_um3 * volume_um3).cbrt() / area_um2;
+        let sphericity = libm::cbrt(36.0 * PI * volume_um3 * volume_um3) / area_um2;
         let surface_per_volume_per_um = area_um2 / volume_um3;
         Ok(Self { volume_um3, area_um2, centroid_um, principal_moments_um5, principal_axes, sphericity, surface_per_volume_per_um })
     }
