@@ -12,8 +12,8 @@ use carved_devices::outputs::{self, OutputStatus};
 use std::time::Duration;
 use tokio::task::JoinHandle;
 
-/// Interval during a run in which the status checks whether the camera is lost.
-pub const LOOK: Duration = Duration::from_millis(250);
+/// Interval during a run in which it is checked whether a device is known to be lost. The check costs one system call.
+pub const LOOK: Duration = Duration::from_millis(50);
 
 /// The result of a device check.
 pub struct DevicesFound {

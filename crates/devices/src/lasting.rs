@@ -7,7 +7,7 @@
 //! ```
 //! The port must be closed at once. While a dead tty is held open its adapter comes back under another name.
 
-use super::{Achieved, Capabilities, DeviceError, LinearAxis, Position, RotationAxis, SpecimenInput, StopHandle};
+use super::{Achieved, Capabilities, DeviceError, LinearAxis, Link, Position, RotationAxis, SpecimenInput, StopHandle};
 use crate::cancel::CancelToken;
 use crate::outputs::Outputs;
 use carved_core::units::Steps;
@@ -139,7 +139,7 @@ impl RotationAxis for Lasting {
 
     /// The handle of the axis that is open now. A run asks for it at its beginning, and an axis is opened again between runs only.
     fn stop_handle(&self) -> StopHandle {
-        self.axis.as_ref().map_or_else(|| StopHandle::new(|| ()), |axis| axis.stop_handle())
+        self.axis.as_ref().map_or_else(|| StopHandle::new(|| ()).with_link(Link::new(|| true)), |axis| axis.stop_handle())
     }
 }
 

@@ -199,18 +199,30 @@ pub trait SpecimenInput {
     fn say_done(&mut self, done: bool) -> Result<(), DeviceError>;
 }
 
-/// Stops a motor from any thread.
+/// Stops a motor from any thread, and tells whether its controller is known to be lost.
 #[derive(Clone)]
 pub struct StopHandle {
     stop: std::sync::Arc<dyn Fn() + Send + Sync>,
     end_motion: std::sync::Arc<dyn Fn() + Send + Sync>,
+    link: Link,
 }
 
 impl StopHandle {
     /// A handle whose [`Self::stop`] and [`Self::end_motion`] do the same.
     pub fn new(stop: impl Fn() + Send + Sync + 'static) -> Self {
         let stop: std::sync::Arc<dyn Fn() + Send + Sync> = std::sync::Arc::new(stop);
-        Self { end_motion: std::sync::Arc::clone(&stop), stop }
+        Self { end_motion: std::sync::Arc::clone(&stop), stop, link: Link::new(|| false) }
+    }
+
+    /// A handle that knows the connection to the controller.
+    #[must_use]
+    pub fn with_link(self, link: Link) -> Self {
+        Self { link, ..self }
+    }
+
+    /// The connection to the controller. Without one that can be watched, it is never lost.
+    pub fn link(&self) -> &Link {
+        &self.link
     }
 
     /// A handle for a controller on which a stop would also end a person's action, such as a feed hold.

@@ -29,6 +29,8 @@ pub(super) struct Devices {
     lost: Vec<Device>,
     /// State of the camera connection. It can be read while a worker uses the instrument.
     camera: Link,
+    /// As `camera`, of the axis that the worker took.
+    rotation: Link,
 }
 
 /// A plan to check on the instrument, and the channel for the answer.
@@ -59,7 +61,13 @@ pub(super) enum Finding {
 
 impl Devices {
     pub fn new(instrument: Instrument) -> Self {
-        Self { camera: instrument.rig.camera.link(), instrument: Some(instrument), task: None, lost: Vec::new() }
+        Self {
+            camera: instrument.rig.camera.link(),
+            rotation: instrument.rig.rotation.stop_handle().link().clone(),
+            instrument: Some(instrument),
+            task: None,
+            lost: Vec::new(),
+        }
     }
 
     /// The instrument. `None` while a worker or a background task uses it.
@@ -69,7 +77,9 @@ impl Devices {
 
     /// Takes the instrument for a worker.
     pub fn take(&mut self) -> Option<Instrument> {
-        self.instrument.take()
+        let instrument = self.instrument.take()?;
+        self.rotation = instrument.rig.rotation.stop_handle().link().clone();
+        Some(instrument)
     }
 
     /// Returns the instrument of a worker.
@@ -175,6 +185,11 @@ impl Devices {
     /// Whether the camera is lost. It can be asked while a worker uses the instrument.
     pub fn camera_is_lost(&self) -> bool {
         self.camera.is_lost()
+    }
+
+    /// Whether the axis has hung up while a worker uses it.
+    pub fn rotation_has_hung_up(&self) -> bool {
+        self.instrument.is_none() && self.rotation.is_lost()
     }
 
     #[cfg(test)]

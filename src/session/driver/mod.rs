@@ -184,7 +184,10 @@ impl Driver {
                     heartbeat.beat();
                     checks::beat(&mut d);
                 }
-                _ = look.tick(), if d.run.is_some() => d.show_camera(),
+                _ = look.tick(), if d.run.is_some() => {
+                    d.show_camera();
+                    d.show_rotation();
+                }
                 // Commands wait for a device check: a run needs the instrument. The check takes milliseconds if no device is lost. If one
                 // is lost, commands do not wait, because no run can start.
                 command = mailbox.recv(), if !d.life.is_stopping() && !d.devices.are_looked_at() => {

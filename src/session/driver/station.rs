@@ -258,6 +258,14 @@ impl Station {
         }
     }
 
+    /// Shows an axis that has hung up while a worker uses it. The worker ends then, and its fault comes after the numbers that are being
+    /// computed. Only a device check shows that the axis is back.
+    pub fn show_rotation(&self) {
+        if self.devices.rotation_has_hung_up() && self.publisher.status().hardware.rotation.connected {
+            self.publish(|s| s.hardware.lose_axes());
+        }
+    }
+
     /// Shows whether the index holds all that is on disk.
     pub fn show_index(&self) {
         let trouble = self.outbox.store().index_trouble();

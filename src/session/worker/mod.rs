@@ -318,7 +318,7 @@ impl RunContext {
         self.tell(Progress::Hardware {
             rotation: RotationStatus {
                 identity: Some(rig.rotation.identity().to_owned()),
-                connected: true,
+                connected: !rig.rotation.stop_handle().link().is_lost(),
                 referenced,
                 can_stop: Some(rig.rotation.capabilities().can_stop),
                 outside: rig.rotation.capabilities().outside,

@@ -90,6 +90,12 @@ impl Stopper {
         self.latch(true);
     }
 
+    /// Tells whether the other end has hung up, or the owner has closed the connection.
+    pub fn link(&self) -> crate::Link {
+        let transmitter = Arc::clone(&self.0);
+        crate::Link::new(move || transmitter.lock().transport.as_ref().is_none_or(Transport::is_hung_up))
+    }
+
     /// Latches, and writes the stop only if the owner has a motion under way.
     pub fn end_motion(&self) {
         self.latch(false);
@@ -421,5 +427,43 @@ mod tests {
         controller.write_all(b"ok\nrest").unwrap();
         assert_eq!(link.line(Instant::now()).unwrap().as_deref(), Some("ok"));
         assert_eq!(link.line(Instant::now()).unwrap(), None);
+    }
+
+    /// Waits until the kernel has told.
+    fn lost(link: &crate::Link) -> bool {
+        let ends = Instant::now() + Duration::from_secs(60);
+        while !link.is_lost() && Instant::now() < ends {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        link.is_lost()
+    }
+
+    #[test]
+    fn a_program_that_hangs_up_is_noticed_without_an_exchange_and_unread_bytes_stay() {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let mut link = Link::tcp("controller", &listener.local_addr().unwrap().to_string(), Stop::default()).unwrap();
+        let (mut controller, _) = listener.accept().unwrap();
+        controller.write_all(b"ok\n").unwrap();
+        let watched = link.stopper().link();
+        assert!(!watched.is_lost());
+        assert_eq!(link.line(Instant::now() + Duration::from_secs(60)).unwrap().as_deref(), Some("ok"));
+        assert!(!watched.is_lost());
+        drop(controller);
+        assert!(lost(&watched));
+    }
+
+    #[test]
+    fn a_pulled_serial_cable_and_a_closed_port_are_noticed_without_an_exchange() {
+        let pty = nix::pty::openpty(None, None).unwrap();
+        let path = nix::unistd::ttyname(&pty.slave).unwrap();
+        drop(pty.slave);
+        let port = Port::from(path.to_str().unwrap());
+        let link = Link::serial("controller", &port, 115_200, Stop::default()).unwrap();
+        let watched = link.stopper().link();
+        assert!(!watched.is_lost());
+        drop(pty.master);
+        assert!(lost(&watched));
+        drop(link);
+        assert!(watched.is_lost());
     }
 }

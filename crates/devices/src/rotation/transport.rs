@@ -1,8 +1,11 @@
 //! The byte transport to a motor controller: a serial port, or a TCP connection to a program that drives it.
 
+use nix::errno::Errno;
+use nix::sys::socket::{MsgFlags, recv};
 use serialport::{SerialPort, TTYPort};
 use std::io::{Read, Result, Write};
 use std::net::TcpStream;
+use std::os::fd::AsRawFd;
 use std::time::Duration;
 
 /// An open connection.
@@ -40,6 +43,18 @@ impl Transport {
         match self {
             Self::Serial(port) => port.write_all(bytes),
             Self::Tcp(stream) => stream.write_all(bytes),
+        }
+    }
+
+    /// Whether the kernel knows that the other end has hung up. Nothing is sent or read.
+    pub fn is_hung_up(&self) -> bool {
+        match self {
+            // The kernel answers nothing about a tty that was hung up.
+            Self::Serial(port) => port.bytes_to_read().is_err(),
+            Self::Tcp(stream) => match recv(stream.as_raw_fd(), &mut [0], MsgFlags::MSG_PEEK | MsgFlags::MSG_DONTWAIT) {
+                Ok(waiting) => waiting == 0,
+                Err(why) => !matches!(why, Errno::EAGAIN | Errno::EINTR),
+            },
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::FakeInput;
 use crate::cancel::CancelToken;
-use crate::{Achieved, Capabilities, DeviceError, Position, RotationAxis, SpecimenInput, StopHandle};
+use crate::{Achieved, Capabilities, DeviceError, Link, Position, RotationAxis, SpecimenInput, StopHandle};
 use carved_core::units::Steps;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -59,6 +59,7 @@ pub struct FakeAxis {
     input: Option<FakeInput>,
     answer: Answer,
     arrive: Arrive,
+    link: Link,
 }
 
 impl Default for FakeAxis {
@@ -77,6 +78,7 @@ impl FakeAxis {
             input: None,
             answer: Box::new(|| Ok(())),
             arrive: Box::new(|achieved| achieved),
+            link: Link::new(|| false),
         }
     }
 
@@ -105,6 +107,13 @@ impl FakeAxis {
     #[must_use]
     pub fn arriving(mut self, arrive: impl FnMut(Achieved) -> Achieved + Send + 'static) -> Self {
         self.arrive = Box::new(arrive);
+        self
+    }
+
+    /// Other threads learn from this link whether the axis is lost.
+    #[must_use]
+    pub fn linked(mut self, link: Link) -> Self {
+        self.link = link;
         self
     }
 
@@ -201,5 +210,6 @@ impl RotationAxis for FakeAxis {
             record.stops += 1;
             record.is_stopped = true;
         })
+        .with_link(self.link.clone())
     }
 }

@@ -1,12 +1,15 @@
 //! The status shows only data of the current specimen and of its current attempt.
 
 use super::super::checks;
-use super::bench::{Bench, on_this_thread, scratch, started};
+use super::bench::{Arm, Bench, instrument, on_this_thread, scratch, started, started_with};
 use crate::session::Live;
 use crate::session::search::DevicesFound;
 use crate::session::worker::{Progress, RunEnd};
-use carved_devices::DeviceError;
+use carved_devices::testing::FakeAxis;
+use carved_devices::{DeviceError, Link};
 use carved_records::{Light, LiveEstimate, Phase};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 impl Bench {
     /// Reports a view of a well. Returns `false` if the run is cancelled.
@@ -71,6 +74,23 @@ fn a_view_that_comes_late_is_not_shown_as_the_next_specimens() {
         assert_eq!(b.handle.live().shown.unwrap().well, "A02");
         assert!(b.view("A02", 1));
         assert_eq!(b.shown(), ("A02".into(), 2, 2, Some(2e8)));
+    });
+}
+
+/// The worker waits for a loader or computes, and has not noticed it yet.
+#[test]
+fn an_axis_that_hangs_up_is_shown_before_the_worker_ends() {
+    on_this_thread(async {
+        let (dir, pulled) = (scratch(), Arc::new(AtomicBool::new(false)));
+        let cable = Arc::clone(&pulled);
+        let axis = FakeAxis::new().linked(Link::new(move || cable.load(Ordering::SeqCst)));
+        let mut b = started_with(dir.path(), instrument(axis, Arm::default()), &["A01"]);
+        b.turns("A01", 1);
+        b.d.show_rotation();
+        assert!(b.status().hardware.rotation.connected);
+        pulled.store(true, Ordering::SeqCst);
+        b.d.show_rotation();
+        assert!(!b.status().hardware.rotation.connected && b.works());
     });
 }
 

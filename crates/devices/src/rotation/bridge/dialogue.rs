@@ -42,7 +42,8 @@ impl Dialogue {
 
     pub fn stop_handle(&self) -> StopHandle {
         let stopper = self.link.stopper();
-        StopHandle::new(move || stopper.stop())
+        let link = stopper.link();
+        StopHandle::new(move || stopper.stop()).with_link(link)
     }
 
     pub fn is_stopped(&self) -> bool {

@@ -358,8 +358,8 @@ impl RotationAxis for Grbl {
 
     fn stop_handle(&self) -> StopHandle {
         let stopper = self.link.stopper();
-        let twin = stopper.clone();
-        StopHandle::new(move || stopper.stop()).with_end_of_motion(move || twin.end_motion())
+        let (twin, link) = (stopper.clone(), stopper.link());
+        StopHandle::new(move || stopper.stop()).with_end_of_motion(move || twin.end_motion()).with_link(link)
     }
 }
 

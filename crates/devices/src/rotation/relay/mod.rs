@@ -217,6 +217,7 @@ impl RotationAxis for Relay {
 
     fn stop_handle(&self) -> StopHandle {
         let stopper = self.link.stopper();
-        StopHandle::new(move || stopper.stop())
+        let link = stopper.link();
+        StopHandle::new(move || stopper.stop()).with_link(link)
     }
 }

@@ -362,7 +362,8 @@ impl RotationAxis for Zaber {
 
     fn stop_handle(&self) -> StopHandle {
         let stopper = self.wire.stopper();
-        StopHandle::new(move || stopper.stop())
+        let link = stopper.link();
+        StopHandle::new(move || stopper.stop()).with_link(link)
     }
 }
 
