@@ -16,6 +16,9 @@ pub(super) fn progress(d: &mut Station, progress: Progress) {
         Progress::WaitingForLoader { well } => waits_for_loader(d, &well),
         Progress::Phase { well, phase, in_capillary } => {
             let Some(views_planned) = d.run.as_ref().map(|run| run.record().method.asd) else { return };
+            if phase == Phase::Load {
+                forget_pictures(d, &well);
+            }
             d.event_shown(Some(&well), EventData::SpecimenPhase(PhaseEntered { phase, in_capillary }), |d| {
                 d.publish(|s| show_phase(s, &well, phase, views_planned));
             });
@@ -27,6 +30,7 @@ pub(super) fn progress(d: &mut Station, progress: Progress) {
         }
         Progress::TriedAgain { well, attempt, why } => {
             let views_planned = d.run.as_ref().map_or(0, |run| run.record().method.asd);
+            forget_pictures(d, &well);
             d.publish(|s| s.specimen = Some(SpecimenStatus::new(&well, Phase::Position, views_planned)));
             d.event(Some(&well), EventData::SpecimenTriedAgain(AttemptFailed { attempt, why }));
         }
@@ -63,6 +67,15 @@ pub(super) fn progress(d: &mut Station, progress: Progress) {
 fn show(d: &Station, well: &str, views: u32, live: Live) {
     let shown = d.run.as_ref().map(|run| Shown { run: run.record().id.clone(), well: well.to_owned(), views });
     d.publisher.set_live(|l| *l = Live { shown, ..live });
+}
+
+/// Takes the pictures of an earlier attempt away when the well begins again. Those of another well stay until the next detection.
+fn forget_pictures(d: &Station, well: &str) {
+    d.publisher.set_live(|l| {
+        if l.shown.as_ref().is_some_and(|shown| shown.well == well) {
+            *l = Live::default();
+        }
+    });
 }
 
 fn ready(d: &mut Station) {

@@ -48,7 +48,9 @@ fn a_turn_that_is_tried_again_is_counted_from_its_first_view_on() {
         let mut b = started(dir.path(), false, &["A01"]);
         b.turns("A01", 12);
         assert_eq!(b.status().specimen.unwrap().estimates.len(), 1, "the same estimate after each view");
+        assert!(b.handle.live().shown.is_some());
         b.tell(Progress::TriedAgain { well: "A01".into(), attempt: 1, why: "it moved".into() });
+        assert!(b.handle.live().shown.is_none(), "the model of the attempt before is not that of this one");
         for phase in [Phase::Position, Phase::Detect, Phase::Revolve] {
             b.phase("A01", phase, true);
             assert_eq!(b.shown(), ("A01".into(), 0, 0, None));
