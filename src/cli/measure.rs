@@ -7,6 +7,7 @@
 //! several jobs and perhaps on several machines: see [`bulk`].
 
 mod bulk;
+mod outside;
 
 use super::stored::{self, Stored};
 use super::told;

@@ -11,6 +11,7 @@ use hardware_sim::scene::Specimen;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::fs;
+use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
 
@@ -105,6 +106,53 @@ fn shards_give_the_table_of_a_serial_measurement_byte_by_byte() {
         assert!(twin.wait().unwrap().success());
     }
     assert!(tree(&bench.path("twins")) == tree(&bench.path("all")), "the same files with the same bytes, and none beside them");
+}
+
+#[test]
+fn results_never_get_into_stored_recordings() {
+    let bench = Bench::new();
+    let before = tree(&bench.path("data"));
+    let method = bench.path("coarse.toml");
+    fs::write(&method, "asd = 4\norder = \"sequential\"\nepsilon = 0.05\nvoxel_um = 28.0\n").unwrap();
+    let link = bench.path("link");
+    symlink(bench.path("data/runs"), &link).unwrap();
+    fs::create_dir(bench.path("links")).unwrap();
+    symlink(bench.path("data/runs/P-1"), bench.path("links/P-1")).unwrap();
+    // The data folder of another instrument.
+    fs::create_dir_all(bench.path("other/runs")).unwrap();
+    fs::write(bench.path("other/instrument.json"), "{}").unwrap();
+    for (out, relation) in [
+        ("data/runs", "is"),
+        ("data/runs/P-1", "is"),
+        ("data/runs/P-1/A01", "is"),
+        ("data/runs/P-1/A01/again", "lies inside"),
+        ("data/runs/new/folder", "lies inside"),
+        ("missing/../data/runs", "is"),
+        ("link/P-2", "is"),
+        ("links", "is"),
+        ("data", "holds"),
+        ("", "holds"),
+        ("other", "is"),
+        ("other/again", "lies inside"),
+    ] {
+        for more in [&[][..], &["--method", text(&method)]] {
+            let (code, _, said) = bench.measure(out, more);
+            assert_eq!(code, Some(1), "{out}: {said}");
+            let [written, stored] = [out, if out.starts_with("other") { "other" } else { "data" }].map(|name| bench.path(name));
+            let [written, stored] = [text(&written), text(&stored)];
+            let words = said.contains(&format!(" {relation} {stored}")) && said.contains("Choose a folder outside the data folder");
+            assert!(words && said.contains(written), "{out}: {said}");
+        }
+    }
+    assert!(tree(&bench.path("data")) == before, "a stored file was changed");
+    assert!(!bench.path("missing").exists());
+
+    // Where the first guard sees nothing: the folder of one result is a link.
+    fs::create_dir_all(bench.path("out/P-2")).unwrap();
+    symlink(bench.path("data/runs/P-2/A01"), bench.path("out/P-2/A01")).unwrap();
+    let (code, _, said) = bench.measure("out", &[]);
+    assert!(code == Some(1) && said.contains("P-2/A01: this is the folder of a recording"), "{said}");
+    assert!(tree(&bench.path("data")) == before, "a stored file was changed");
 }
 
 #[test]

@@ -69,6 +69,12 @@ pub enum StoreError {
     NoCopy { path: PathBuf, run: PathBuf },
     #[error("{}: exists already; nothing is overwritten", path.display())]
     Exists { path: PathBuf },
+    #[error(
+        "{}: this is the folder of a recording (it has a recording.json), so no results are written into it. Choose a folder outside the \
+         data folder",
+        path.display()
+    )]
+    IsRecording { path: PathBuf },
     /// An object store.
     #[error("{address}: {why}")]
     Remote { address: String, why: String },

@@ -1,6 +1,7 @@
 //! Results of a specimen that were computed again from its frames: by another method in `WELL/replays/NAME/`, or in a folder outside the
 //! run. The stored result is not changed.
 
+use super::recording::RECORDING;
 use super::{MEASUREMENT, Software, StoreError, durable, schema, sums};
 use carved_records::{Method, sha256_hex};
 use serde::{Deserialize, Serialize};
@@ -122,8 +123,9 @@ impl ReplayWriter {
     /// Removes the checksums of earlier results, so that nobody takes these for results of today.
     ///
     /// # Errors
-    /// They cannot be removed.
+    /// They cannot be removed, or they are those of a recording.
     pub fn forget(&self) -> Result<(), StoreError> {
+        self.refuse_recording()?;
         let sums = self.folder.join(sums::FILE);
         match std::fs::remove_file(&sums) {
             Err(source) if source.kind() != std::io::ErrorKind::NotFound => Err(StoreError::Io { what: "remove", path: sums, source }),
@@ -135,8 +137,9 @@ impl ReplayWriter {
     /// also of several machines, may write the same results outside the run at the same time.
     ///
     /// # Errors
-    /// A file cannot be written.
+    /// A file cannot be written, or the folder is that of a recording.
     pub fn write(&self, method: &Method, recording_sha256: Option<String>, files: &[(&str, Vec<u8>)]) -> Result<(), StoreError> {
+        self.refuse_recording()?;
         durable::create_folder(&self.folder)?;
         let replay = Replay {
             schema: SCHEMA.into(),
@@ -154,5 +157,11 @@ impl ReplayWriter {
         }
         let sums = files.iter().map(|(name, bytes)| (PathBuf::from(name), sha256_hex(bytes))).collect();
         durable::write_beside_others(&self.folder.join(sums::FILE), sums::text(&sums).as_bytes())
+    }
+
+    /// A recording has files of the same names, which the results would replace.
+    fn refuse_recording(&self) -> Result<(), StoreError> {
+        let is_recording = self.folder.join(RECORDING).symlink_metadata().is_ok();
+        if is_recording { Err(StoreError::IsRecording { path: self.folder.clone() }) } else { Ok(()) }
     }
 }

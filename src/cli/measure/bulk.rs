@@ -9,7 +9,7 @@
 //! interrupted job leaves is computed again. A recording, a method or a carved that has changed is computed again too.
 
 use super::super::{replay, told};
-use super::{compute_with, each};
+use super::{compute_with, each, outside};
 use anyhow::{Context, ensure};
 use carved_records::{Method, sha256_hex};
 use carved_store::{MEASUREMENT, RecordingReader, ReplayWriter, StoreError, durable};
@@ -96,10 +96,11 @@ enum Done {
 /// Measures the recordings of this shard that are not in `out` yet.
 ///
 /// # Errors
-/// Two recordings of one name, a method that cannot be used, a folder that cannot be written.
+/// Two recordings of one name, a method that cannot be used, a folder that cannot be written or that holds stored recordings.
 pub fn run(paths: &[PathBuf], out: &Path, options: &Options) -> anyhow::Result<ExitCode> {
     let method = options.method.as_deref().map(|file| replay::method(file, None)).transpose()?;
     let (named, mut failures) = named(paths)?;
+    outside::check(out, &named)?;
     let mine: Vec<(&String, &PathBuf)> =
         named.iter().enumerate().filter(|(place, _)| options.shard.has(*place)).map(|(_, recording)| recording).collect();
     durable::create_folder(out)?;
