@@ -92,8 +92,11 @@ fn paragraph(run: &StoredRun, recorded: &Recorded, hash: &str) -> String {
     };
     let version = method.version.as_ref().map_or(String::new(), |version| format!(", version {version}"));
     let count = |n: usize, one: &str, many: &str| format!("{n} {}", if n == 1 { one } else { many });
-    let specimens =
-        format!("{} and {}", count(recorded.larvae, "zebrafish larva", "zebrafish larvae"), count(recorded.beads, "bead", "beads"));
+    let (larva, larvae) = match record.mode {
+        Mode::Simulated => ("simulated larva", "simulated larvae"),
+        Mode::Hardware | Mode::Imported => ("zebrafish larva", "zebrafish larvae"),
+    };
+    let specimens = format!("{} and {}", count(recorded.larvae, larva, larvae), count(recorded.beads, "bead", "beads"));
     add(format_args!(
         "Of plate {} (run {}, started {}), {specimens} were measured with carved {}.",
         record.plan.plate_barcode,
@@ -106,8 +109,10 @@ fn paragraph(run: &StoredRun, recorded: &Recorded, hash: &str) -> String {
     }
     add(format_args!(
         "By the method {}{version} (SHA-256 of its settings {hash}), each specimen was turned about the axis of the capillary, and a frame was \
-         taken at each of {} evenly spaced angles.",
-        record.plan.method, method.asd,
+         taken at each of {} evenly spaced angles{}.",
+        record.plan.method,
+        method.asd,
+        if record.mode == Mode::Imported { "" } else { ", to the nearest step of the motor" },
     ));
     let segmentation = serde_json::to_value(method.segment.method).ok().and_then(|m| m.as_str().map(str::to_owned)).unwrap_or_default();
     add(format_args!(
@@ -123,7 +128,7 @@ fn paragraph(run: &StoredRun, recorded: &Recorded, hash: &str) -> String {
         add(format_args!("The views were combined with the camera of the rig as it was configured, without calibration of the turn."));
     }
     add(format_args!(
-        "Volume and surface area are those of the ideal visual hull by support functions of its slices{}.",
+        "Volume and surface area are estimates of those of the visual hull, by support functions of its slices{}.",
         match recorded.fallback {
             0 => String::new(),
             n => format!("; those of {} are by voxels, because the slices did not allow it", count(n, "specimen", "specimens")),
@@ -139,8 +144,11 @@ fn paragraph(run: &StoredRun, recorded: &Recorded, hash: &str) -> String {
         add(format_args!("A turn ended early where the volume had settled (rule early_stop)."));
     }
     add(format_args!(
-        "Standard deviations cover the views, the calibration, fins, the common error of the edges and the scale of the rig ({} %).",
-        method.calibration.scale_sd_percent,
+        "Standard deviations cover the views, the calibration, corners of the slices (volume only), fins and the common error of the edges{}.",
+        match method.calibration.scale_sd_percent {
+            percent if percent > 0.0 => format!(", and the scale of the rig ({percent} %)"),
+            _ => "; the error of the scale was not stated and is not included".to_owned(),
+        },
     ));
     let q = &method.quality;
     add(format_args!(

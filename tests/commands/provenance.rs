@@ -25,10 +25,11 @@ fn the_methods_name_program_method_and_every_parameter() {
     let method = json(&run.join("A01/recording.json"))["method"].clone();
     for part in [
         "These are simulated data",
-        "1 zebrafish larva and 1 bead were measured with carved 0.1.0 (commit 0123456789ab)",
+        "1 simulated larva and 1 bead were measured with carved 0.1.0 (commit 0123456789ab)",
         "By the method standard, version 2",
         &format!("SHA-256 of its settings {}", sha256_hex(method.to_string().as_bytes())),
-        "at each of 21 evenly spaced angles",
+        "at each of 21 evenly spaced angles, to the nearest step of the motor.",
+        "the error of the scale was not stated and is not included.",
         "voxels of 6.93 um, of which 5 % of the views may miss a voxel",
     ] {
         assert!(text.contains(part), "{part}\n{text}");
