@@ -15,7 +15,7 @@ mod specimens;
 mod stations;
 pub mod statistics;
 
-pub use carved_store::columns::{Cell, Kind, hash_of as method_hash, mode, ontology, page};
+pub use carved_store::columns::{Cell, Kind, NOT_MEASURED_AGAIN, hash_of as method_hash, mode, ontology, page};
 pub use specimens::table as specimens;
 pub use stations::table as stations;
 
@@ -31,4 +31,12 @@ pub struct Heading {
 pub struct Table {
     pub headings: Vec<Heading>,
     pub rows: Vec<Vec<Cell>>,
+}
+
+impl Table {
+    /// Number of rows whose cell in this column is not empty and fulfils a condition.
+    pub fn count(&self, column: &str, condition: impl Fn(&Cell) -> bool) -> usize {
+        let Some(place) = self.headings.iter().position(|heading| heading.name == column) else { return 0 };
+        self.rows.iter().filter(|row| row[place] != Cell::Empty && condition(&row[place])).count()
+    }
 }

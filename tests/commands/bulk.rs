@@ -180,6 +180,36 @@ fn what_is_not_intact_or_of_another_method_is_computed_again() {
 }
 
 #[test]
+fn a_well_without_numbers_in_the_folder_has_nothing_of_the_earlier_computation() {
+    let bench = Bench::new();
+    // Of three, the first and the third.
+    assert_eq!(bench.counts("part", &["--shard", "1/2"]), [2, 2, 0, 0]);
+    let (part, file) = (bench.path("part"), bench.path("part.csv"));
+    let output = run(&["export", "table", &bench.runs[0], &bench.runs[1], "--measurements", text(&part), "--out", text(&file)]);
+    let said = stderr(&output);
+    assert!(output.status.success() && said.contains(&format!("1 of 3 measured wells have no numbers in {}", text(&part))), "{said}");
+    let mut reader = csv::Reader::from_path(&file).unwrap();
+    let rows: Vec<BTreeMap<String, String>> = reader.deserialize().collect::<Result<_, _>>().unwrap();
+    let (measured, missing) = (&rows[0], &rows[1]);
+    assert_eq!((missing["well"].as_str(), missing["outcome"].as_str()), ("A02", "succeeded"));
+    assert_eq!((missing["reason"].as_str(), measured["reason"].as_str()), ("not_measured_again", ""));
+    for column in [
+        "flag_count",
+        "method",
+        "method_sha256",
+        "software_version",
+        "software_commit",
+        "software_dirty",
+        "volume_um3",
+        "measurement_sha256",
+        "views_planned",
+    ] {
+        assert_eq!(missing[column], "", "{column}");
+        assert!(!measured[column].is_empty(), "{column}");
+    }
+}
+
+#[test]
 fn what_cannot_be_measured_is_told_and_the_rest_is_measured() {
     let bench = Bench::new();
     let method = bench.path("coarse.toml");

@@ -147,6 +147,7 @@ fn mihcsme_comes_back_with_the_results_and_with_the_plate_map_as_it_was() {
         ("Medium", "E3".to_owned()),
         ("carved_volume_um3", format!("{:?}", numbers["measurement"]["volume_um3"].as_f64().unwrap())),
         ("carved_area_um2", format!("{:?}", numbers["measurement"]["area_um2"].as_f64().unwrap())),
+        ("carved_taxon_id", "NCBITaxon:7955".into()),
         ("carved_stage_id", "ZFS:0000036".into()),
         ("carved_exposure_id", "ZECO:0000111".into()),
         ("carved_outcome", "succeeded".into()),

@@ -58,7 +58,7 @@ pub use replay::{ReplayWriter, Replayed};
 pub use run::RunRecord;
 pub use run_files::RunFiles;
 pub use software::Software;
-pub use stored_run::{StoredRun, StoredWell, place_among_references};
+pub use stored_run::{Computation, StoredRun, StoredWell, place_among_references};
 pub use sums::{seal, seal_run};
 
 use carved_records::{Event, EventData, JournalRepaired, Mode, RunUnreadable, kind};

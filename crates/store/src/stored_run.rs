@@ -46,8 +46,19 @@ pub struct StoredWell {
     pub measurement_sha256: Option<String>,
     /// `timings.json`. `None` where the recording was not closed.
     pub timings: Option<Value>,
-    /// Name of the method of the numbers, where a later computation gave them by another method.
-    pub measured_by: Option<String>,
+    /// The computation that the numbers are from.
+    pub computation: Computation,
+}
+
+/// The computation that the numbers of a well are from.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Computation {
+    /// The one of the run.
+    OfRun,
+    /// A later one, by the method of this name. `None`: by the method of the recording.
+    Later { method_name: Option<String> },
+    /// None: the run has numbers of this well, the folder of the later computation has not.
+    Missing,
 }
 
 impl StoredRun {
@@ -100,7 +111,7 @@ impl StoredRun {
             measurement,
             measurement_sha256,
             timings: json(&files, TIMINGS)?.map(|(value, _)| value),
-            measured_by: None,
+            computation: Computation::OfRun,
             files,
         };
         match &self.measurements {
@@ -111,10 +122,10 @@ impl StoredRun {
 }
 
 impl StoredWell {
-    /// The numbers of a later computation, with its method and its software. No numbers where it has none.
+    /// The numbers of a later computation, with its method and its software. Where it has none, nothing of the run's computation is left.
     fn measured_again(self, folder: &Path) -> Result<Self, StoreError> {
         let Some(found) = Replayed::read(folder)? else {
-            return Ok(Self { measurement: None, measurement_sha256: None, ..self });
+            return Ok(if self.measurement.is_some() { self.without_computation() } else { self });
         };
         let before = flags(self.measurement.as_ref());
         let path = folder.join(MEASUREMENT);
@@ -136,9 +147,19 @@ impl StoredWell {
             recording,
             measurement: Some(measurement),
             measurement_sha256: Some(sha256_hex(&found.measurement)),
-            measured_by: found.method_name,
+            computation: Computation::Later { method_name: found.method_name },
             ..self
         })
+    }
+
+    fn without_computation(mut self) -> Self {
+        if let Some(recording) = self.recording.as_mut().and_then(Value::as_object_mut) {
+            recording.retain(|key, _| !matches!(key.as_str(), "method" | "software"));
+        }
+        if let Some(status) = &mut self.status {
+            status.flags.clear();
+        }
+        Self { measurement: None, measurement_sha256: None, computation: Computation::Missing, ..self }
     }
 
     /// The files of the recording with their SHA-256, by their names in its folder. None of a recording that was not closed.

@@ -1,7 +1,7 @@
 //! `carved export table`: one row per specimen.
 
 use super::{read, write};
-use crate::tables::{self, Table, csv};
+use crate::tables::{self, Cell, NOT_MEASURED_AGAIN, Table, csv};
 use anyhow::{bail, ensure};
 use std::path::{Path, PathBuf};
 
@@ -37,6 +37,12 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         runs = runs.into_iter().map(|run| run.with_measurements(folder)).collect::<Result<_, _>>()?;
     }
     let specimens = tables::specimens(&runs)?;
+    if let Some(folder) = &args.measurements {
+        let (measured, missing) = (specimens.count("measurement_sha256", |_| true), specimens.count("reason", is_missing));
+        if missing > 0 {
+            note!("carved: {missing} of {} measured wells have no numbers in {}", measured + missing, folder.display());
+        }
+    }
     match (&args.out, out) {
         (Some(file), Some(format)) => {
             write(file, &format.bytes(&specimens)?)?;
@@ -50,6 +56,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         note!("carved: {}: {} slice(s)", file.display(), stations.rows.len());
     }
     Ok(())
+}
+
+fn is_missing(reason: &Cell) -> bool {
+    *reason == Cell::from(NOT_MEASURED_AGAIN)
 }
 
 /// The format of a table's file.

@@ -2,8 +2,8 @@
 
 use super::row::{Row, hash_of};
 use super::{Cell, Kind, ontology};
-use crate::RunRecord;
-use carved_records::{InstrumentIdentity, Mode, SpecimenKind};
+use crate::{Computation, RunRecord};
+use carved_records::{InstrumentIdentity, Mode, PlannedWell, SpecimenKind};
 
 /// Where a value is.
 #[derive(Clone, Copy)]
@@ -94,17 +94,12 @@ pub const BEFORE: &[Column] = &[
     ),
     col("control", Text, Made(control), "`positive`, `negative`, or empty for no control"),
     col("replicate", Integer, Made(|r| r.well.planned.replicate.into()), "number of the repetition, from 1"),
-    col(
-        "taxon_id",
-        Text,
-        Made(|r| ontology::taxon(&r.well.planned).map(|term| term.id).into()),
-        "of a larva: its species in the NCBI Taxonomy",
-    ),
+    col("taxon_id", Text, Made(|r| of_animal(r, ontology::taxon)), "of a larva that is not simulated: its species in the NCBI Taxonomy"),
     col(
         "stage_id",
         Text,
-        Made(|r| ontology::stage(&r.well.planned).map(|term| term.id).into()),
-        "of a larva from 2 to 29 dpf: its stage in the Zebrafish Developmental Stages Ontology (ZFS), from `dpf`",
+        Made(|r| of_animal(r, ontology::stage)),
+        "of a larva from 2 to 29 dpf that is not simulated: its stage in the Zebrafish Developmental Stages Ontology (ZFS), from `dpf`",
     ),
     col(
         "exposure_id",
@@ -146,6 +141,12 @@ fn specimen(kind: SpecimenKind) -> &'static str {
     }
 }
 
+/// A term of a living larva. A simulated one has none.
+fn of_animal(row: &Row, term: fn(&PlannedWell) -> Option<ontology::Term>) -> Cell {
+    let is_simulated = row.run.record.mode == Mode::Simulated;
+    term(&row.well.planned).filter(|_| !is_simulated).map(|term| term.id).into()
+}
+
 fn control(row: &Row) -> Cell {
     use carved_records::Control::{Negative, Positive};
     Cell::from(row.well.planned.control.map(|control| match control {
@@ -168,12 +169,28 @@ fn flags(row: &Row) -> Vec<String> {
     row.well.status.as_ref().map(|status| status.flags.clone()).unwrap_or_default()
 }
 
+/// Empty where nothing could be flagged.
+fn flag_count(row: &Row) -> Cell {
+    let count = flags(row).len();
+    (count > 0 || row.well.measurement.is_some()).then_some(count).into()
+}
+
+/// The reason of a row whose numbers are not in the folder of a later computation.
+pub const NOT_MEASURED_AGAIN: &str = "not_measured_again";
+
+fn reason(row: &Row) -> Cell {
+    if row.well.computation == Computation::Missing {
+        return NOT_MEASURED_AGAIN.into();
+    }
+    row.well.status.as_ref().and_then(|status| status.reason.clone()).into()
+}
+
 /// Columns behind those of the lab's own metadata: what was found, how, and by what.
 pub const AFTER: &[Column] = &[
     col("outcome", Text, Made(outcome), "`succeeded`, `failed`, `skipped`, `aborted`, `interrupted`; empty while the well is not done"),
-    col("reason", Text, Made(|r| r.well.status.as_ref().and_then(|s| s.reason.clone()).into()), "why there are no numbers"),
+    col("reason", Text, Made(reason), "why there are no numbers; `not_measured_again`: none in the folder of `--measurements`"),
     col("flags", Text, Made(|r| flags(r).join(";").into()), "flags, joined by `;`: [quality.md](quality.md)"),
-    col("flag_count", Integer, Made(|r| flags(r).len().into()), "number of flags; 0 for a specimen without a doubt"),
+    col("flag_count", Integer, Made(flag_count), "number of flags; 0 for a specimen without a doubt, empty for one without numbers"),
     col("earlier_attempts", Integer, Made(|r| r.well.earlier_attempts.into()), "attempts at this well before the one of this row"),
     // Numbers of the trusted estimator.
     col("estimator", Text, Measured("/measurement/estimator"), "`support` or `voxel`: what `volume_um3` and `area_um2` come from"),
@@ -371,11 +388,18 @@ pub const AFTER: &[Column] = &[
 ];
 
 fn method_name(row: &Row) -> Cell {
-    row.well.measured_by.as_deref().unwrap_or(&row.run.record.plan.method).into()
+    match &row.well.computation {
+        Computation::Later { method_name: Some(name) } => name.as_str().into(),
+        Computation::OfRun | Computation::Later { method_name: None } => row.run.record.plan.method.as_str().into(),
+        Computation::Missing => Cell::Empty,
+    }
 }
 
 /// The hash of the method as the recording has it: a run read by a newer carved has further settings in its method.
 fn method_sha256(row: &Row) -> Cell {
+    if row.well.computation == Computation::Missing {
+        return Cell::Empty;
+    }
     row.recorded("/method").map_or_else(|| row.run.method_sha256.clone(), hash_of).into()
 }
 

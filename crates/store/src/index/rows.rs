@@ -3,7 +3,7 @@
 use super::cells;
 use crate::columns::OfRun;
 use crate::stored_run::TIMINGS;
-use crate::{MEASUREMENT, RECORDING, RecordingFiles, RunRecord, StoredWell, attempts, run};
+use crate::{Computation, MEASUREMENT, RECORDING, RecordingFiles, RunRecord, StoredWell, attempts, run};
 use carved_records::{Event, EventData, PlannedWell, WellStatus, sha256_hex};
 use rusqlite::{Connection, OptionalExtension, params};
 use serde_json::Value;
@@ -111,7 +111,7 @@ impl Files {
             measurement,
             measurement_sha256,
             timings: json(&self.folder.join(TIMINGS)).map(|(_, timings)| timings),
-            measured_by: None,
+            computation: Computation::OfRun,
             files: RecordingFiles::Folder(self.folder),
         }
     }
