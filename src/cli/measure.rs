@@ -9,6 +9,7 @@
 mod bulk;
 mod outside;
 
+use super::folders;
 use super::stored::{self, Stored};
 use super::told;
 use anyhow::{Context, ensure};
@@ -156,6 +157,7 @@ pub(super) fn expand(paths: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
             ensure!(!wells.is_empty(), "{}: no recording of this run was measured", path.display());
             found.extend(wells);
         } else {
+            folders::refuse_folder_of_runs(path)?;
             found.push(path.clone());
         }
     }

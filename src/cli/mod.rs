@@ -14,6 +14,7 @@ mod doctor;
 #[cfg(feature = "simulate")]
 pub mod emulated;
 mod export;
+mod folders;
 mod halt;
 mod import;
 mod index;

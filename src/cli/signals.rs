@@ -6,6 +6,10 @@ use tokio::signal::unix::{Signal, SignalKind, signal};
 /// Exit code of a command that a signal ended: 128 + 2, as a shell reports Ctrl-C.
 pub const INTERRUPTED: i32 = 130;
 
+/// SIGHUP is the last.
+const ENDING: [(SignalKind, &str); 3] =
+    [(SignalKind::terminate(), "SIGTERM"), (SignalKind::interrupt(), "SIGINT"), (SignalKind::hangup(), "SIGHUP")];
+
 /// The signals, caught from the moment of [`Signals::listen`].
 pub struct Signals(Vec<(Signal, &'static str)>);
 
@@ -15,9 +19,12 @@ impl Signals {
     /// # Errors
     /// A signal that cannot be caught.
     pub fn listen() -> anyhow::Result<Self> {
-        let kinds = [(SignalKind::terminate(), "SIGTERM"), (SignalKind::interrupt(), "SIGINT"), (SignalKind::hangup(), "SIGHUP")];
-        let listen = |(kind, name)| anyhow::Ok((signal(kind).with_context(|| format!("cannot listen to {name}"))?, name));
-        kinds.into_iter().map(listen).collect::<Result<_, _>>().map(Self)
+        Self::of(&ENDING)
+    }
+
+    fn of(kinds: &[(SignalKind, &'static str)]) -> anyhow::Result<Self> {
+        let listen = |&(kind, name)| anyhow::Ok((signal(kind).with_context(|| format!("cannot listen to {name}"))?, name));
+        kinds.iter().map(listen).collect::<Result<_, _>>().map(Self)
     }
 
     /// Waits for the next signal and returns its name.
@@ -36,15 +43,26 @@ impl Signals {
     /// # Errors
     /// A signal that cannot be caught, and a thread that cannot be started.
     pub fn at_each(mut act: impl FnMut() + Send + 'static) -> anyhow::Result<()> {
+        Self::act_at(&ENDING, move |_| act())
+    }
+
+    /// As [`Signals::at_each`], with the name of the signal, and without SIGHUP: a long computation under `nohup` ignores it.
+    ///
+    /// # Errors
+    /// A signal that cannot be caught, and a thread that cannot be started.
+    pub fn at_each_but_hangup(act: impl FnMut(&'static str) + Send + 'static) -> anyhow::Result<()> {
+        Self::act_at(&ENDING[..2], act)
+    }
+
+    fn act_at(kinds: &[(SignalKind, &'static str)], mut act: impl FnMut(&'static str) + Send + 'static) -> anyhow::Result<()> {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().context("cannot start the runtime")?;
-        let mut signals = runtime.block_on(async { Self::listen() })?;
+        let mut signals = runtime.block_on(async { Self::of(kinds) })?;
         std::thread::Builder::new()
             .name("signals".into())
             .spawn(move || {
                 runtime.block_on(async {
                     loop {
-                        signals.next().await;
-                        act();
+                        act(signals.next().await);
                     }
                 });
             })

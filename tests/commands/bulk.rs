@@ -8,9 +8,12 @@
 use super::import_plate::{scene, shoot};
 use crate::common::{carved, json, run, stderr};
 use hardware_sim::scene::Specimen;
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::fs;
+use std::io::{BufRead, BufReader};
 use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
@@ -153,6 +156,48 @@ fn results_never_get_into_stored_recordings() {
     let (code, _, said) = bench.measure("out", &[]);
     assert!(code == Some(1) && said.contains("P-2/A01: this is the folder of a recording"), "{said}");
     assert!(tree(&bench.path("data")) == before, "a stored file was changed");
+}
+
+#[test]
+fn a_folder_of_runs_is_refused_in_every_shard() {
+    let bench = Bench::new();
+    for folder in ["data/runs", "data"] {
+        let named = bench.path(folder);
+        for shard in ["1/2", "2/2"] {
+            let output = run(&["measure", "--out", text(&bench.path("out")), "--shard", shard, text(&named)]);
+            let expected = format!("{} holds runs: name {}/*", named.display(), bench.path("data/runs").display());
+            assert!(output.status.code() == Some(1) && stderr(&output).contains(&expected), "{shard}: {}", stderr(&output));
+        }
+        let output = run(&["measure", text(&named)]);
+        assert!(output.status.code() == Some(1) && stderr(&output).contains("holds runs"), "{}", stderr(&output));
+    }
+    assert!(!bench.path("out").exists());
+}
+
+#[test]
+fn a_signal_ends_it_with_a_line_that_says_how_far_it_came() {
+    const COPIES: usize = 100;
+    let bench = Bench::new();
+    let files = tree(Path::new(&bench.runs[1]).join("A01").as_path());
+    // So many that none of the signals comes after the last one.
+    let copies: Vec<PathBuf> = (0..COPIES).map(|i| bench.path("copies").join(format!("W{i:03}"))).collect();
+    for (copy, (name, bytes)) in copies.iter().flat_map(|copy| files.iter().map(move |file| (copy, file))) {
+        fs::create_dir_all(copy.join(name).parent().unwrap()).unwrap();
+        fs::write(copy.join(name), bytes).unwrap();
+    }
+    for (signal, name, first) in [(Signal::SIGTERM, "SIGTERM", "measured in"), (Signal::SIGINT, "SIGINT", "was measured before")] {
+        let mut command = carved();
+        command.args(["measure", "--jobs", "1", "--out"]).arg(bench.path("out")).args(&copies);
+        let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+        let mut lines = BufReader::new(child.stderr.take().unwrap()).lines().map(Result::unwrap);
+        let line = lines.next().unwrap();
+        assert!(line.starts_with(&format!("carved: 1 of {COPIES}, copies/W000: {first}")), "{line}");
+        kill(Pid::from_raw(child.id().try_into().unwrap()), signal).unwrap();
+        let rest: Vec<String> = lines.collect();
+        assert_eq!(child.wait().unwrap().code(), Some(130), "{rest:?}");
+        let expected = format!(" of {COPIES} recordings are done, 0 failed. Start the same command again");
+        assert!(rest.iter().any(|line| line.starts_with(&format!("carved: {name}: ")) && line.contains(&expected)), "{rest:?}");
+    }
 }
 
 #[test]

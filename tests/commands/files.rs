@@ -110,6 +110,15 @@ fn a_model_that_cannot_be_exported_is_refused_with_the_way_out() {
         assert!(refused(format, &well, "model.txt").contains(&format!("ends in .{format}")));
         assert!(refused(format, &run.join("H01"), &format!("model.{format}")).contains("recording.json"));
     }
+    // A folder with many recordings: the message names one.
+    let runs = run.parent().unwrap();
+    for (folder, what) in [(&*run, "is a run"), (runs, "holds runs"), (runs.parent().unwrap(), "holds runs")] {
+        for (format, out) in [("nrrd", "model.nrrd"), ("stl", "model.stl"), ("ome-tiff", "views.ome.tiff")] {
+            let said = refused(format, folder, out);
+            assert!(said.contains(&format!("{} {what}. ", folder.display())), "{said}");
+            assert!(said.contains(&format!("such as {}", well.display())), "{said}");
+        }
+    }
     // Somebody changed the surface: it is not what was measured.
     let mesh = well.join("mesh.ply");
     let bytes = fs::read(&mesh).unwrap();

@@ -7,6 +7,7 @@
 //! ```
 
 use super::write;
+use crate::cli::folders::open_recording;
 use crate::cli::measure::compute_with_hull;
 use crate::cli::stored::{self, Stored};
 use crate::export::{Stand, Unit, read_ply, write_glb, write_nrrd, write_stl};
@@ -61,7 +62,7 @@ pub struct GlbArgs {
 /// A recording that cannot be read or measured, or a file that cannot be written.
 pub fn nrrd(args: &NrrdArgs) -> anyhow::Result<()> {
     ends_in(&args.out, "nrrd")?;
-    let reader = RecordingReader::open(&args.recording)?;
+    let reader = open_recording(&args.recording)?;
     let mut facts = facts(reader.recording());
     let found = computed(&reader, &mut facts)?;
     let carver = found.hull.carver();
@@ -83,7 +84,7 @@ pub fn nrrd(args: &NrrdArgs) -> anyhow::Result<()> {
 /// A recording that cannot be read, or a file that cannot be written.
 pub fn stl(args: &StlArgs) -> anyhow::Result<()> {
     ends_in(&args.out, "stl")?;
-    let reader = RecordingReader::open(&args.recording)?;
+    let reader = open_recording(&args.recording)?;
     let mesh = args.unit.mesh(&mesh(&reader)?);
     let recording = reader.recording();
     let words = format!("unit {} {} {} {}", args.unit.symbol(), mode(recording.mode), recording.specimen.well, recording.run);
@@ -100,7 +101,7 @@ pub fn stl(args: &StlArgs) -> anyhow::Result<()> {
 /// A recording that cannot be read, or a file that cannot be written.
 pub fn glb(args: &GlbArgs) -> anyhow::Result<()> {
     ends_in(&args.out, "glb")?;
-    let reader = RecordingReader::open(&args.recording)?;
+    let reader = open_recording(&args.recording)?;
     let mut facts = facts(reader.recording());
     let (mesh, colours) = if args.texture {
         let found = computed(&reader, &mut facts)?;

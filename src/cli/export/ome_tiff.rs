@@ -2,12 +2,13 @@
 
 use super::model::{ends_in, facts};
 use super::{views, write};
+use crate::cli::folders::open_recording;
 use crate::export::{Stack, Subject, ome_tiff};
 use anyhow::ensure;
 use carved_core::frame::PixelFormat;
 use carved_core::geometry::Camera;
 use carved_records::LedgerEntry;
-use carved_store::{Recording, RecordingReader, StoreError};
+use carved_store::{Recording, StoreError};
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
@@ -27,7 +28,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let is_tiff = ends_in(&args.out, "tiff").or_else(|_| ends_in(&args.out, "tif")).is_ok();
     let is_ome = args.out.file_stem().is_some_and(|stem| stem.to_string_lossy().to_lowercase().ends_with(".ome"));
     ensure!(is_tiff && is_ome, "{}: the name of this file ends in .ome.tiff", args.out.display());
-    let reader = RecordingReader::open(&args.recording)?;
+    let reader = open_recording(&args.recording)?;
     let recording = reader.recording();
     let entries = views::by_number(&reader);
     ensure!(!entries.is_empty(), "{}: 0 views are recorded; a file needs at least 1", args.recording.display());

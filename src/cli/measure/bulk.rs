@@ -8,6 +8,8 @@
 //! The shards of one list are disjoint and hold all of it, so that shards need not know of each other. `SHA256SUMS` is written last: what an
 //! interrupted job leaves is computed again. A recording, a method or a carved that has changed is computed again too.
 
+use super::super::folders::HoldsRuns;
+use super::super::signals::{INTERRUPTED, Signals};
 use super::super::{replay, told};
 use super::{compute_with, each, outside};
 use anyhow::{Context, ensure};
@@ -24,7 +26,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::str::FromStr;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 #[derive(Debug, clap::Args)]
@@ -110,7 +112,12 @@ pub fn run(paths: &[PathBuf], out: &Path, options: &Options) -> anyhow::Result<E
     let threads_per_job = processors / jobs;
     let pools = (0..jobs).map(|_| ThreadPoolBuilder::new().num_threads(threads_per_job).build()).collect::<Result<Vec<_>, _>>();
     let pools = pools.context("cannot start the threads")?;
-    let progress = Progress::new(mine.len());
+    let progress = Arc::new(Progress::new(mine.len()));
+    let interrupted = Arc::clone(&progress);
+    Signals::at_each_but_hangup(move |signal| {
+        interrupted.interrupt(signal);
+        std::process::exit(INTERRUPTED);
+    })?;
     let (began, next) = (Instant::now(), AtomicUsize::new(0));
     let work = |pool: &ThreadPool| {
         let mut results = Vec::new();
@@ -180,6 +187,8 @@ fn named(paths: &[PathBuf]) -> anyhow::Result<(BTreeMap<String, PathBuf>, Vec<St
         let whole = found.and_then(|()| path.canonicalize().with_context(|| format!("{}: no recording", path.display())));
         let whole = match whole {
             Ok(whole) => whole,
+            // The wrong list, not a recording that fails: no shard may succeed.
+            Err(error) if error.is::<HoldsRuns>() => return Err(error),
             Err(error) => {
                 failures.push(told(&error));
                 continue;
@@ -223,8 +232,14 @@ fn one(path: &Path, folder: &Path, other: Option<&(String, Method)>) -> anyhow::
 struct Progress {
     bar: ProgressBar,
     is_terminal: bool,
-    count: Mutex<usize>,
+    count: Mutex<Count>,
     of: usize,
+}
+
+#[derive(Default)]
+struct Count {
+    done: usize,
+    failed: usize,
 }
 
 impl Progress {
@@ -233,10 +248,12 @@ impl Progress {
         let style =
             ProgressStyle::with_template("{bar:30} {pos}/{len} recordings, {eta} left").unwrap_or_else(|_| ProgressStyle::default_bar());
         let target = if is_terminal { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
-        Self { bar: ProgressBar::with_draw_target(Some(of as u64), target).with_style(style), is_terminal, count: Mutex::new(0), of }
+        Self { bar: ProgressBar::with_draw_target(Some(of as u64), target).with_style(style), is_terminal, count: Mutex::default(), of }
     }
 
     fn tell(&self, name: &str, done: &anyhow::Result<Done>, began: Instant) {
+        let mut count = self.count();
+        *(if done.is_ok() { &mut count.done } else { &mut count.failed }) += 1;
         self.bar.inc(1);
         if self.is_terminal {
             return;
@@ -246,9 +263,21 @@ impl Progress {
             Ok(Done::LeftOut) => "was measured before".into(),
             Err(_) => "failed".into(),
         };
-        let mut count = self.count.lock().unwrap_or_else(PoisonError::into_inner);
-        *count += 1;
-        note!("carved: {count}/{} {name}: {said}", self.of);
+        note!("carved: {} of {}, {name}: {said}", count.done + count.failed, self.of);
+    }
+
+    /// Tells how far the command has come when a signal ends it.
+    fn interrupt(&self, signal: &str) {
+        self.bar.finish_and_clear();
+        let Count { done, failed } = *self.count();
+        note!(
+            "carved: {signal}: {done} of {} recordings are done, {failed} failed. Start the same command again: it leaves out what is done",
+            self.of
+        );
+    }
+
+    fn count(&self) -> MutexGuard<'_, Count> {
+        self.count.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
