@@ -33,6 +33,16 @@ pub enum State {
     Resetting,
 }
 
+impl Status {
+    /// `not_ready_reason` of a status that does not yet show what the previous process left.
+    pub const STARTING: &str = "starting";
+
+    /// Whether the daemon has not restored the state of the previous process yet: `state`, `run`, `plate` and `specimen` are empty.
+    pub fn is_starting(&self) -> bool {
+        self.not_ready_reason.as_deref() == Some(Self::STARTING)
+    }
+}
+
 impl State {
     /// Every state.
     pub const ALL: [Self; 17] = [
@@ -54,6 +64,11 @@ impl State {
         Self::Clearing,
         Self::Resetting,
     ];
+
+    /// Whether a run is on its way to its end.
+    pub fn is_ending(self) -> bool {
+        matches!(self, Self::Stopping | Self::Aborting | Self::Completing)
+    }
 }
 
 /// Commands that were accepted and are still under way.
@@ -66,7 +81,9 @@ pub struct Pending {
 
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, ToSchema)]
 pub struct Plate {
+    /// The plate that was handed over, or else that of the newest run: the instrument does not see plates. `null` once it was taken away.
     pub barcode: Option<String>,
+    /// Whether a loader has handed this plate over. `false` for the plate of a run without a handover, which a person puts in and takes away.
     pub present: bool,
     /// No specimen in the capillary and everything of this plate on disk.
     pub removable: bool,

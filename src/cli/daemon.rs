@@ -16,6 +16,8 @@ use std::time::Duration;
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::watch;
 
+/// Longest time until requests are answered, also if the state of the previous process is not restored by then.
+const RESTORED: Duration = Duration::from_secs(2);
 /// Time for the notices that wait when the daemon ends. The whole daemon must end within 5 s.
 const LAST_NOTICES: Duration = Duration::from_secs(1);
 
@@ -75,9 +77,15 @@ impl Daemon {
         };
         let served = runtime.block_on(async {
             let told = tokio::spawn(tell_systemd(handle.clone(), heartbeat.clone()));
-            let mut serving = tokio::spawn(crate::http::serve(listener, handle.clone(), reader, config.http.clone(), async {
-                stopped(stop).await;
-            }));
+            let session = handle.clone();
+            let mut serving = tokio::spawn(async move {
+                // Clients wait in the backlog of the listener. On a disk that hangs they get a status that says `starting`.
+                let _late = tokio::time::timeout(RESTORED, session.until_restored()).await;
+                crate::http::serve(listener, session, reader, config.http.clone(), async {
+                    stopped(stop).await;
+                })
+                .await
+            });
             announce!("{greeting} http://{listen}  status: http://{listen}/v1/status");
             let beside = beside(handle);
             let client = tokio::spawn(async move {

@@ -71,7 +71,7 @@ const TOKEN_BYTES: usize = 32;
 pub enum HttpSettingsError {
     #[error(
         "http: refuses to listen on {listen}, which other machines reach, without a bearer token. Listen on 127.0.0.1, or make one \
-         (`openssl rand -hex 32 > token; chmod 600 token`) and name it as token_file in [http], or with --token-file"
+         (`openssl rand -hex 32 > token; chmod 600 token`) and name it as token_file in [http] (`carved setup`: with --token-file)"
     )]
     TokenMandatory { listen: SocketAddr },
     #[error("http: token_file: {0}")]

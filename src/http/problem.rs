@@ -118,20 +118,27 @@ impl Problem {
         let unavailable = |code| Self::new(StatusCode::SERVICE_UNAVAILABLE, code, detail.clone()).come_back();
         match refusal {
             Refusal::InvalidPlan(errors) => Self::unprocessable("invalid_plan", errors).of_a_plate(),
-            Refusal::InvalidHandoff(errors) => Self::unprocessable("invalid_body", errors),
+            // The only mistake is the barcode.
+            Refusal::InvalidHandoff(errors) => Self::unprocessable("invalid_body", errors).action(SchedulerAction::RejectPlate),
             Refusal::OtherPlan { .. } => conflict("other_plan"),
             Refusal::Pruned { .. } => conflict("pruned"),
-            Refusal::WrongState { accepted_in, .. } => {
+            Refusal::WrongState { state, accepted_in } => {
                 let run = status.run.as_ref().filter(|run| run.outcome.is_none());
                 let whose = run.map_or_else(String::new, |run| format!(" Run {} of {} is under way.", run.id, run.operator));
                 let detail = format!("{detail}.{whose} {}", status.doing);
-                Self { detail, accepted_in, ..conflict("wrong_state").action(SchedulerAction::Retry) }.behind(status)
+                // A run that ends does not come back to a state that accepts a command to it.
+                let is_too_late = state.is_ending() && !accepted_in.contains(&State::Idle);
+                let action = if is_too_late { SchedulerAction::PauseInstrument } else { SchedulerAction::Retry };
+                Self { detail, accepted_in, ..conflict("wrong_state").action(action) }.behind(status)
             }
             Refusal::UnknownRun { .. } => Self::new(StatusCode::NOT_FOUND, "unknown_run", detail),
             Refusal::UnexpectedWell { .. } => conflict("unexpected_well"),
             Refusal::RunEnded { .. } => conflict("run_ended"),
-            // Succeeds after the loader has taken the specimen out and reported it.
-            Refusal::CapillaryFull { .. } => conflict("capillary_full").action(SchedulerAction::Retry),
+            // A repeat alone does not help: first the loader does what `detail` says, or the run ends.
+            Refusal::CapillaryFull { .. } => conflict("capillary_full").action(SchedulerAction::PauseInstrument),
+            Refusal::HandoffOpen { .. } => conflict("handoff_open").action(SchedulerAction::PauseInstrument),
+            Refusal::PlateNeeded { .. } => conflict("plate_needed").action(SchedulerAction::PauseInstrument),
+            Refusal::PlateInside { .. } => conflict("other_barcode").action(SchedulerAction::PauseInstrument),
             Refusal::Store { full: true, .. } => {
                 Self::new(StatusCode::INSUFFICIENT_STORAGE, "disk_full", detail).action(SchedulerAction::PauseInstrument).behind(status)
             }
@@ -140,9 +147,7 @@ impl Problem {
             Refusal::FaultStands { seq, .. } => Self { fault_seq: Some(seq), ..conflict("fault_stands") },
             Refusal::UnknownFault { .. } => Self::new(StatusCode::NOT_FOUND, "unknown_fault", detail),
             Refusal::OtherBarcode { .. } => conflict("other_barcode").action(SchedulerAction::RejectPlate),
-            Refusal::HandoffOpen { .. } => conflict("handoff_open").action(SchedulerAction::Retry),
             Refusal::NoHandoff => conflict("no_handoff"),
-            Refusal::PlateNeeded { .. } => conflict("plate_needed").action(SchedulerAction::Retry),
             Refusal::WillNotFit { .. } | Refusal::OverBudget { .. } => {
                 Self::new(StatusCode::INSUFFICIENT_STORAGE, "will_not_fit", detail).action(SchedulerAction::PauseInstrument)
             }

@@ -6,7 +6,7 @@ use super::tally::Tally;
 use super::{Check, State, Status};
 use crate::api::{HandoffNeeds, RunOutcome};
 use crate::notify::Notices;
-use carved_records::{Event, FieldError, Handoff, HandoffEnd, Method, RunPlan};
+use carved_records::{Event, FieldError, Handoff, HandoffEnd, HandoffIntent, Method, RunPlan};
 use carved_store::{StoreError, size};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -47,6 +47,8 @@ pub enum Refusal {
     UnknownFault { seq: u64, newest: u64 },
     #[error("plate {expected} is meant, not {found}")]
     OtherBarcode { expected: String, found: String },
+    #[error("plate {inside} is still inside: {}", first(*.intent, inside, found))]
+    PlateInside { intent: HandoffIntent, inside: String, found: String },
     #[error("no plate is being handed over; announce it: PUT /v1/plate/handoff {{\"intent\", \"barcode\"}}")]
     NoHandoff,
     #[error("plate {barcode} is being handed over; say how that ended first: PUT /v1/plate/handoff/completed or /aborted")]
@@ -63,6 +65,15 @@ pub enum Refusal {
     Store { why: String, full: bool },
     #[error("the instrument is shutting down")]
     ShuttingDown,
+}
+
+/// What comes before the handover of a plate while another one is inside.
+fn first(intent: HandoffIntent, inside: &str, found: &str) -> String {
+    let unload = format!("hand it over with intent unload and its barcode {inside}");
+    match intent {
+        HandoffIntent::Load => format!("{unload}, then load {found}"),
+        HandoffIntent::Unload => format!("{unload}, not {found}"),
+    }
 }
 
 /// The text with exactly one full stop at its end.
@@ -201,6 +212,11 @@ impl SessionHandle {
     pub(super) async fn until(&self, is_so: impl FnMut(&Status) -> bool) {
         let (mut status, mut is_so) = (self.status.clone(), is_so);
         let _ended = status.wait_for(|status| is_so(status)).await;
+    }
+
+    /// Waits until the status shows what the previous process left, or the driver has ended.
+    pub async fn until_restored(&self) {
+        self.until(|status| !status.is_starting()).await;
     }
 
     /// Sets the methods that a run may name.

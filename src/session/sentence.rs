@@ -48,14 +48,9 @@ pub fn of(s: &Status) -> String {
             "No specimen is left; the last numbers are made from stored frames.".into()
         }
         State::Completing => "All wells are done; closing the record.".into(),
-        State::Complete => s.run.as_ref().map_or_else(String::new, |r| {
-            format!(
-                "Run {} is complete: {}. {}",
-                r.id,
-                counted(&r.wells),
-                s.plate.needs.as_ref().map_or_else(|| "The plate can be taken.".into(), |needs| format!("Waiting for {needs}."))
-            )
-        }),
+        State::Complete => {
+            s.run.as_ref().map_or_else(String::new, |r| format!("Run {} is complete: {}. {}", r.id, counted(&r.wells), of_plate(s)))
+        }
         State::Aborting => format!("Aborting: {motors} record is being closed."),
         State::Aborted => match s.faults.last() {
             Some(f) => format!("Aborted. {}", f.plainly()),
@@ -66,11 +61,7 @@ pub fn of(s: &Status) -> String {
             _ => format!("Shutting down: {motors} record is being closed."),
         },
         State::Stopped => match &s.run {
-            Some(run) if run.outcome.is_some() => {
-                let plate =
-                    s.plate.needs.as_ref().map_or_else(|| "The plate can be taken.".into(), |needs| format!("Waiting for {needs}."));
-                format!("Run {} was stopped. {plate}", run.id)
-            }
+            Some(run) if run.outcome.is_some() => format!("Run {} was stopped. {}", run.id, of_plate(s)),
             _ => "Stopped.".into(),
         },
         State::Clearing | State::Resetting => "Resetting for a new run.".into(),
@@ -95,6 +86,16 @@ pub fn of(s: &Status) -> String {
         },
         State::Unholding => "The run goes on: the camera is being set up.".into(),
         State::Suspending | State::Unsuspending => "Handing over with the loader.".into(),
+    }
+}
+
+/// Whether the plate can be taken after a run.
+fn of_plate(s: &Status) -> String {
+    match (&s.plate.needs, &s.plate.barcode) {
+        (Some(needs), _) => format!("Waiting for {needs}."),
+        (None, None) => "No plate is inside.".into(),
+        (None, Some(barcode)) if s.plate.removable => format!("Plate {barcode} can be taken."),
+        (None, Some(barcode)) => format!("Plate {barcode} cannot be taken yet."),
     }
 }
 
@@ -128,6 +129,21 @@ mod tests {
         assert_eq!(counted(&counts), "5 measured (1 of them flagged), 2 skipped");
         let counts = WellCounts { failed: 1, interrupted: 3, total: 4, ..WellCounts::default() };
         assert_eq!(counted(&counts), "1 failed, 3 not finished");
+    }
+
+    #[test]
+    fn a_plate_is_offered_only_while_it_is_inside_and_removable() {
+        let mut s = Driver::first_status(Mode::Simulated, "b".into());
+        let plate = |barcode: Option<&str>, removable| api::Plate { barcode: barcode.map(Into::into), removable, ..api::Plate::default() };
+        for (plate, says) in [
+            (plate(Some("P-1"), true), "Plate P-1 can be taken."),
+            (plate(Some("P-1"), false), "Plate P-1 cannot be taken yet."),
+            (plate(None, false), "No plate is inside."),
+            (api::Plate { needs: Some("a hand".into()), ..plate(Some("P-1"), false) }, "Waiting for a hand."),
+        ] {
+            s.plate = plate;
+            assert_eq!(of_plate(&s), says);
+        }
     }
 
     /// A fast axis leaves views in the queue. No surface is built before all views are carved.

@@ -2,7 +2,7 @@
 
 use crate::rig::Rig;
 use crate::wire::PATIENCE;
-use carved::api::{Fault, RunOutcome, RunStatus, SchedulerAction, State};
+use carved::api::{Fault, Hold, NextCommand, RunOutcome, RunStatus, SchedulerAction, State};
 use carved_records::{PlannedWell, SpecimenKind, SpecimenOutcome, WellCounts, WellStatus};
 use std::io::{Read, Write};
 use std::net::TcpListener;
@@ -67,13 +67,21 @@ fn run_of(results: Vec<WellStatus>, outcome: Option<RunOutcome>) -> RunStatus {
 #[test]
 fn a_plate_map_becomes_a_run_and_the_same_again_starts_nothing() {
     let (rig, map) = (Rig::start(), map_file(MAP));
-    for _again in 0..2 {
+    for says in ["is on the instrument's disk", "no second run was started"] {
         let output = start(&url(&rig), &map, &["--method", "standard", "--id", "r1"]);
         assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
         let said = text(&output.stdout);
-        assert!(said.contains("line 2: A1 is read as A01") && said.contains("run r1 of 2 well(s)"), "{said}");
+        assert!(said.contains("line 2: A1 is read as A01") && said.contains("run r1 of 2 well(s)") && said.contains(says), "{said}");
+        rig.driver.publish(|s| s.run = Some(run_of(vec![well("A01", None, None)], None)));
     }
-    assert_eq!(*rig.commands.lock().unwrap(), ["put r1", "put r1"]);
+    rig.driver.publish(|s| s.run = Some(run_of(vec![well("A01", Some(SpecimenOutcome::Failed), None)], Some(RunOutcome::Failed))));
+    for more in [&["--watch"][..], &[]] {
+        let output = start(&url(&rig), &map, &[&["--method", "standard", "--id", "r1"], more].concat());
+        let said = text(&output.stderr);
+        assert_eq!((output.status.code(), text(&output.stdout)), (Some(1), String::new()), "{said}");
+        assert!(said.contains("has ended already: failed. Nothing was started") && said.contains("--id"), "{said}");
+    }
+    assert_eq!(*rig.commands.lock().unwrap(), ["put r1"; 4]);
     let named = start(&url(&rig), &map, &["--method", "standard"]);
     assert!(text(&named.stdout).contains("run P-1-20"), "{}", text(&named.stdout));
 }
@@ -173,6 +181,11 @@ fn a_watcher_tells_each_well_and_fault_and_ends_as_the_run_does() {
         assert_eq!(said.matches("fault 17 camera_lost: no answer. What to do: Check the cable.\n").count(), 1, "{said}");
         assert!(said.contains("run r1 (simulated) has ended: "), "{said}");
     }
+    let aborted = run_of(vec![well("A01", Some(SpecimenOutcome::Aborted), None)], Some(RunOutcome::Aborted));
+    let rig = Rig::start();
+    rig.driver.publish(|s| s.run = Some(aborted));
+    let said = text(&carved(&url(&rig), &["run", "watch"]).stdout);
+    assert!(said.contains("A01  larva of 3 dpf: aborted\n") && said.contains("1 wells: 1 not finished"), "{said}");
 }
 
 #[test]
@@ -186,6 +199,14 @@ fn the_status_is_said_in_words_or_as_it_is_served() {
     for line in ["Waiting for a run. (Idle)", "not ready: the camera is lost", "run r1 by kim, method standard: 1 wells: 1 to come"] {
         assert!(said.contains(line), "{said}");
     }
+    rig.driver.publish(|s| {
+        s.state = State::Held;
+        let next_command = Some(NextCommand::Unhold);
+        let hold = Hold { code: "operator".into(), cause: "it".into(), times: 1, next_action: None, next_command, fault_seq: None };
+        s.run = s.run.take().map(|run| RunStatus { hold: Some(hold), ..run });
+    });
+    let said = text(&carved(&url(&rig), &["run", "status"]).stdout);
+    assert!(said.contains("next: `carved run unhold`\n"), "{said}");
     let served: serde_json::Value = serde_json::from_slice(&carved(&url(&rig), &["run", "status", "--json"]).stdout).unwrap();
     assert_eq!(served["schema"], "carved/status/1");
 }

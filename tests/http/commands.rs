@@ -7,7 +7,7 @@ use carved::config::HttpSettings;
 use carved::session::Refusal;
 use carved_devices::StopHandle;
 use carved_devices::cancel::CancelToken;
-use carved_records::FieldError;
+use carved_records::{FieldError, HandoffIntent};
 use std::io::Write;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -181,16 +181,19 @@ fn a_plate_is_announced_and_moved() {
     rig.refuse(Refusal::InvalidHandoff(vec![field]));
     let answer = rig.put("/v1/plate/handoff", r#"{"intent": "load", "barcode": "P 1"}"#);
     assert_eq!((answer.status, answer.problem().as_str(), pointers(&answer)), (422, "invalid_body", vec!["/barcode".to_owned()]));
-    assert_eq!(answer.json()["scheduler_action"], "escalate_operator");
+    assert_eq!(answer.json()["scheduler_action"], "reject_plate");
     rig.refusal.lock().unwrap().take();
     for end in ["completed", "aborted"] {
         assert_eq!(rig.send("PUT", &format!("/v1/plate/handoff/{end}"), &[], "").status, 200);
     }
     assert_eq!(*rig.commands.lock().unwrap(), ["Unload P-1", "Load P 1", "Completed", "Aborted"]);
-    rig.refuse(Refusal::OtherBarcode { expected: "P-1".into(), found: "P-2".into() });
+    rig.refuse(Refusal::PlateInside { intent: HandoffIntent::Load, inside: "P-1".into(), found: "P-2".into() });
     let other = rig.put("/v1/plate/handoff", r#"{"intent": "load", "barcode": "P-2"}"#);
     assert_eq!((other.status, other.problem().as_str()), (409, "other_barcode"));
-    assert_eq!(other.json()["scheduler_action"], "reject_plate");
+    assert_eq!(other.json()["scheduler_action"], "pause_instrument", "nothing is wrong with P-2");
+    assert!(other.json()["detail"].as_str().unwrap().ends_with("then load P-2"), "{other:?}");
+    rig.refuse(Refusal::OtherBarcode { expected: "P-1".into(), found: "P-2".into() });
+    assert_eq!(rig.put("/v1/runs/r", PLAN).json()["scheduler_action"], "reject_plate");
 }
 
 #[test]
@@ -242,6 +245,10 @@ fn a_refusal_names_the_states_and_the_fault_behind_it() {
     assert_eq!(problem["accepted_in"], serde_json::json!(["Idle", "Complete"]));
     assert_eq!((&problem["scheduler_action"], &problem["fault_seq"]), (&"retry".into(), &serde_json::Value::Null));
 
+    rig.refuse(Refusal::WrongState { state: State::Stopping, accepted_in: vec![State::Execute, State::Suspended] });
+    let late = rig.send("POST", "/v1/runs/r/hold", &[], "");
+    assert_eq!((late.status, &late.json()["scheduler_action"]), (409, &"pause_instrument".into()), "it is never held any more");
+
     rig.driver.publish(|s| {
         s.faults.push(Fault {
             seq: 17,
@@ -277,14 +284,14 @@ fn a_body_that_does_not_come_is_not_waited_for_for_ever() {
     assert_eq!((answer.status, answer.problem().as_str()), (408, "slow_body"));
 }
 
-/// The loader can resolve this refusal itself, so nobody is called.
+/// The loader can resolve this refusal itself, so nobody is called. A repeat alone does not help.
 #[test]
 fn a_capillary_that_is_full_is_the_loaders_to_empty() {
     let rig = Rig::start();
     rig.refuse(Refusal::CapillaryFull { run: "r".into(), well: "A01".into() });
     for answer in [rig.put("/v1/runs/r2", PLAN), rig.put("/v1/runs/r/wells/A02", r#"{"loaded": true}"#)] {
         assert_eq!((answer.status, answer.problem().as_str()), (409, "capillary_full"));
-        assert_eq!(answer.json()["scheduler_action"], "retry");
+        assert_eq!(answer.json()["scheduler_action"], "pause_instrument");
         let detail = answer.json()["detail"].as_str().unwrap().to_owned();
         assert!(detail.contains("PUT /v1/runs/r/wells/A01 {\"loaded\": false}"), "{detail}");
     }

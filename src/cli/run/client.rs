@@ -102,9 +102,14 @@ impl Client {
         }
     }
 
-    /// Sends a request and returns the answer's JSON. Every request of this client may be repeated: commands lead towards a state, and the
-    /// client chooses the name of a run.
+    /// As [`Self::answer`], without the status of the answer.
     pub fn send(&self, method: &str, path: &str, body: Option<&Value>) -> Result<Value, Failure> {
+        self.answer(method, path, body).map(|(_, value)| value)
+    }
+
+    /// Sends a request and returns the answer's status and JSON. Every request of this client may be repeated: commands lead towards a state, and the
+    /// client chooses the name of a run.
+    pub fn answer(&self, method: &str, path: &str, body: Option<&Value>) -> Result<(StatusCode, Value), Failure> {
         let until = Instant::now() + self.patience;
         let mut pause = FIRST_PAUSE;
         loop {
@@ -122,7 +127,7 @@ impl Client {
                     match text {
                         Err(why) => (Failure::Unreachable { url: self.url.clone(), why }, None),
                         Ok(text) => match self.judge(status, &text) {
-                            Ok(value) => return Ok(value),
+                            Ok(value) => return Ok((status, value)),
                             Err(failure) if matches!(status.as_u16(), 408 | 429 | 500 | 502 | 503 | 504) => (failure, told),
                             Err(failure) => return Err(failure),
                         },

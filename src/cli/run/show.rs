@@ -1,11 +1,11 @@
 //! The status as text.
 
-use crate::api::{Fault, InstrumentIdentity, Mode, RunStatus, SpecimenKind, Status, WellStatus};
+use crate::api::{Fault, InstrumentIdentity, Mode, NextCommand, RunStatus, SpecimenKind, Status, WellStatus};
 
 use serde::Serialize;
 
 /// The name of a value in the API.
-fn word(value: impl Serialize) -> String {
+pub fn word(value: impl Serialize) -> String {
     serde_json::to_value(value).ok().and_then(|v| v.as_str().map(str::to_owned)).unwrap_or_default()
 }
 
@@ -46,7 +46,8 @@ pub fn counts(run: &RunStatus) -> String {
         (w.flagged, "flagged"),
         (w.failed, "failed"),
         (w.skipped, "skipped"),
-        (w.interrupted, "interrupted"),
+        // Aborted ones too.
+        (w.interrupted, "not finished"),
         (w.pending, "to come"),
     ];
     let said: Vec<String> = parts.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{n} {what}")).collect();
@@ -77,6 +78,12 @@ pub fn status(status: &Status) -> String {
             text += &format!("run {} by {}, method {}: {}{left}\n", run.id, run.operator, run.method, counts(run));
         }
         None => {}
+    }
+    let hold = status.run.as_ref().and_then(|run| run.hold.as_ref());
+    match hold.and_then(|hold| Some((hold.next_command?, hold.fault_seq))) {
+        Some((NextCommand::Unhold, _)) => text += "next: `carved run unhold`\n",
+        Some((NextCommand::Acknowledge, Some(seq))) => text += &format!("next: POST /v1/faults/{seq}/acknowledge, or the page\n"),
+        Some((NextCommand::Acknowledge, None)) | None => {}
     }
     for one in &status.faults {
         text += &format!("{}\n", fault(one));

@@ -3,9 +3,11 @@
 use super::client::{Client, Daemon, segment};
 use super::watch;
 use crate::cli::plate;
+use anyhow::bail;
 use carved_records::RunPlan;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use ureq::http::StatusCode;
 
 #[derive(Debug, clap::Args)]
 pub struct Args {
@@ -30,7 +32,7 @@ pub struct Args {
     #[arg(long)]
     operator: String,
     /// Name of the run [default: up to 40 characters of the barcode, and the time]. A repeated start with the same name and plan starts no
-    /// second run.
+    /// second run, and fails if that run has ended.
     #[arg(long)]
     id: Option<String>,
     /// The lab's own name for the run, stored with it.
@@ -62,10 +64,18 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         metadata: map.metadata,
         ..RunPlan::new(&args.barcode, &args.method, &args.operator, map.plate_map)
     };
-    client.send("PUT", &format!("/v1/runs/{}", segment(&id)), Some(&serde_json::to_value(plan)?))?;
+    let (answer, _) = client.answer("PUT", &format!("/v1/runs/{}", segment(&id)), Some(&serde_json::to_value(plan)?))?;
+    let is_known = answer == StatusCode::OK;
+    if is_known && let Some(outcome) = watch::outcome(&client, &id)? {
+        bail!("run {id} of the same plan has ended already: {outcome}. Nothing was started. Choose a new --id to measure the plate again");
+    }
     for note in &map.notes {
         say!("{}: {note}", args.plate_map.display());
     }
-    say!("run {id} of {wells} well(s) is on the instrument's disk; `carved run watch` follows it");
+    if is_known {
+        say!("run {id} of {wells} well(s) was started before and is under way, no second run was started; `carved run watch` follows it");
+    } else {
+        say!("run {id} of {wells} well(s) is on the instrument's disk; `carved run watch` follows it");
+    }
     if args.watch { watch::follow(&client, &id) } else { Ok(ExitCode::SUCCESS) }
 }

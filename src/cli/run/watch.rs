@@ -68,12 +68,27 @@ fn printed(lines: &[String]) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The end of a run that is no longer in the status, read from the store.
-fn ended(client: &Client, run: &str, told: &mut Told) -> anyhow::Result<ExitCode> {
+/// The outcome of a run, in words. `None` while it is under way.
+pub fn outcome(client: &Client, run: &str) -> anyhow::Result<Option<String>> {
+    let shown = client.status()?.run.filter(|shown| shown.id == run);
+    let outcome = match shown {
+        Some(shown) => shown.outcome,
+        None => stored(client, run)?.0.outcome,
+    };
+    Ok(outcome.map(show::word))
+}
+
+/// A run in the store.
+fn stored(client: &Client, run: &str) -> anyhow::Result<(RunStatus, Mode)> {
     let stored = client.send("GET", &format!("/v1/runs/{}", segment(run)), None)?;
     let other = "the stored run is of another version of carved than this program's";
-    let mode: Mode = serde_json::from_value(stored["mode"].clone()).context(other)?;
-    let stored: RunStatus = serde_json::from_value(stored).context(other)?;
+    let mode = serde_json::from_value(stored["mode"].clone()).context(other)?;
+    Ok((serde_json::from_value(stored).context(other)?, mode))
+}
+
+/// The end of a run that is no longer in the status, read from the store.
+fn ended(client: &Client, run: &str, told: &mut Told) -> anyhow::Result<ExitCode> {
+    let (stored, mode) = stored(client, run)?;
     printed(&told.news(&stored, mode, &[]))?;
     let Some(outcome) = stored.outcome else { bail!("run {run} has no outcome, and the instrument does not work on it: ask again") };
     say!("{}", show::end(&stored, mode));

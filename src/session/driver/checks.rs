@@ -36,6 +36,7 @@ pub(super) fn try_the_store(d: &mut Station) {
         return;
     }
     d.outbox.set_failing(false);
+    course::let_go_on(d);
     d.fault_over(Fault::is_of_storage, "the disk takes writes again", |_| ());
     course::resume_by_itself(d);
 }
@@ -120,6 +121,9 @@ fn find_again(d: &mut Station, device: Device) {
         Device::Rotation | Device::Pictures => s.hardware.find_axes(&identity),
     };
     if d.devices.find(device) {
+        if d.devices.lost().is_none() {
+            course::let_go_on(d);
+        }
         d.fault_over(|fault| device.is_all_of(fault), device.is_back(), connected);
     }
     // A controller that was held when the port was opened sends its version only once it is free.

@@ -181,11 +181,17 @@ pub(super) fn proceed(d: &mut Station) {
 
 /// Every cause of the hold is over. The run continues by itself if its method allows it and no operator holds it.
 pub(super) fn resume_by_itself(d: &mut Station) {
+    let_go_on(d);
+    go_on_if_it_may(d);
+}
+
+/// Allows the run to continue by itself. To be set before the last fault is cleared: no client may read that a run waits for a person if it
+/// is about to continue.
+pub(super) fn let_go_on(d: &mut Station) {
     let known = d.outbox.state().run.as_ref();
     if let Some(run) = &mut d.run {
         run.set_may_go_on(resume::is_automatic(run, known));
     }
-    go_on_if_it_may(d);
 }
 
 /// Continues the run now, or when the background task returns the instrument.

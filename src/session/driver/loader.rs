@@ -13,7 +13,7 @@ use super::super::Refusal;
 use super::handling::Handling;
 use crate::api::RunOutcome;
 use carved_devices::sampler::{LoaderInterlock, Sampler};
-use carved_records::{Capillary, WellLoaded};
+use carved_records::{Capillary, WellLoaded, plate_map};
 
 /// Who fills the capillary, and the channel to a worker that waits for the loader.
 pub(super) struct Loader {
@@ -111,6 +111,8 @@ pub(super) struct LoaderMessage<'a> {
     /// The newest run and its outcome.
     pub newest: Option<(&'a str, Option<RunOutcome>)>,
     pub capillary: &'a Capillary,
+    /// Whether the run measures this well. `true` after the end of the run.
+    pub is_planned: bool,
     /// What the run wants moved. `None` after the end of the run.
     pub wanted: Option<&'a Handling>,
 }
@@ -191,7 +193,14 @@ impl LoaderMessage<'_> {
             (None, None, Some(inside)) => format!("that of well {inside} is in the capillary; wait until plate.needs asks for one"),
             (None, None, None) => "none is in the capillary, as far as is known; wait until plate.needs asks for one".to_owned(),
         };
-        Refusal::UnexpectedWell { run: run.to_owned(), well: self.well.to_owned(), instead }
+        let well = self.well;
+        let instead = match plate_map::well_of(well) {
+            Some(name) if name != well => format!("{well} is not a well, write {name}; {instead}"),
+            Some(_) if !self.is_planned => format!("{well} is not in this run; {instead}"),
+            Some(_) => instead,
+            None => format!("{well} is not a well; {instead}"),
+        };
+        Refusal::UnexpectedWell { run: run.to_owned(), well: well.to_owned(), instead }
     }
 }
 
@@ -213,7 +222,7 @@ mod tests {
     }
 
     fn message<'a>(well: &'a str, state: &'a RunState, wanted: Option<&'a Handling>) -> LoaderMessage<'a> {
-        LoaderMessage { run: "r", well, newest: Some(("r", None)), capillary: state.capillary(), wanted }
+        LoaderMessage { run: "r", well, newest: Some(("r", None)), capillary: state.capillary(), is_planned: true, wanted }
     }
 
     fn is_full(answer: Result<Option<WellLoaded>, Refusal>, by: &str) -> bool {

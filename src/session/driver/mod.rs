@@ -142,7 +142,7 @@ impl Driver {
             instrument: InstrumentIdentity::default(),
             mode: mode.into(),
             ready: false,
-            not_ready_reason: Some("starting".into()),
+            not_ready_reason: Some(Status::STARTING.into()),
             state: State::Idle,
             doing: "Starting.".into(),
             pending: super::Pending::default(),

@@ -36,7 +36,7 @@ impl Surroundings<'_> {
             return Err(Refusal::InvalidHandoff(vec![FieldError { pointer: "/barcode".into(), detail }]));
         }
         if let Some(inside) = known.inside().filter(|inside| *inside != plate.barcode) {
-            return Err(Refusal::OtherBarcode { expected: inside.to_owned(), found: plate.barcode.clone() });
+            return Err(Refusal::PlateInside { intent: plate.intent, inside: inside.to_owned(), found: plate.barcode.clone() });
         }
         if plate.intent == HandoffIntent::Load && (self.has_run || !STARTABLE.contains(&self.state)) {
             return Err(Refusal::WrongState { state: self.state, accepted_in: STARTABLE.to_vec() });
@@ -97,7 +97,10 @@ mod tests {
         assert_eq!(AT_REST.announce(&announced, &load), Ok(false));
         assert!(matches!(AT_REST.announce(&announced, &handoff(HandoffIntent::Load, "P/1")), Err(Refusal::InvalidHandoff(_))));
         let other = after(&[EventData::PlateLoaded(PlateNamed { barcode: "P-2".into() })]);
-        assert!(matches!(AT_REST.announce(&other, &load), Err(Refusal::OtherBarcode { .. })));
+        let refused = AT_REST.announce(&other, &load).unwrap_err().to_string();
+        assert_eq!(refused, "plate P-2 is still inside: hand it over with intent unload and its barcode P-2, then load P-1");
+        let refused = AT_REST.announce(&other, &handoff(HandoffIntent::Unload, "P-1")).unwrap_err().to_string();
+        assert!(refused.ends_with("barcode P-2, not P-1"), "{refused}");
         let runs = Surroundings { state: State::Execute, has_run: true, ..AT_REST };
         assert!(matches!(runs.announce(&announced, &load), Err(Refusal::WrongState { .. })));
         assert_eq!(runs.announce(&announced, &handoff(HandoffIntent::Unload, "P-1")), Ok(true), "it waits for the end of the run");

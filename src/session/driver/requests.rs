@@ -115,7 +115,8 @@ fn steer(d: &mut Station, id: &str, towards: Towards) -> Result<(), Refusal> {
 fn loader_message<'a>(d: &'a Station, run: &'a str, well: &'a str, status: &'a Status) -> LoaderMessage<'a> {
     let newest = status.run.as_ref().map(|newest| (newest.id.as_str(), newest.outcome));
     let wanted = d.run.as_ref().map(RunInProgress::handling);
-    LoaderMessage { run, well, newest, capillary: d.capillary(), wanted }
+    let is_planned = d.run.as_ref().is_none_or(|run| run.record().plan.plate_map.iter().any(|planned| planned.well == well));
+    LoaderMessage { run, well, newest, capillary: d.capillary(), is_planned, wanted }
 }
 
 /// The run that an event of the loader belongs to. `None` if the run was pruned: its folder must not be created again.

@@ -45,13 +45,13 @@ impl Parts<'_> {
             self.derive_run(s.state, s.specimen.as_ref(), run);
         }
         s.plate.barcode = self.state.plate.inside().map(str::to_owned);
-        s.plate.present = s.plate.barcode.is_some();
+        s.plate.present = self.state.plate.handed_over().is_some();
         (s.plate.take_out, s.plate.bring) = self.loader.requests(capillary, self.run.map(RunInProgress::handling));
         s.plate.needs = needs(s.plate.take_out.as_deref(), s.plate.bring.as_deref());
         // The specimen is out only if the loader or the sampler has reported it. During a start a run may still be restored.
         let is_empty = capillary.inside().is_none() && !self.loader.has_unexpected();
         let is_over = self.life != Life::Starting && self.run.is_none() && is_empty;
-        s.plate.removable = is_over && s.plate.present && !self.is_failing;
+        s.plate.removable = is_over && s.plate.barcode.is_some() && !self.is_failing;
         s.not_ready_reason = self.not_ready();
         s.ready = s.not_ready_reason.is_none();
         s.doing = sentence::of(s);
@@ -86,7 +86,7 @@ impl Parts<'_> {
     fn not_ready(&self) -> Option<String> {
         match self.life {
             Life::Stopping(_) => return Some("shutting down".into()),
-            Life::Starting => return Some("starting".into()),
+            Life::Starting => return Some(Status::STARTING.into()),
             Life::Up => {}
         }
         let stands = self.state.faults.open().iter().find(|f: &&Fault| f.operator_required);

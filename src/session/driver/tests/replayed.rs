@@ -211,7 +211,8 @@ fn check(loaded_from_outside: bool, steps: &[Step]) {
             let inside = status.specimen.filter(|s| s.in_capillary).map(|s| s.well);
             assert!(inside.is_none() || inside.as_deref() == b.d.capillary().inside(), "{when}");
             let plate = b.d.state().plate.inside();
-            assert_eq!((status.plate.present, status.plate.barcode.as_deref()), (plate.is_some(), plate), "{when}");
+            let handed_over = b.d.state().plate.handed_over().is_some();
+            assert_eq!((status.plate.present, status.plate.barcode.as_deref()), (handed_over, plate), "{when}");
             assert!(b.d.run.is_none() || plate == Some("P-1"), "a run without its plate, {when}");
             if b.d.outbox.waiting() == 0 {
                 compare_outcomes(&b, &written, has_died, &when);

@@ -3,11 +3,12 @@
 use super::super::*;
 use super::bench::{bench, driver, on_this_thread, plan, scratch, started};
 use crate::api::NextCommand;
-use crate::session::handle::{Refusal, Towards};
+use crate::session::handle::{Refusal, SessionHandle, Towards};
 use crate::session::search::DevicesFound;
 use crate::session::worker::{Progress, RunEnd, RunError};
 use carved_devices::DeviceError;
 use carved_records::{EventData, Handoff, HandoffEnd, HandoffIntent};
+use carved_store::StoreError;
 use carved_store::testing::trace as disk_trace;
 use std::cell::RefCell;
 use std::path::Path;
@@ -17,20 +18,49 @@ fn gone() -> RunError {
     RunError::Device(DeviceError::Gone { device: "rotation axis", why: "the cable".into() })
 }
 
-/// What a client may read while a run is taken up: each snapshot before a write to the disk, and the last one.
-fn snapshots(root: &Path) -> Vec<Status> {
-    let (driver, handle, _mailbox) = driver(root, true);
+/// What a client may read meanwhile: each snapshot before a write to the disk, and the last one.
+fn witnessed(handle: &SessionHandle, happens: impl FnOnce()) -> Vec<Status> {
     let seen = Rc::new(RefCell::new(Vec::new()));
-    let mut d = Station::new(driver);
     let witness = {
         let (handle, seen) = (handle.clone(), Rc::clone(&seen));
         move || seen.borrow_mut().push(handle.status())
     };
     disk_trace::fill(usize::MAX, witness);
-    restart::first_report(&mut d);
+    happens();
     disk_trace::end();
     seen.borrow_mut().push(handle.status());
     seen.take()
+}
+
+/// What a client may read while a run is taken up.
+fn snapshots(root: &Path) -> Vec<Status> {
+    let (driver, handle, _mailbox) = driver(root, true);
+    let mut d = Station::new(driver);
+    witnessed(&handle, || restart::first_report(&mut d))
+}
+
+/// The fault is cleared some milliseconds before the run continues.
+#[test]
+fn a_run_that_goes_on_when_its_fault_is_over_is_never_shown_as_waiting_for_somebody() {
+    on_this_thread(async {
+        for error in [gone(), RunError::Store(StoreError::Vanished { path: "a disk".into() })] {
+            let dir = scratch();
+            let mut b = started(dir.path(), false, &["A01"]);
+            b.ends(RunEnd::Failed(error)).await;
+            let seen = witnessed(&b.handle.clone(), || {
+                checks::searched(&mut b.d, DevicesFound { rotation: Ok(()), camera: Ok(()), outputs: Vec::new() });
+                checks::try_the_store(&mut b.d);
+            });
+            let held: Vec<&Status> = seen.iter().filter(|s| s.state == State::Held).collect();
+            assert!(held.iter().any(|s| s.faults.is_empty()), "there is nothing to be seen");
+            for status in held {
+                let run = status.run.as_ref().unwrap();
+                assert!(run.goes_on_by_itself && run.hold.as_ref().unwrap().next_command.is_none(), "{status:?}");
+                assert!(!status.faults.is_empty() || status.doing.contains("by itself"), "{}", status.doing);
+            }
+            assert_eq!(seen.last().unwrap().state, State::Unholding);
+        }
+    });
 }
 
 /// It is held for some milliseconds only, so nobody must be called.
@@ -70,6 +100,31 @@ fn a_run_that_is_taken_up_and_goes_on_is_never_shown_as_waiting_for_somebody() {
         drop(b);
         for status in snapshots(dir.path()).iter().filter(|s| s.state == State::Held) {
             assert!(status.pending.stop && status.doing.contains("ends"), "{}", status.doing);
+        }
+    });
+}
+
+/// The server waits for this, so that no client reads that there is no run and no plate.
+#[test]
+fn a_status_without_the_run_of_before_says_that_the_daemon_starts() {
+    on_this_thread(async {
+        let dir = scratch();
+        drop(started(dir.path(), true, &["A01"]));
+        for status in snapshots(dir.path()) {
+            assert!(status.run.is_some() || status.is_starting(), "{status:?}");
+        }
+        let (driver, handle, _mailbox) = driver(dir.path(), true);
+        let mut d = Station::new(driver);
+        for restored in [false, true] {
+            let waited = tokio::select! {
+                biased;
+                () = handle.until_restored() => true,
+                () = std::future::ready(()) => false,
+            };
+            assert_eq!(waited, restored);
+            if !restored {
+                restart::first_report(&mut d);
+            }
         }
     });
 }

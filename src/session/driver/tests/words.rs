@@ -99,7 +99,7 @@ fn a_late_word_does_not_bring_a_plate_back() {
         }
         drop(b);
         let b = bench(dir.path(), true);
-        assert!(!b.status().plate.present && b.inside_by_status().as_deref() == Some("A01"));
+        assert!(b.status().plate.barcode.is_none() && b.inside_by_status().as_deref() == Some("A01"));
     });
 }
 
@@ -178,6 +178,8 @@ fn words_that_mean_nothing_are_refused_with_what_to_say() {
         b.asks_for("A01");
         unexpected(&mut b, "A01", false, "wells/A01 {\"loaded\": true}");
         unexpected(&mut b, "H12", false, "wells/A01 {\"loaded\": true}");
+        unexpected(&mut b, "H12", true, "H12 is not in this run; ");
+        unexpected(&mut b, "A1", true, "A1 is not a well, write A01; ");
         unexpected(&mut b, "A02", true, "wells/A01 {\"loaded\": true}");
         b.loaded("A01", true).unwrap();
         b.phase("A01", Phase::Position, true);

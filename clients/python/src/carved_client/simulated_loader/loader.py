@@ -144,7 +144,10 @@ class PlateLoader:
         plate = status.plate
         if not status.ready:
             return
-        if not plate.present:
+        if plate.barcode is not None and not plate.present and plate.barcode != plan.plate_barcode:
+            # The plate of a run without a handover.
+            self._take_away(plate.barcode)
+        elif not plate.present:
             first = OTHER_BARCODE if self.habits.wrong_barcode and not self.refused else plan.plate_barcode
             if self.client.handoff("load", first).needs is None:
                 self.client.handoff_completed()
