@@ -6,11 +6,11 @@
 
 use super::chart::{Bead, Series};
 use super::methods::Methods;
-use super::model;
 use super::plots;
 use super::specimen::Specimen;
 use crate::tables::statistics::{Flagged, QuantityStatistics, Statistics, WellGroup};
 use base64::Engine;
+use carved_pictures::model::BAR_UM;
 use carved_records::{Mode, SpecimenOutcome, WellCounts};
 use carved_store::gates::GateFile;
 use carved_store::{RunRecord, Software, StoreError, StoredRun};
@@ -367,7 +367,7 @@ impl Report<'_> {
             section {
                 h2 { "Specimens" }
                 p.small { "Frames as they were taken, cut to the specimen: a larva from its side and from above. The outline is the one that was measured. Below them the model from the side, from the front \
-                    and from above, at one scale; the bar is " (model::BAR_UM) " µm." }
+                    and from above, at one scale; the bar is " (BAR_UM) " µm." }
                 @for run in self.runs {
                     @if self.runs.len() > 1 { h3 { (run.record().id) } }
                     div.cards { @for s in self.specimens.iter().filter(|s| s.run == run.record().id) { (card(s)) } }

@@ -9,7 +9,6 @@
 mod chart;
 pub mod html;
 pub mod methods;
-mod model;
 mod pictures;
 mod plots;
 pub mod rocrate;

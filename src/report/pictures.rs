@@ -1,10 +1,10 @@
 //! The pictures of a specimen for a report: the frame from its side, and from above, each cut to the specimen, with the outline drawn in, and
 //! the model from three sides.
 
-use super::model;
 use crate::export::read_ply;
 use carved_core::frame::PixelFormat;
 use carved_core::profile::Picture;
+use carved_pictures::model::from_three_sides;
 use carved_store::{StoredWell, frames};
 use image::codecs::jpeg::JpegEncoder;
 use image::{ImageFormat, RgbImage, imageops};
@@ -53,7 +53,9 @@ pub fn of(well: &StoredWell) -> Vec<Shown> {
 /// The model from three sides. It needs no frames.
 fn model(well: &StoredWell, measurement: &Value) -> Option<Shown> {
     let mesh = read_ply(&well.files.read("mesh.ply").ok()??).ok()?;
-    let picture = model::from_three_sides(&mesh, model::to_body(measurement))?;
+    // Not there where head or back are not known.
+    let to_body = measurement.pointer("/shape/body/to_body/rotation").and_then(|rows| serde_json::from_value(rows.clone()).ok());
+    let picture = from_three_sides(&mesh, to_body)?;
     Some(Shown { words: MODEL.to_owned(), jpeg: jpeg(&picture)? })
 }
 

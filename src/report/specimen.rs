@@ -4,8 +4,9 @@ use super::pictures::{self, Shown};
 use super::plots::WellNumber;
 use crate::tables::statistics::WellCondition;
 use carved_core::quality::Quality;
-use carved_records::{SpecimenKind, SpecimenOutcome};
+use carved_records::{PlannedWell, SpecimenKind, SpecimenOutcome};
 use carved_store::{StoreError, StoredRun, place_among_references};
+use rayon::prelude::*;
 
 /// One planned well.
 #[derive(Debug, Clone)]
@@ -36,13 +37,12 @@ pub struct Specimen {
 }
 
 impl Specimen {
-    /// Every planned well of a run.
+    /// Every planned well of a run. The wells are read in parallel: nearly all of the time is their pictures.
     ///
     /// # Errors
     /// A file that is there and cannot be read, or was altered.
     pub fn all(run: &StoredRun) -> Result<Vec<Self>, StoreError> {
-        let mut all = Vec::new();
-        for planned in &run.record().plan.plate_map {
+        let read = |planned: &PlannedWell| {
             let well = run.well(planned)?;
             let number = |pointer: &str| well.measurement.as_ref()?.pointer(pointer)?.as_f64();
             let place =
@@ -50,7 +50,7 @@ impl Specimen {
             let quantities = ["volume", "area"].map(place);
             let status = well.status.as_ref();
             let quality = well.measurement.as_ref().and_then(|m| serde_json::from_value(m["quality"].clone()).ok());
-            all.push(Self {
+            Ok(Self {
                 run: run.record().id.clone(),
                 well: planned.well.clone(),
                 is_bead: planned.specimen == SpecimenKind::Bead,
@@ -72,9 +72,9 @@ impl Specimen {
                 quality: quality.unwrap_or_default(),
                 pictures: pictures::of(&well),
                 measurement_sha256: well.measurement_sha256,
-            });
-        }
-        Ok(all)
+            })
+        };
+        run.record().plan.plate_map.par_iter().map(read).collect()
     }
 
     /// The volume for the plot of the plate, in 10^6 um^3.

@@ -1,6 +1,8 @@
 //! Frames and profiles as the page shows them. A crate of its own, because encoding must be fast also in a development build, where the
 //! daemon is not optimised.
 
+pub mod model;
+
 use carved_core::profile::{Mask, Picture};
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};

@@ -9,7 +9,6 @@
 
 use carved_core::surface::Mesh;
 use image::{Rgb, RgbImage, imageops};
-use serde_json::Value;
 
 /// Width of the picture, px.
 const WIDTH: u32 = 360;
@@ -41,11 +40,6 @@ fn dot(a: Vector, b: Vector) -> f64 {
 
 fn turned(rows: &[Vector; 3], v: Vector) -> Vector {
     rows.map(|row| dot(row, v))
-}
-
-/// The rotation from the world to the body. `None` where head or back are not known.
-pub fn to_body(measurement: &Value) -> Option<[[f64; 3]; 3]> {
-    serde_json::from_value(measurement.pointer("/shape/body/to_body/rotation")?.clone()).ok()
 }
 
 /// Draws a model. `to_body`: rows of the rotation from the world to the body. `None` for a model without triangles.
