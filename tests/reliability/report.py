@@ -49,9 +49,10 @@ A row that is not run keeps its newest result.
 - **kill -9 is no power cut**: unsynced writes survive it. R2 is tested by a file layer in the tests of `carved-store`,
   which drops or tears what was not synced, and by B2, which damages finished folders.
 
-## Each row was seen failing
+## Controls
 
-A control run breaks something on purpose and must report a miss. `make qa CONTROL=1` repeats all of them.
+A control run breaks something on purpose, and the row must report a miss. A row whose control was **not run** has not
+been seen failing. `make qa CONTROL=1` repeats all of them.
 
 """
 
@@ -132,9 +133,11 @@ class Results:
 
     def _misses(self, rows: Sequence[Row]) -> str:
         missed = [(row, self._rows[row.id]["result"]) for row in rows if self._rows.get(row.id, {}).get("result", {}).get("misses")]
-        if not missed:
+        open_rows = [row for row in rows if "result" not in self._rows.get(row.id, {})]
+        if not missed and not open_rows:
             return ""
         lines = ["\n## What was missed\n"]
+        lines += [f"- **{row.id}**: not run ({row.fault})" for row in open_rows]
         for row, result in missed:
             lines += [f"- **{row.id}**: {_cell(miss)}" for miss in result["first_misses"]]
             lines += textwrap.wrap(f"- **{row.id}**, why: {row.note}", 120, subsequent_indent="  ") if row.note else []
