@@ -280,10 +280,10 @@ async function recall(history: VolumeHistory, run: RunStatus, well: string): Pro
 }
 
 function plateName(status: Status): string {
-  const { barcode, needs, removable, present } = status.plate;
+  const { barcode, needs, removable } = status.plate;
   const parts = [barcode === null ? "no plate named" : barcode];
   if (needs !== null) parts.push("waits for the loader");
-  else if (present) parts.push(removable ? "may be taken out" : "leave it in place");
+  else if (barcode !== null) parts.push(removable ? "may be taken out" : "leave it in place");
   return parts.join(" · ");
 }
 

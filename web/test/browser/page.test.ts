@@ -41,7 +41,8 @@ function running(views: number): Status {
   return status({
     state: "Execute",
     doing: `taking view ${views + 1} of 22 of the larva in A02`,
-    plate: { barcode: "DEMO-1", present: true, removable: false, needs: null, take_out: null, bring: null },
+    // Nobody has handed it over, as where a person puts the plate in.
+    plate: { barcode: "DEMO-1", present: false, removable: false, needs: null, take_out: null, bring: null },
     run: run([measured, well("A02", { dpf: 5 }), bead, empty]),
     specimen: specimen("A02", carved(262_000_000, views), { estimates: estimated(views) }),
   });
@@ -161,6 +162,7 @@ test("a run under way: sentence, plate, numbers, frame, model and chart", async 
   server.publish(running(9));
   await page.goto(server.url);
   await until("sentence", /^Taking view 10 of 22 of the larva in A02$/);
+  assert.equal(await text("plate-name"), "DEMO-1 · leave it in place");
   assert.equal(await text("progress-line"), "Run demo-1: 3 of 4 wells done · about 2 min left.");
   const condition = (name: string) => page.locator(`[data-well="${name}"].well`).getAttribute("data-condition");
   assert.deepEqual(await Promise.all(["A01", "A02", "A03", "A04"].map(condition)), [
