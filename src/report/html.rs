@@ -189,7 +189,8 @@ impl Report<'_> {
                     h2 { "Groups" }
                     p.small {
                         "Dots are larvae, those with flags orange. The line is the mean with its 95 % confidence interval. The green band holds 95 % of \
-                         reference larvae of the same age, where there are any."
+                         reference larvae of the same age, where there are any. It has the estimator of the references: those of the paper are \
+                         of the carved hull, which is some 3 % larger than the reported volume."
                     }
                     @for figure in figures { div.figure { (svg(figure)) } }
                     @if let Some(volume) = volume { (Self::group_table(volume)) }

@@ -122,7 +122,9 @@ export class GroupsView {
     const behind = referenceWords(groups);
     return (
       `A dot is a larva${flagged}. The line is the mean with its 95 % confidence interval.` +
-      (behind === "" ? "" : ` The band behind holds 95 % of reference larvae of the same age: ${behind}.`)
+      (behind === ""
+        ? ""
+        : ` The band behind holds 95 % of reference larvae of the same age, by the estimator of the references: ${behind}.`)
     );
   }
 
