@@ -60,8 +60,17 @@ fn long_options(command: &clap::Command) -> BTreeSet<String> {
 }
 
 /// Options of other programs that the pages name: the Python nodes, the simulated plate-loader, cargo and Slurm.
-const OF_OTHERS: [&str; 8] =
-    ["--allow-any-client", "--enable_rate_limiting", "--features", "--folder", "--insecure", "--mischief", "--no-discovery", "--requeue"];
+const OF_OTHERS: [&str; 9] = [
+    "--allow-any-client",
+    "--array",
+    "--enable_rate_limiting",
+    "--features",
+    "--folder",
+    "--insecure",
+    "--mischief",
+    "--no-discovery",
+    "--requeue",
+];
 
 #[test]
 #[cfg_attr(not(has_python), ignore = "no Python 3 with venv: apt-get install python3-venv")]
