@@ -11,7 +11,7 @@ from ..kit.disk import journal, read_json
 from ..kit.row import Context, Observed, Row
 
 _CHANGE = re.compile(r"^(\S+Z)\s+WARN .*a cable of the emulated rig.*out=(true|false)")
-_FIRST_S = 15.0
+_FIRST_S = 6.0
 
 
 def _seconds(stamp: str) -> float:
@@ -26,13 +26,13 @@ def _changes(daemon: Daemon) -> list[tuple[float, bool]]:
 
 def _pull(context: Context, option: str, n: int, out_s: float, device: str, observed: Observed) -> tuple[float | None, float | None]:
     """One life with one pulled cable. Seconds from the pull to the first notice, and from the return to the next view."""
-    at = _FIRST_S + context.random.uniform(0, 8)
+    at = _FIRST_S + context.random.uniform(0, 6)
     data, log = context.work / f"data{n}", context.work / f"daemon{n}.log"
     options = () if context.control else (option, f"{at:.2f},{out_s:g}")
     name = f"{option} {at:.1f},{out_s:g}"
     noticed = None
     with Daemon(context.binary, data, free_port(), "--time-scale", "10", *options, log=log) as daemon:
-        daemon.start("a", plan(1 if context.control else 6, "bead"))
+        daemon.start("a", plan(1 if context.control else 12, "bead"))
         deadline = time.monotonic() + 900
         while time.monotonic() < deadline:
             status = daemon.status()
@@ -77,7 +77,7 @@ def _pull(context: Context, option: str, n: int, out_s: float, device: str, obse
 def run_axis(context: Context) -> Observed:
     """Pulls the axis' cable in `count` runs."""
     observed = Observed(
-        f"{context.count} runs of 6 beads, the serial cable out for 3 s at a random moment; at each byte: "
+        f"{context.count} runs of 12 beads, the serial cable out for 3 s at a random moment; at each byte: "
         "`motion_*::*pulled_at_any_byte*` of `cargo test --test devices`",
         machine_load=True,
     )
@@ -95,7 +95,7 @@ def run_axis(context: Context) -> Observed:
 def run_camera(context: Context) -> Observed:
     """Pulls the camera's cable in `count` runs."""
     observed = Observed(
-        f"{context.count} runs of 6 beads, the camera's cable out for 3 s at a random moment; stolen control: "
+        f"{context.count} runs of 12 beads, the camera's cable out for 3 s at a random moment; stolen control: "
         "`wire::pulled_cables_and_stolen_control_are_named` of `cargo test --test devices`",
         machine_load=True,
     )
