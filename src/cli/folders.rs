@@ -21,7 +21,7 @@ pub struct HoldsRuns {
 /// # Errors
 /// It is one of them.
 pub fn refuse_folder_of_runs(folder: &Path) -> Result<(), HoldsRuns> {
-    if has(folder, "recording.json") || has(folder, "run.json") {
+    if has(folder, "recording.json") || is_run(folder) {
         return Ok(());
     }
     for runs in [folder.to_owned(), folder.join("runs")] {
@@ -38,7 +38,7 @@ pub fn refuse_folder_of_runs(folder: &Path) -> Result<(), HoldsRuns> {
 /// One that cannot be read. The message for a run, a folder of runs or a data folder names a recording in it.
 pub fn open_recording(path: &Path) -> anyhow::Result<RecordingReader> {
     let (what, run) = match refuse_folder_of_runs(path) {
-        Ok(()) if has(path, "run.json") => ("is a run", Some(path.to_owned())),
+        Ok(()) if is_run(path) => ("is a run", Some(path.to_owned())),
         Ok(()) => return Ok(RecordingReader::open(path)?),
         Err(HoldsRuns { runs, .. }) => ("holds runs", first(&runs, is_run)),
     };
@@ -46,8 +46,9 @@ pub fn open_recording(path: &Path) -> anyhow::Result<RecordingReader> {
     bail!("{} {what}. This command takes one recording, the folder of a well{}", path.display(), example.unwrap_or_default())
 }
 
-fn has(folder: &Path, file: &str) -> bool {
-    folder.join(file).symlink_metadata().is_ok()
+/// Whether a folder has an entry of this name, also a link that leads nowhere.
+pub fn has(folder: &Path, name: &str) -> bool {
+    folder.join(name).symlink_metadata().is_ok()
 }
 
 fn is_run(folder: &Path) -> bool {

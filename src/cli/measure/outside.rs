@@ -2,6 +2,7 @@
 //!
 //! A result has the file names of a recording (`measurement.json`, `SHA256SUMS`): in the folder of a recording it would replace them.
 
+use crate::cli::folders::has;
 use anyhow::{Context, bail};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
@@ -39,7 +40,7 @@ fn conflict(folder: &Path, named: &BTreeMap<String, PathBuf>) -> Option<(&'stati
 
 /// Whether a folder is a recording, a run or a data folder.
 fn is_stored(folder: &Path) -> bool {
-    let has = |name: &str| folder.join(name).symlink_metadata().is_ok();
+    let has = |name| has(folder, name);
     has("recording.json") || has("run.json") || (has("runs") && (has("index.sqlite") || has("instrument.json")))
 }
 
