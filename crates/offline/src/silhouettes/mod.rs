@@ -116,7 +116,7 @@ impl Settings {
     fn grid(&self, bounds: BoxUm) -> Result<VoxelGrid, GridError> {
         let voxel = self.voxel.unwrap_or_else(|| match self.unit {
             Unit::Um => DEFAULT_VOXEL_UM,
-            Unit::None => ((0..3).map(|a| bounds.max[a] - bounds.min[a]).product::<f64>() / DEFAULT_VOXELS).cbrt(),
+            Unit::None => libm::cbrt((0..3).map(|a| bounds.max[a] - bounds.min[a]).product::<f64>() / DEFAULT_VOXELS),
         });
         VoxelGrid::new(bounds, voxel)
     }
