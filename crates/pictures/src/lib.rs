@@ -1,4 +1,4 @@
-//! Frames and profiles as the page shows them. A crate of its own, because encoding must be fast also in a development build, where the
+//! Pictures for the page and the report: frames, profiles and models. A crate of its own, because encoding must be fast also in a development build, where the
 //! daemon is not optimised.
 
 pub mod model;
