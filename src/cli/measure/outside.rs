@@ -18,7 +18,8 @@ pub fn check(out: &Path, named: &BTreeMap<String, PathBuf>) -> anyhow::Result<()
         let whole = resolve(&folder).with_context(|| format!("{}: cannot be examined", folder.display()))?;
         if let Some((relation, stored)) = conflict(&whole, named) {
             bail!(
-                "{} {relation} {}, which belongs to stored runs: the results could replace their files. Nothing was written. Choose a folder outside the data folder",
+                "{} {relation} {}, which belongs to stored runs: the results could replace their files. Nothing was written. \
+                 Choose a folder outside the data folder",
                 folder.display(),
                 stored.display()
             );
