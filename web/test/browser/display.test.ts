@@ -238,7 +238,7 @@ test("groups of the plate map: the daemon's statistics as dots, means and a tabl
   await page.locator('#groups-chart svg[data-groups="2"]').waitFor();
   await until(
     "groups-words",
-    /a square has a flag.* 95 % of reference larvae of the same age: 12 larvae \(fixed, 3 dpf\)\./,
+    /a square has a flag.* of the same age, by the estimator of the references: 12 larvae \(fixed, 3 dpf\)\./,
   );
   const marks = (name: string) => page.locator(`#groups-chart ${name}`).count();
   assert.deepEqual(
