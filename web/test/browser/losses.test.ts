@@ -49,8 +49,8 @@ async function cameraLost(t: Ends): Promise<void> {
 }
 
 async function axisLostInATurn(t: Ends): Promise<void> {
-  // At this time the larva is in the capillary, and not yet measured.
-  const { daemon, page, complaints } = await running(t, 1, ["--axis-out", "12,4"], [larva("A01")]);
+  // The turn lasts from about the 12th second to the 45th, and later on a busy machine. The loss outlasts the opening of a slow page.
+  const { daemon, page, complaints } = await running(t, 1, ["--axis-out", "22,15"], [larva("A01")]);
   const held = await daemon.follow((s) => s.state === "Held");
   assert.equal(held.run!.hold!.code, "rotation_lost");
   await until(page, "sentence", /^Check the controller's power and cable\./);
