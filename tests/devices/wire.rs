@@ -127,7 +127,8 @@ fn five_percent_lost_packets_cost_time_but_no_view() {
 #[test]
 #[ignore = "measures times: make qa ROW=R8"]
 fn lost_doubled_and_swapped_packets_cost_little_time_and_no_view() {
-    let emulated = rig(10.0);
+    // The motor at its own speed: the share of a turn that lost packets take is that of the instrument.
+    let emulated = rig(1.0);
     let small = AravisSettings { packet_size: 1500, ..camera_settings(&emulated) };
     let mut devices = Rig { rotation: Box::new(axis(&emulated)), camera: camera::open(small).unwrap() };
     devices.camera.arm().unwrap();

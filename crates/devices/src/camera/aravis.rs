@@ -77,9 +77,9 @@ struct LinkState {
     asked: Option<Instant>,
 }
 
-/// A control channel answers within milliseconds. Aravis repeats a request for some three seconds before it gives up. A camera that has
-/// been silent for this time is shown as lost meanwhile.
-const SLOW_ANSWER: Duration = Duration::from_secs(1);
+/// A control channel answers within milliseconds. Aravis repeats a request every 500 ms for some three seconds before it gives up. A
+/// camera that has been silent for this time, one repetition included, is shown as lost meanwhile.
+const SLOW_ANSWER: Duration = Duration::from_millis(750);
 
 /// The outcome of one trigger.
 enum Attempt {
