@@ -121,6 +121,18 @@ fn a_run_is_aborted_by_its_name_or_as_the_one_under_way() {
     assert!(text(&unknown.stderr).contains("unknown_run"), "{}", text(&unknown.stderr));
 }
 
+#[test]
+fn a_fault_is_acknowledged_by_its_number_on_the_command_line() {
+    let rig = Rig::start();
+    let done = carved(&url(&rig), &["run", "acknowledge", "17"]);
+    assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
+    assert!(text(&done.stdout).starts_with("fault 17 is acknowledged. "), "{}", text(&done.stdout));
+    let unknown = carved(&url(&rig), &["run", "acknowledge", "18"]);
+    assert_eq!(unknown.status.code(), Some(1));
+    assert!(text(&unknown.stderr).contains("unknown_fault"), "{}", text(&unknown.stderr));
+    assert_eq!(rig.commands.lock().unwrap().iter().filter(|command| command.starts_with("acknowledge")).count(), 2);
+}
+
 /// Waits until the status was answered this many times.
 fn answered(rig: &Rig, times: u32) {
     let began = Instant::now();
@@ -207,6 +219,12 @@ fn the_status_is_said_in_words_or_as_it_is_served() {
     });
     let said = text(&carved(&url(&rig), &["run", "status"]).stdout);
     assert!(said.contains("next: `carved run unhold`\n"), "{said}");
+    rig.driver.publish(|s| {
+        let run = s.run.as_mut().and_then(|run| run.hold.as_mut()).unwrap();
+        (run.next_command, run.fault_seq) = (Some(NextCommand::Acknowledge), Some(17));
+    });
+    let said = text(&carved(&url(&rig), &["run", "status"]).stdout);
+    assert!(said.contains("next: `carved run acknowledge 17`\n"), "{said}");
     let served: serde_json::Value = serde_json::from_slice(&carved(&url(&rig), &["run", "status", "--json"]).stdout).unwrap();
     assert_eq!(served["schema"], "carved/status/1");
 }

@@ -3,6 +3,7 @@
 //! ```text
 //! plate map ── start ──> PUT /v1/runs/{id} ──┐
 //!              hold, unhold, stop, abort ────┼─> daemon
+//!              acknowledge ──────────────────┤
 //!              status, watch <── /v1/status ─┘
 //! ```
 
@@ -35,6 +36,8 @@ pub enum Command {
     Stop(SteerArgs),
     /// End a run at once; the motors stop first.
     Abort(SteerArgs),
+    /// Acknowledge a fault: somebody has looked at its cause.
+    Acknowledge(AcknowledgeArgs),
     /// Follow a run until it ends.
     Watch(WatchArgs),
 }
@@ -54,6 +57,14 @@ pub struct SteerArgs {
     daemon: client::Daemon,
     /// The run [default: the current run]
     run: Option<String>,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct AcknowledgeArgs {
+    #[command(flatten)]
+    daemon: client::Daemon,
+    /// The number of the fault, as `carved run status` shows it
+    fault: u64,
 }
 
 #[derive(Debug, clap::Args)]
@@ -108,6 +119,11 @@ fn carry_out(command: &Command) -> anyhow::Result<ExitCode> {
         Command::Unhold(args) => steer(args, "unhold")?,
         Command::Stop(args) => steer(args, "stop")?,
         Command::Abort(args) => steer(args, "abort")?,
+        Command::Acknowledge(args) => {
+            let client = Client::new(&args.daemon)?;
+            client.send("POST", &format!("/v1/faults/{}/acknowledge", args.fault), None)?;
+            say!("fault {} is acknowledged. {}", args.fault, client.status()?.doing);
+        }
         Command::Watch(args) => {
             let client = Client::new(&args.daemon)?;
             let run = match &args.run {

@@ -82,7 +82,7 @@ pub fn status(status: &Status) -> String {
     let hold = status.run.as_ref().and_then(|run| run.hold.as_ref());
     match hold.and_then(|hold| Some((hold.next_command?, hold.fault_seq))) {
         Some((NextCommand::Unhold, _)) => text += "next: `carved run unhold`\n",
-        Some((NextCommand::Acknowledge, Some(seq))) => text += &format!("next: POST /v1/faults/{seq}/acknowledge, or the page\n"),
+        Some((NextCommand::Acknowledge, Some(seq))) => text += &format!("next: `carved run acknowledge {seq}`\n"),
         Some((NextCommand::Acknowledge, None)) | None => {}
     }
     for one in &status.faults {
