@@ -44,7 +44,7 @@ fn fifty() -> usize {
 #[derive(Debug, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
-pub(super) struct Asked {
+pub(super) struct ListParameters {
     /// Runs per page, 1 to 200.
     #[serde(default = "fifty")]
     #[param(required = false, default = 50, minimum = 1, maximum = 200)]
@@ -244,7 +244,7 @@ fn cursor(text: &str) -> Option<Cursor> {
 }
 
 /// Runs that are stored, newest first.
-#[utoipa::path(get, path = "/v1/runs", tag = "results", params(Asked), responses(
+#[utoipa::path(get, path = "/v1/runs", tag = "results", params(ListParameters), responses(
     (status = 200, description = "A page of them", body = Runs),
     (status = 304, description = "The client has it"),
     (status = 400, description = "A query that makes no sense", body = Problem, content_type = "application/problem+json"),
@@ -252,7 +252,7 @@ fn cursor(text: &str) -> Option<Cursor> {
 ))]
 pub(super) async fn list(
     State(app): State<AppState>,
-    asked: Result<Query<Asked>, QueryRejection>,
+    asked: Result<Query<ListParameters>, QueryRejection>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     let Query(a) = asked?;
