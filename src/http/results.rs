@@ -20,6 +20,7 @@ pub(super) use replays::{__path_replay, __path_replays, replay, replays};
 
 use super::conditional;
 use super::problem::Problem;
+use super::stored;
 use super::{App, AppState};
 use crate::api::{RunOutcome, RunPlan, VolumeEstimate, WellCounts, WellStatus};
 use axum::extract::rejection::{PathRejection, QueryRejection};
@@ -184,9 +185,9 @@ pub(super) struct SpecimenDetail {
     earlier_attempts: Vec<u32>,
     /// As in the run; `null` of an earlier attempt.
     result: Option<WellStatus>,
-    /// `recording.json`: rig, method, ledger.
+    #[schema(schema_with = stored::recording)]
     recording: Value,
-    /// `measurement.json` with its flags and every view's quality; `null` without numbers.
+    #[schema(schema_with = stored::measurement)]
     measurement: Option<Value>,
     /// Volume of the live hull after each view of the newest attempt, oldest first, as the journal has it; none of an earlier one.
     hull_volumes_um3: Vec<f64>,
