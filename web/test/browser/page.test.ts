@@ -747,13 +747,13 @@ test("hold, go on, and stop after the well, each offered where it applies", asyn
     code: "camera_lost",
     cause: "The camera is gone.",
     times: 3,
-    next_action: "Check its cable. The run goes on by itself when the camera answers.",
+    next_action: "Check its cable. The run continues by itself when the camera answers.",
     next_command: null,
     fault_seq: 7,
   };
   const standing = { ...held, faults: [lost], run: run([well("A01")], { goes_on_by_itself: true, hold }) };
   server.publish(standing);
-  await until("sentence", /^Check its cable\. The run goes on by itself/);
+  await until("sentence", /^Check its cable\. The run continues by itself/);
   await until(
     "diagnosis",
     /^Held because: The camera is gone\. It has held the run 3 times since a well was finished\.$/,
