@@ -26,7 +26,7 @@ const USAGE: &str = "profile_set OUT KIND SEED ASD [--drift] [--slip RHO] [--fau
 /// Inner radius of the capillary, um. A profile can leak as far as this.
 const BORE_RADIUS_UM: f64 = 325.0;
 
-struct Asked {
+struct Options {
     out: PathBuf,
     kind: String,
     seed: u64,
@@ -40,52 +40,52 @@ struct Asked {
 
 const FLAGS: [&str; 4] = ["--drift", "--descending", "--uneven", "--empty"];
 
-impl Asked {
+impl Options {
     fn has(&self, flag: &str) -> bool {
         self.flags.iter().any(|given| given == flag)
     }
 }
 
 fn main() -> Result<(), Failure> {
-    let asked = asked(std::env::args().skip(1))?;
+    let options = options(std::env::args().skip(1))?;
     let nominal = Camera::default();
-    let nominal = Camera { ky_px_per_um: asked.ky_over_kx * nominal.kx_px_per_um, ..nominal };
-    let planned_rad = plan(&asked);
-    let phantom = phantom(&asked.kind, asked.seed)?.placed(Pose::seeded(asked.seed));
-    let disturbance = disturbance(&asked, &nominal)?;
+    let nominal = Camera { ky_px_per_um: options.ky_over_kx * nominal.kx_px_per_um, ..nominal };
+    let planned_rad = plan(&options);
+    let phantom = phantom(&options.kind, options.seed)?.placed(Pose::seeded(options.seed));
+    let disturbance = disturbance(&options, &nominal)?;
     let mut views = phantom.views(&nominal, &planned_rad, &disturbance);
-    if asked.has("--empty") {
+    if options.has("--empty") {
         for view in &mut views {
             view.outline.clear();
         }
     }
-    std::fs::create_dir_all(&asked.out)?;
-    views.par_iter().enumerate().try_for_each(|(i, view)| write_view(&asked.out, i, view, &nominal))?;
-    write_json(&asked.out.join("camera.json"), &camera_json(&nominal, &planned_rad))?;
-    write_json(&asked.out.join("truth.json"), &truth_json(&asked, &nominal, &phantom, &disturbance, &views))
+    std::fs::create_dir_all(&options.out)?;
+    views.par_iter().enumerate().try_for_each(|(i, view)| write_view(&options.out, i, view, &nominal))?;
+    write_json(&options.out.join("camera.json"), &camera_json(&nominal, &planned_rad))?;
+    write_json(&options.out.join("truth.json"), &truth_json(&options, &nominal, &phantom, &disturbance, &views))
 }
 
-fn asked(mut words: impl Iterator<Item = String>) -> Result<Asked, Failure> {
+fn options(mut words: impl Iterator<Item = String>) -> Result<Options, Failure> {
     let mut next = |what: &str| words.next().ok_or_else(|| format!("{what} is missing: {USAGE}"));
     let (out, kind) = (PathBuf::from(next("OUT")?), next("KIND")?);
     let (seed, asd) = (next("SEED")?, next("ASD")?);
     let seed = seed.parse().map_err(|_| format!("SEED reads {seed:?}, expected a whole number: {USAGE}"))?;
     let asd = asd.parse().ok().filter(|&n| n > 0).ok_or_else(|| format!("ASD reads {asd:?}, expected a whole number above 0: {USAGE}"))?;
-    let mut asked = Asked { out, kind, seed, asd, slip: 1.0, faults: Vec::new(), ky_over_kx: 1.0, flags: Vec::new() };
+    let mut options = Options { out, kind, seed, asd, slip: 1.0, faults: Vec::new(), ky_over_kx: 1.0, flags: Vec::new() };
     while let Some(option) = words.next() {
         let mut value = || words.next().ok_or_else(|| format!("{option} lacks its value: {USAGE}"));
         let ratio = |word: String| {
             word.parse().ok().filter(|r: &f64| r.is_finite() && *r > 0.0).ok_or_else(|| format!("{word:?} is no ratio above 0: {USAGE}"))
         };
         match option.as_str() {
-            flag if FLAGS.contains(&flag) => asked.flags.push(option),
-            "--slip" => asked.slip = ratio(value()?)?,
-            "--ky" => asked.ky_over_kx = ratio(value()?)?,
-            "--fault" => asked.faults.push(value()?),
+            flag if FLAGS.contains(&flag) => options.flags.push(option),
+            "--slip" => options.slip = ratio(value()?)?,
+            "--ky" => options.ky_over_kx = ratio(value()?)?,
+            "--fault" => options.faults.push(value()?),
             _ => return Err(format!("{option:?} is no option: {USAGE}").into()),
         }
     }
-    Ok(asked)
+    Ok(options)
 }
 
 /// Typical sizes: beads of about 500 um, larvae of 3, 4 and 5 dpf in turn.
@@ -105,33 +105,36 @@ fn phantom(kind: &str, seed: u64) -> Result<Phantom, Failure> {
 }
 
 /// Planned angles over one revolution, from 0.
-fn plan(asked: &Asked) -> Vec<f64> {
-    let step_rad = TAU / asked.asd as f64;
-    let sense = if asked.has("--descending") { -1.0 } else { 1.0 };
-    (0..asked.asd)
+fn plan(options: &Options) -> Vec<f64> {
+    let step_rad = TAU / options.asd as f64;
+    let sense = if options.has("--descending") { -1.0 } else { 1.0 };
+    (0..options.asd)
         .map(|i| {
             // Up to a fifth of a step early or late. The first angle is exact.
-            let off = if asked.has("--uneven") { 0.2 * (2.4 * i as f64 * (1.0 + (asked.seed % 7) as f64)).sin() } else { 0.0 };
+            let off = if options.has("--uneven") { 0.2 * (2.4 * i as f64 * (1.0 + (options.seed % 7) as f64)).sin() } else { 0.0 };
             sense * step_rad * (i as f64 + off)
         })
         .collect()
 }
 
-fn disturbance(asked: &Asked, nominal: &Camera) -> Result<Disturbance, Failure> {
-    let base =
-        if asked.has("--drift") { Disturbance::drift(asked.seed) } else { Disturbance { seed: asked.seed, ..Disturbance::default() } };
-    let middle = asked.asd / 2;
+fn disturbance(options: &Options, nominal: &Camera) -> Result<Disturbance, Failure> {
+    let base = if options.has("--drift") {
+        Disturbance::drift(options.seed)
+    } else {
+        Disturbance { seed: options.seed, ..Disturbance::default() }
+    };
+    let middle = options.asd / 2;
     let fault = |name: &String| {
         Ok(match name.as_str() {
-            "blank" => Fault::Blank { view: asked.asd / 3 },
-            "leak" => Fault::Leak { view: asked.asd / 4, at_u_px: nominal.ux_px - 20.0, width_px: 70.0, bore_radius_um: BORE_RADIUS_UM },
+            "blank" => Fault::Blank { view: options.asd / 3 },
+            "leak" => Fault::Leak { view: options.asd / 4, at_u_px: nominal.ux_px - 20.0, width_px: 70.0, bore_radius_um: BORE_RADIUS_UM },
             "jump" => Fault::Jump { view: middle, u_px: 2.0, v_px: -6.0 },
             "moved" => Fault::Moved { from: middle, by: Pose { x_um: 110.0, y_um: 30.0, z_um: -20.0, roll_rad: 0.3 } },
             "clipped" => Fault::Clipped { beyond_um: 300.0 },
             _ => return Err(Failure::from(format!("{name:?} is no fault: {USAGE}"))),
         })
     };
-    Ok(Disturbance { rho: asked.slip, faults: asked.faults.iter().map(fault).collect::<Result<_, _>>()?, ..base })
+    Ok(Disturbance { rho: options.slip, faults: options.faults.iter().map(fault).collect::<Result<_, _>>()?, ..base })
 }
 
 fn write_view(out: &Path, number: usize, view: &View, camera: &Camera) -> Result<(), Failure> {
@@ -168,18 +171,18 @@ fn camera_json(nominal: &Camera, planned_rad: &[f64]) -> Value {
     Value::Object(camera)
 }
 
-fn truth_json(asked: &Asked, nominal: &Camera, phantom: &Phantom, disturbance: &Disturbance, views: &[View]) -> Value {
+fn truth_json(options: &Options, nominal: &Camera, phantom: &Phantom, disturbance: &Disturbance, views: &[View]) -> Value {
     let omega: Vec<f64> = views.iter().map(|view| view.true_omega_rad).collect();
-    let case = asked.out.file_name().map(|name| name.to_string_lossy().into_owned());
+    let case = options.out.file_name().map(|name| name.to_string_lossy().into_owned());
     let mut truth = json!({
         "case": case,
-        "kind": if asked.has("--empty") { "empty" } else { &asked.kind },
+        "kind": if options.has("--empty") { "empty" } else { &options.kind },
         "psi": psi(&disturbance.camera(nominal), &omega),
         "dy": views.iter().map(|view| view.dy_px).collect::<Vec<_>>(),
         "um_per_px": 1.0 / nominal.kx_px_per_um,
         "disturbance": disturbance,
     });
-    if asked.has("--empty") {
+    if options.has("--empty") {
         truth["volume"] = json!(0.0);
         truth["area"] = json!(0.0);
     } else {
@@ -188,7 +191,7 @@ fn truth_json(asked: &Asked, nominal: &Camera, phantom: &Phantom, disturbance: &
         truth["area"] = json!(area_um2);
         truth["hull_volume"] = json!(hull_volume_um3);
         truth["hull_area"] = json!(hull_area_um2);
-        truth["tolerance"] = tolerance(asked);
+        truth["tolerance"] = tolerance(options);
         truth["bbox_um"] = json!(phantom.bounds_um());
         if let Some(diameter_um) = diameter_um {
             truth["diameter"] = json!(diameter_um);
@@ -198,10 +201,10 @@ fn truth_json(asked: &Asked, nominal: &Camera, phantom: &Phantom, disturbance: &
 }
 
 /// The required accuracy of a measurement with drift as the only disturbance, percent.
-fn tolerance(asked: &Asked) -> Value {
-    match asked.kind.as_str() {
-        "finned" => json!({ "hull_vol_pct": if asked.asd >= 28 { 1.5 } else { 2.0 }, "hull_area_pct": 2.0 }),
-        "larva" => json!({ "vol_pct": if asked.asd >= 42 { 0.5 } else { 1.0 }, "area_pct": 0.7 }),
+fn tolerance(options: &Options) -> Value {
+    match options.kind.as_str() {
+        "finned" => json!({ "hull_vol_pct": if options.asd >= 28 { 1.5 } else { 2.0 }, "hull_area_pct": 2.0 }),
+        "larva" => json!({ "vol_pct": if options.asd >= 42 { 0.5 } else { 1.0 }, "area_pct": 0.7 }),
         _ => json!({ "vol_pct": 0.3, "area_pct": 0.4 }),
     }
 }

@@ -43,7 +43,7 @@ pub struct Fault {
     /// What its code means, in plain words; `message` has what was found this time.
     #[serde(default)]
     pub meaning: String,
-    /// What the operator does about it, in plain words, and whether the run then goes on by itself.
+    /// What the operator does about it, in plain words, and whether the run then continues by itself.
     #[serde(default)]
     pub what_to_do: String,
     /// RFC 3339, UTC.

@@ -106,7 +106,7 @@ pub struct Hold {
     pub cause: String,
     /// How often it has held the run since a well was finished, this time included.
     pub times: u32,
-    /// The one thing to do next; `null` where the run goes on without it.
+    /// The one thing to do next; `null` where the run continues without it.
     pub next_action: Option<String>,
     /// The command that carries it out or confirms it. `null` while a cause stands that no command ends: `unhold` would be refused.
     #[serde(default)]
@@ -142,7 +142,7 @@ pub struct RunStatus {
     /// An operator has held it: it does not go on by itself, whatever else held it.
     #[serde(default)]
     pub held_by_operator: bool,
-    /// Held, it goes on without anybody's word: at once, after a start of the daemon, or once what is lost is back.
+    /// Held, it continues without anybody's word: at once, after a start of the daemon, or once what is lost is back.
     #[serde(default)]
     pub goes_on_by_itself: bool,
     /// `null` where the run is not held.

@@ -34,6 +34,7 @@ mod runs;
 mod safety;
 mod serve;
 mod status;
+mod stored;
 
 pub use page::setup as setup_page;
 pub use problem::Problem;

@@ -2,7 +2,7 @@
 
 use super::{
     AppState, access, docs, events, fault_codes, health, lease, live, methods, metrics, pace, page, plate, plate_maps, problem, results,
-    runs, safety, status,
+    runs, safety, status, stored,
 };
 use axum::extract::State;
 use axum::http::header;
@@ -79,6 +79,9 @@ pub(super) async fn get(State(app): State<AppState>) -> Response {
 pub(super) fn complete(contract: &utoipa::openapi::OpenApi) -> Value {
     let mut contract = serde_json::to_value(contract).unwrap_or_default();
     require_what_is_always_written(&mut contract);
+    if let Some(schemas) = contract["components"]["schemas"].as_object_mut() {
+        schemas.extend(stored::schemas());
+    }
     contract["components"]["securitySchemes"] = json!({ "token": { "type": "http", "scheme": "bearer" } });
     for (path, item) in contract["paths"].as_object_mut().into_iter().flatten() {
         for (method, operation) in item.as_object_mut().into_iter().flatten() {

@@ -20,6 +20,7 @@ pub(super) use replays::{__path_replay, __path_replays, replay, replays};
 
 use super::conditional;
 use super::problem::Problem;
+use super::stored;
 use super::{App, AppState};
 use crate::api::{RunOutcome, RunPlan, VolumeEstimate, WellCounts, WellStatus};
 use axum::extract::rejection::{PathRejection, QueryRejection};
@@ -44,7 +45,7 @@ fn fifty() -> usize {
 #[derive(Debug, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
-pub(super) struct Asked {
+pub(super) struct ListParameters {
     /// Runs per page, 1 to 200.
     #[serde(default = "fifty")]
     #[param(required = false, default = 50, minimum = 1, maximum = 200)]
@@ -184,9 +185,9 @@ pub(super) struct SpecimenDetail {
     earlier_attempts: Vec<u32>,
     /// As in the run; `null` of an earlier attempt.
     result: Option<WellStatus>,
-    /// `recording.json`: rig, method, ledger.
+    #[schema(schema_with = stored::recording)]
     recording: Value,
-    /// `measurement.json` with its flags and every view's quality; `null` without numbers.
+    #[schema(schema_with = stored::measurement)]
     measurement: Option<Value>,
     /// Volume of the live hull after each view of the newest attempt, oldest first, as the journal has it; none of an earlier one.
     hull_volumes_um3: Vec<f64>,
@@ -244,7 +245,7 @@ fn cursor(text: &str) -> Option<Cursor> {
 }
 
 /// Runs that are stored, newest first.
-#[utoipa::path(get, path = "/v1/runs", tag = "results", params(Asked), responses(
+#[utoipa::path(get, path = "/v1/runs", tag = "results", params(ListParameters), responses(
     (status = 200, description = "A page of them", body = Runs),
     (status = 304, description = "The client has it"),
     (status = 400, description = "A query that makes no sense", body = Problem, content_type = "application/problem+json"),
@@ -252,7 +253,7 @@ fn cursor(text: &str) -> Option<Cursor> {
 ))]
 pub(super) async fn list(
     State(app): State<AppState>,
-    asked: Result<Query<Asked>, QueryRejection>,
+    asked: Result<Query<ListParameters>, QueryRejection>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     let Query(a) = asked?;

@@ -107,7 +107,7 @@ pub(super) async fn hold(
 #[utoipa::path(
     post, path = "/v1/runs/{run_id}/unhold", tag = "commands", params(("run_id" = String, Path)),
     responses(
-        (status = 200, description = "The run goes on, or had gone on", body = Acknowledged),
+        (status = 200, description = "The run continues, or had continued", body = Acknowledged),
     )
 )]
 pub(super) async fn unhold(
@@ -155,7 +155,7 @@ pub(super) async fn abort(
 
 /// The loader says that the specimen of this well is in the capillary, or has been taken out.
 ///
-/// What it was asked for is taken whatever has become of the run since: held, it stays inside and is used when the run goes on; ended, it
+/// What it was asked for is taken whatever has become of the run since: held, it stays inside and is used when the run continues; ended, it
 /// is known to be inside until it is said to be out. A repeat answers 200.
 #[utoipa::path(
     put, path = "/v1/runs/{run_id}/wells/{well}", tag = "commands", request_body = WellLoaded,

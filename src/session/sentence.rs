@@ -75,7 +75,7 @@ pub fn of(s: &Status) -> String {
             Some(f) => format!("Held by a fault{}. {}", again(hold), f.plainly()),
             None if s.pending.stop || s.pending.abort => "Held for a moment: the run ends, as it was asked to.".into(),
             None if by_operator => "Held by an operator, until somebody lets it go on.".into(),
-            None if s.run.as_ref().is_some_and(|r| r.goes_on_by_itself) => "Held for a moment: the run goes on by itself.".into(),
+            None if s.run.as_ref().is_some_and(|r| r.goes_on_by_itself) => "Held for a moment: the run continues by itself.".into(),
             None => match hold {
                 Some(hold) => {
                     let next = hold.next_action.as_deref().unwrap_or("Let the run go on.");
@@ -84,7 +84,7 @@ pub fn of(s: &Status) -> String {
                 None => "Held.".into(),
             },
         },
-        State::Unholding => "The run goes on: the camera is being set up.".into(),
+        State::Unholding => "The run continues: the camera is being set up.".into(),
         State::Suspending | State::Unsuspending => "Handing over with the loader.".into(),
     }
 }

@@ -19,7 +19,7 @@ struct Line {
 }
 
 #[derive(serde::Deserialize)]
-struct Found {
+struct DocsReport {
     commands: Vec<Line>,
     spans: Vec<Line>,
     options: Vec<Line>,
@@ -30,7 +30,7 @@ fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-fn found() -> Found {
+fn found() -> DocsReport {
     let output = Command::new("python3").arg(root().join("tests/docs/read_docs.py")).output().unwrap();
     assert!(output.status.success(), "{}", stderr(&output));
     serde_json::from_slice(&output.stdout).unwrap()

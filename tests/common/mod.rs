@@ -8,6 +8,7 @@ use std::process::{Child, ChildStdout, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 pub mod bench;
+pub mod contract;
 pub mod controllers;
 pub mod crash;
 pub mod gates;

@@ -4,7 +4,7 @@
 
 use crate::common::bench::{Bench, larva};
 use crate::common::spoiled::Spoiled;
-use crate::common::{Daemon, configured, json, port, run, stderr};
+use crate::common::{Daemon, configured, contract, json, port, run, stderr};
 use hardware_sim::scene::{Fluorescent, FluorescentSettings, Scene, SceneSettings, Specimen};
 use hardware_sim::{Pixels, RigSettings, Sight};
 use serde_json::{Value, json};
@@ -86,6 +86,7 @@ fn the_signal_per_volume_is_the_truths_and_is_computed_again_from_the_recording(
             let seen = &entry["second"];
             assert!(exposures.iter().any(|e| seen["sha256"] == hex(&e.sha256)), "a frame that was never exposed: {entry}");
         }
+        contract::specimen_follows_it(&daemon, "r1", well);
         assert!(folder.join("second/view_000.png").is_file() && folder.join("second/closure.png").is_file());
         let output = run(&["measure", folder.to_str().unwrap()]);
         assert!(output.status.success(), "{}", stderr(&output));

@@ -1,6 +1,6 @@
 //! The daemon on the emulated rig as a user meets it: the real program, real serial and network lines, the API, the files.
 
-use crate::common::{Daemon, copy_folder, json, run, stderr};
+use crate::common::{Daemon, contract, copy_folder, json, run, stderr};
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 use std::path::Path;
@@ -52,6 +52,9 @@ fn the_demo_plate_is_measured_stored_and_reproduced() {
     larvae_have_their_place(&status, &folder);
     for name in ["A01", "A02", "A03"] {
         live_equals_offline(&folder.join(name));
+    }
+    for name in ["A01", "A02", "A03", "A04"] {
+        contract::specimen_follows_it(&daemon, status["run"]["id"].as_str().unwrap(), name);
     }
     empty_well_is_recorded(&folder.join("A04"));
     events_tell_the_run(&daemon, &dir.path().join("data/events.jsonl"));

@@ -17,6 +17,7 @@ import type {
   RunReplays,
   Runs,
   Specimen,
+  SpecimenDetail,
   Statistics,
   Status,
   WellLoaded,
@@ -198,7 +199,7 @@ export async function fetchSpecimen(run: string, well: string): Promise<Specimen
     return null;
   }
   if (!response.ok) throw await refusal(response);
-  return (await response.json().catch(away)) as Specimen;
+  return (await response.json().catch(away)) as SpecimenDetail;
 }
 
 /** The specimen of a live picture, and the number of its views so far. */

@@ -506,8 +506,8 @@ export interface SpecimenDetail {
   estimates: VolumeEstimate[];
   hull_volumes_um3: number[];
   links: Links;
-  measurement: unknown;
-  recording: unknown;
+  measurement: StoredMeasurementFile | null;
+  recording: StoredRecording;
   result: WellStatus | null;
   run: string;
   well: string;
@@ -581,6 +581,734 @@ export interface Status {
   state: State;
   uptime_s: number;
   version: string;
+}
+
+export interface StoredAreaMethod {
+  iterations: number;
+  lambda: number;
+  operator: string;
+}
+
+export type StoredBeadGate = "flag" | "refuse" | "off";
+
+export interface StoredBending {
+  end_to_end_share: number;
+  max_curvature_per_mm: number;
+  total_deg: number;
+}
+
+export interface StoredBody {
+  axis_rms_um: number;
+  bending: StoredBending;
+  dorsal: StoredDorsal;
+  head: StoredHead;
+  length_um: number;
+  slices_volume_share: number;
+  stations: StoredStation[];
+  to_body: StoredToBody;
+}
+
+export interface StoredBoxUm {
+  max: [number, number, number];
+  min: [number, number, number];
+}
+
+export interface StoredCalibrationRecord {
+  alpha_sd_rad: number;
+  converged: boolean;
+  gamma_sd_rad: number;
+  moved?: StoredMoved | null;
+  passes: number;
+  psi: StoredCamera;
+  residual_sd_um: number;
+  rho: number;
+  rho_sd: number;
+  uy_sd_px: number;
+  vrv?: StoredVrvCheck | null;
+}
+
+export interface StoredCalibrationSettings {
+  alpha_sd_deg?: number;
+  dy_sd_px?: number;
+  edge_sd_px?: number;
+  enabled?: boolean;
+  gamma_sd_deg?: number;
+  scale_sd_percent?: number;
+}
+
+export interface StoredCamera {
+  alpha?: number;
+  f: number;
+  gamma?: number;
+  height: number;
+  kx: number;
+  ky: number;
+  phi?: number;
+  s?: number;
+  ux: number;
+  uy: number;
+  width: number;
+}
+
+export interface StoredCheck {
+  flag: string;
+  found?: number | null;
+  limit: number;
+  name: string;
+  over: boolean;
+  sd?: number | null;
+  undecided?: boolean;
+  unit: string;
+  view?: number | null;
+}
+
+export type StoredClipped = "flag" | "skip";
+
+export interface StoredClosureRecord {
+  iou: number;
+  lie?: StoredPoseOffset | null;
+  shift_px: [number, number];
+}
+
+export type StoredConcentrationUnit =
+  | "M"
+  | "mM"
+  | "uM"
+  | "nM"
+  | "pM"
+  | "g/L"
+  | "mg/L"
+  | "ug/L"
+  | "ng/L"
+  | "mg/mL"
+  | "ug/mL"
+  | "ng/mL"
+  | "%"
+  | "% v/v"
+  | "% w/v"
+  | "ppm";
+
+export type StoredControl = "positive" | "negative";
+
+export interface StoredDeadlines {
+  detect?: number;
+  eject?: number;
+  load?: number;
+  measure?: number;
+  position?: number;
+  reconstruct?: number;
+  revolve?: number;
+  wash?: number;
+}
+
+export interface StoredDetection {
+  clipped_left: number;
+  clipped_right: number;
+  confidence: number;
+  dead: number;
+  head: StoredHeadInPicture;
+  kind: StoredKind;
+  likelihoods: StoredLikelihoods;
+}
+
+export interface StoredDorsal {
+  belly_share: number;
+  confidence: number;
+  direction?: [number, number, number] | null;
+  median_share: number;
+}
+
+export interface StoredEarlyStopSettings {
+  enabled?: boolean;
+  last?: number;
+  min_views?: number;
+  promised_error_percent?: number;
+  spread_percent?: number;
+}
+
+export interface StoredEdgeSettings {
+  along_px?: number;
+  blur_px?: number;
+  outline_smoothing_px?: number;
+  search_inside_px?: number;
+  search_outside_px?: number;
+  shift_smoothing_px?: number;
+  stiffness?: number;
+}
+
+export type StoredEnd = "left" | "right";
+
+export interface StoredEstimateStanding {
+  area: StoredPlaceAnswer;
+  estimator: string;
+  joint: StoredJointPlaceAnswer;
+  stage: StoredStageAnswer;
+  volume: StoredPlaceAnswer;
+}
+
+export type StoredEstimator = "voxel" | "support";
+
+export interface StoredEstimators {
+  support?: StoredSupportEstimate | null;
+  voxel: StoredVoxelEstimate;
+}
+
+export interface StoredFacing {
+  confidence: number;
+  dorsal_off_deg: number;
+  dorsal_view: number;
+  head?: StoredEnd | null;
+  head_confidence: number;
+  lateral_views: [number, number];
+  roll_deg: number;
+  ventral_view: number;
+}
+
+export interface StoredFin {
+  edges: number;
+  points_um: [number, number, number][];
+}
+
+export interface StoredFluorescence {
+  flags: string[];
+  left_out: number[];
+  signal: number;
+  signal_per_nl: number;
+  signal_per_nl_sd?: number | null;
+  signal_sd: number;
+  views: StoredViewSignal[];
+}
+
+export interface StoredFringeSettings {
+  along_px?: number;
+  bar?: number;
+  kink?: number;
+  least?: number;
+  most?: number;
+  opaque_sigma?: number;
+  reach_bore?: number;
+  run_px?: number;
+}
+
+export interface StoredGateSettings {
+  aspect_off?: number;
+  beads_least?: number;
+  cusum_limit_sd?: number;
+  cusum_slack_sd?: number;
+  history_least?: number;
+  max_age_h?: number;
+  nominal_um?: number;
+  repeat_um?: number;
+  residual_px?: number;
+  roundness_um?: number;
+  shewhart_sd?: number;
+  t_percent?: number;
+}
+
+export interface StoredHarmonics {
+  finer_um2: number;
+  power_share: number[];
+  power_um2: number[];
+}
+
+export interface StoredHead {
+  confidence: number;
+  end?: StoredEnd | null;
+  first_moment: number;
+}
+
+export interface StoredHeadInPicture {
+  confidence: number;
+  side?: StoredSide | null;
+}
+
+export interface StoredInstrumentIdentity {
+  location?: string | null;
+  name: string;
+  serial?: string | null;
+  uuid: string;
+}
+
+export type StoredInterrupted = "redo" | "skip";
+
+export interface StoredJointPlace {
+  correlation: number;
+  distance: number;
+  f: number;
+  group: string;
+  mismatches: StoredMismatch[];
+  n: number;
+  p: number;
+  t_squared: number;
+}
+
+export type StoredJointPlaceAnswer = { known: StoredJointPlace } | { missing: StoredMissing };
+
+export type StoredKind = "empty" | "larva" | "two" | "bubble" | "debris" | "bead";
+
+export type StoredKnown = number | string;
+
+export type StoredLedger = StoredLedgerEntry[];
+
+export interface StoredLedgerEntry {
+  achieved_steps: StoredSteps;
+  attempts: number;
+  closure: boolean;
+  commanded_steps: StoredSteps;
+  epoch: number;
+  frame_id: number;
+  grab_ms: number;
+  light?: StoredLight | null;
+  moved_ms: number;
+  omega: number;
+  retake?: number;
+  second?: StoredSecondEntry | null;
+  settle_ms: number;
+  sha256: string;
+  trigger_ms?: number;
+  view: number;
+}
+
+export interface StoredLevelSetSettings {
+  edge?: number;
+  least_sigma?: number;
+  level_share?: number;
+  region?: number;
+  steps?: number;
+}
+
+export interface StoredLight {
+  background: number;
+  focus: number;
+  saturated: number;
+}
+
+export interface StoredLikelihoods {
+  bead: number;
+  bubble: number;
+  debris: number;
+  empty: number;
+  larva: number;
+  two: number;
+}
+
+export interface StoredMeasurement {
+  area_method: StoredAreaMethod;
+  area_sd_um2?: number | null;
+  area_um2: number;
+  aspect_ratio?: number | null;
+  centroid_um: [number, number, number];
+  diameter_um?: number | null;
+  epsilon: number;
+  estimator: StoredEstimator;
+  estimators: StoredEstimators;
+  extent_um: [number, number, number];
+  fairing_volume_loss: number;
+  fallback?: string | null;
+  field_area_um2: number;
+  field_volume_um3: number;
+  length_um: number;
+  mesh_volume_um3: number;
+  planned_views: number;
+  sphere?: StoredSphereFit | null;
+  sphere_rms_um?: number | null;
+  spread?: StoredSpread | null;
+  unfaired_area_um2: number;
+  views: number;
+  volume_sd_um3?: number | null;
+  volume_um3: number;
+  voxel_size_um: number;
+  voxels: number;
+}
+
+export interface StoredMeasurementFile {
+  calibration?: StoredCalibrationRecord | null;
+  closure?: StoredClosureRecord | null;
+  facing?: StoredFacing | null;
+  fins?: StoredFin[];
+  flags: string[];
+  fluorescence?: StoredFluorescence | null;
+  measurement: StoredMeasurement;
+  method_version?: string | null;
+  mode: StoredMode;
+  quality?: StoredQuality | null;
+  reference?: StoredStanding | null;
+  shape?: StoredShape | null;
+  uncalibrated?: string | null;
+  views: StoredViewRecord[];
+}
+
+export interface StoredMethod {
+  asd: number;
+  box_um?: StoredBoxUm;
+  calibration?: StoredCalibrationSettings;
+  early_stop?: StoredEarlyStopSettings;
+  epsilon: number;
+  order: StoredViewOrder;
+  policy?: StoredPolicy;
+  quality?: StoredQualitySettings;
+  segment?: StoredSegmentSettings;
+  surface?: StoredSurfaceSettings;
+  version?: StoredVersion | null;
+  voxel_um: number;
+}
+
+export interface StoredMismatch {
+  key: string;
+  reference?: StoredKnown | null;
+  specimen?: StoredKnown | null;
+}
+
+export interface StoredMissing {
+  quantity: StoredQuantity;
+  reason: StoredMissingReason;
+  there_are: number[];
+  why: string[];
+}
+
+export type StoredMissingReason = "age" | "estimator" | "quantity" | "asd";
+
+export type StoredMode = "hardware" | "simulated" | "imported";
+
+export interface StoredMoved {
+  across_px: number;
+  along_px: number;
+  turn_rad: number;
+  view: number;
+}
+
+export type StoredPixelFormat = "Mono8" | "BayerRG8" | "RGB8Packed";
+
+export interface StoredPlace {
+  group: string;
+  interval_95: [number, number];
+  mean: number;
+  mismatches: StoredMismatch[];
+  n: number;
+  p: number;
+  percentile: number;
+  sd: number;
+  t: number;
+  z: number;
+}
+
+export type StoredPlaceAnswer = { known: StoredPlace } | { missing: StoredMissing };
+
+export interface StoredPlannedWell {
+  compound?: string | null;
+  concentration?: number | null;
+  concentration_unit?: StoredConcentrationUnit | null;
+  control?: StoredControl | null;
+  dpf?: number | null;
+  replicate?: number | null;
+  specimen?: StoredSpecimenKind;
+  strain?: string | null;
+  treatment?: string | null;
+  well: string;
+}
+
+export interface StoredPolicy {
+  bead_gate?: StoredBeadGate;
+  clipped?: StoredClipped;
+  deadlines_s?: StoredDeadlines;
+  interrupted?: StoredInterrupted;
+  resume?: StoredResume;
+  retries?: number;
+}
+
+export interface StoredPoseOffset {
+  across_px: number;
+  along_px: number;
+  rms_px: number;
+  sd?: StoredPoseOffsetSd | null;
+  turn_rad: number;
+}
+
+export interface StoredPoseOffsetSd {
+  across_px: number;
+  along_px: number;
+  turn_rad: number;
+}
+
+export interface StoredProfileQuality {
+  blur_px?: number | null;
+  border_share?: number;
+  components: number;
+  edge_contrast_sigma: number;
+  edge_error_px: number;
+  noise_grey: number;
+  saturated_share: number;
+  uncertain_share: number;
+  wall_contact_share: number;
+}
+
+export interface StoredQuality {
+  checks: StoredCheck[];
+  passed: boolean;
+}
+
+export interface StoredQualitySettings {
+  alpha_deg?: number;
+  closure_across_px?: number;
+  closure_along_px?: number;
+  closure_overlap?: number;
+  closure_turn_deg?: number;
+  gamma_deg?: number;
+  gap_deg?: number;
+  gate?: StoredGateSettings;
+  overlap_percent?: number;
+  reference_z?: number;
+  residual_px?: number;
+  residual_view_px?: number;
+  rho_percent?: number;
+  scatter_px?: number;
+  usable_percent?: number;
+  uy_px?: number;
+  views_least?: number;
+  volume_sd_percent?: number;
+}
+
+export type StoredQuantity = "volume" | "area" | "joint";
+
+export interface StoredRecording {
+  accepted?: boolean;
+  ended_after_views?: number | null;
+  instrument?: StoredInstrumentIdentity | null;
+  ledger: StoredLedger;
+  method: StoredMethod;
+  method_name: string;
+  missing_views?: number[];
+  mode: StoredMode;
+  references_sha256?: string | null;
+  rig: StoredRigRecord;
+  run: string;
+  schema: string;
+  software: StoredSoftware;
+  specimen: StoredPlannedWell;
+  started: string;
+  truth?: unknown;
+}
+
+export type StoredResume = "automatic" | "operator";
+
+export interface StoredRigRecord {
+  camera: StoredCamera;
+  camera_identity: string;
+  empty_capillary_sha256?: string | null;
+  name: string;
+  pixel_format: StoredPixelFormat;
+  rotation_identity: string;
+  second?: StoredSecondRecord | null;
+  sense: StoredSense;
+  steps_per_revolution: StoredStepsPerRevolution;
+}
+
+export interface StoredSecondEntry {
+  attempts: number;
+  frame_id: number;
+  grab_ms: number;
+  light: StoredLight;
+  sha256: string;
+}
+
+export interface StoredSecondOptics {
+  around: number;
+  camera: StoredCamera;
+}
+
+export interface StoredSecondRecord {
+  identity: string;
+  optics: StoredSecondOptics;
+}
+
+export type StoredSegmentMethod = "hybrid" | "level-set";
+
+export interface StoredSegmentSettings {
+  black_below?: number;
+  closing_px?: number;
+  edge?: StoredEdgeSettings;
+  faint_sigma?: number;
+  fringe?: StoredFringeSettings;
+  join_gap_bore?: number;
+  level_set?: StoredLevelSetSettings;
+  max_saturated_share?: number;
+  method?: StoredSegmentMethod;
+  min_area_bore2?: number;
+  opening_px?: number;
+  speck_bore2?: number;
+  wall_margin_px?: number;
+  walls?: StoredWallSettings;
+}
+
+export type StoredSense = 1 | -1;
+
+export interface StoredShape {
+  body?: StoredBody | null;
+  body_reason?: string | null;
+  harmonics?: StoredHarmonics | null;
+  harmonics_reason?: string | null;
+  solid?: StoredSolid | null;
+  solid_reason?: string | null;
+}
+
+export type StoredSide = "left" | "right";
+
+export interface StoredSoftware {
+  commit?: string;
+  dirty?: boolean | null;
+  name: string;
+  version: string;
+}
+
+export interface StoredSolid {
+  area_um2: number;
+  centroid_um: [number, number, number];
+  principal_axes: [[number, number, number], [number, number, number], [number, number, number]];
+  principal_moments_um5: [number, number, number];
+  sphericity: number;
+  surface_per_volume_per_um: number;
+  volume_um3: number;
+}
+
+export type StoredSpecimenKind = "larva" | "bead";
+
+export interface StoredSphereFit {
+  centre_um: [number, number, number];
+  diameter_um: number;
+  rms_um: number;
+}
+
+export interface StoredSpread {
+  area_calibration_um2: number;
+  area_edge_um2: number;
+  area_fins_um2?: number;
+  area_scale_um2: number;
+  area_views_um2: number;
+  volume_calibration_um3: number;
+  volume_corners_um3?: number;
+  volume_edge_um3: number;
+  volume_fins_um3?: number;
+  volume_fins_unseen_um3?: number;
+  volume_scale_um3: number;
+  volume_views_um3: number;
+}
+
+export interface StoredStage {
+  ages: StoredStageShare[];
+  by: StoredQuantity;
+  mismatches: StoredMismatch[];
+}
+
+export type StoredStageAnswer = { known: StoredStage } | { missing: StoredMissing };
+
+export interface StoredStageShare {
+  dpf: number;
+  group: string;
+  n: number;
+  probability: number;
+}
+
+export interface StoredStanding {
+  dpf: number;
+  estimates: StoredEstimateStanding[];
+}
+
+export interface StoredStation {
+  area_um2: number;
+  centre_um: [number, number, number];
+  height_um: number;
+  perimeter_um: number;
+  s_um: number;
+  width_um: number;
+}
+
+export type StoredSteps = number;
+
+export type StoredStepsPerRevolution = [number, number];
+
+export interface StoredSupportEstimate {
+  area_sd_um2: number;
+  area_um2: number;
+  harmonics: number;
+  hollow_share: number;
+  length_um: number;
+  mean_radius_um: number;
+  residual_um: number;
+  slices: number;
+  volume_bias_um3: number;
+  volume_sd_um3: number;
+  volume_um3: number;
+}
+
+export interface StoredSurfaceSettings {
+  fairing_iterations?: number;
+  fairing_lambda?: number;
+}
+
+export interface StoredToBody {
+  origin_um: [number, number, number];
+  rotation: [[number, number, number], [number, number, number], [number, number, number]];
+}
+
+export type StoredVersion = string | number;
+
+export type StoredViewOrder = "sequential" | "coarse_to_fine";
+
+export interface StoredViewRecord {
+  area_px?: number | null;
+  area_ratio?: number | null;
+  detection?: StoredDetection | null;
+  dy_px?: number | null;
+  fins_px?: [number, number][][];
+  index: number;
+  omega: number;
+  overlap_percent?: number | null;
+  quality?: StoredProfileQuality | null;
+  reason?: string | null;
+  residual_px?: number | null;
+  used: boolean;
+  vrv_area_um2?: number | null;
+  walls?: StoredWallRecord | null;
+}
+
+export interface StoredViewSignal {
+  background: number;
+  saturated: number;
+  signal: number;
+  signal_sd: number;
+  silhouette_px: number;
+  view: number;
+}
+
+export interface StoredVoxelEstimate {
+  area_um2: number;
+  volume_um3: number;
+}
+
+export interface StoredVrvCheck {
+  evaluations: number;
+  given_um3: number;
+  search_um3: number;
+  solution_um3: number;
+  verdict: StoredVrvVerdict;
+}
+
+export type StoredVrvVerdict = "passed" | "not_largest" | "worse";
+
+export interface StoredWallRecord {
+  bore_um: number;
+  shift_px: number;
+  tilt_deg: number;
+}
+
+export interface StoredWallSettings {
+  line_reach_share?: number;
+  max_sag_share?: number;
+  max_tilt_deg?: number;
+  max_wall_share?: number;
+  min_bore_share?: number;
+  min_depth?: number;
+  min_support?: number;
 }
 
 export interface TranslationStatus {

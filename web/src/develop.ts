@@ -2,7 +2,7 @@
 
 import { edgeOf, silhouetteOf, type Triangles } from "./silhouette.ts";
 import type { Projection } from "./projection.ts";
-import type { FinCurve } from "./status.ts";
+import type { StoredViewRecord } from "./status.ts";
 
 /** The colours of the lines, as app.css names them in the legend. */
 const PROFILE = [255, 64, 160] as const;
@@ -23,7 +23,7 @@ function drawn(edge: Uint8Array, width: number, height: number, [r, g, b]: Rgb):
 }
 
 /** The outline of a mask and fins on a transparent background, wide enough to be visible after scaling down. */
-export async function outlined(file: Blob, fins: readonly FinCurve[]): Promise<Blob> {
+export async function outlined(file: Blob, fins: NonNullable<StoredViewRecord["fins_px"]>): Promise<Blob> {
   // Without colour conversion, because the stored values are counts.
   const bitmap = await createImageBitmap(file, { colorSpaceConversion: "none" });
   const { width, height } = bitmap;

@@ -199,7 +199,7 @@ export class FrameView {
       const number = viewNumber(views[index]!);
       // Found by its view number: a view without a profile is missing from the list.
       const mask = number === null ? undefined : specimen.links.profiles.find((link) => viewNumber(link) === number);
-      const fins = specimen.measurement?.views?.find(({ index }) => index === number)?.fins_px ?? [];
+      const fins = specimen.measurement?.views.find(({ index }) => index === number)?.fins_px ?? [];
       const [frame, profile] = await Promise.all([
         fetchFile(pictureOf(views[index]!)),
         mask === undefined ? null : fetchFile(mask).then((file) => outlined(file, fins)),

@@ -137,7 +137,8 @@ export function progressLine(status: Status): string {
     return status.ready ? "Ready for a run." : `Not ready for a run: ${status.not_ready_reason ?? "no reason given"}.`;
   if (run.outcome) return `Run ${run.id} ${OUTCOMES[run.outcome]}: ${tally(run)}.`;
   const parts = [`Run ${run.id}: ${grouped(done(run))} of ${grouped(run.wells.total)} wells done`];
-  if (run.eta_s) parts.push(`${aboutDuration(run.eta_s.p50)} left${status.state === "Held" ? " once it goes on" : ""}`);
+  if (run.eta_s)
+    parts.push(`${aboutDuration(run.eta_s.p50)} left${status.state === "Held" ? " once it continues" : ""}`);
   return `${parts.join(" · ")}.`;
 }
 

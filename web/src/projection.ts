@@ -5,12 +5,12 @@
 // World in um, x along the capillary, y down, z away from the camera. Pixel centres are at integers. docs/calibration.md has the geometry,
 // and the daemon's own implementation has the same definition.
 
-import type { Measured, Psi, Recorded } from "./status.ts";
+import type { Measured, Recorded, StoredCamera } from "./status.ts";
 
 /** Three rows of four: `(u w, v w, w)` of a point `(x, y, z, 1)`. */
 export type Projection = readonly (readonly [number, number, number, number])[];
 
-export function projectionOf(psi: Psi, omega: number): Projection {
+export function projectionOf(psi: StoredCamera, omega: number): Projection {
   const { f, kx, ky, ux, uy, s = 0, alpha = 0, gamma = 0, phi = Math.PI / 2 } = psi;
   const k = [
     [f * kx, s, ux],
@@ -56,10 +56,10 @@ export function cameraOfView(
   measured: Measured | null,
   view: number,
 ): { projection: Projection; width: number; height: number } | null {
-  const record = measured?.views?.find(({ index }) => index === view);
+  const record = measured?.views.find(({ index }) => index === view);
   const calibration = measured?.calibration ?? null;
-  const psi = calibration?.psi ?? recording.rig?.camera;
-  if (psi === undefined || record === undefined) return null;
+  const psi = calibration?.psi ?? recording.rig.camera;
+  if (record === undefined) return null;
   let { omega } = record;
   let uy = psi.uy;
   if (calibration !== null) {

@@ -51,7 +51,7 @@ const WORDS: Record<string, (data: Data, well: string) => Entry> = {
     return d["by"] === "operator" ? news(cause) : trouble(cause);
   },
   "run.resumed": (d) =>
-    news(d["by"] === "instrument" ? "The run goes on by itself." : "An operator lets the run go on."),
+    news(d["by"] === "instrument" ? "The run continues by itself." : "An operator lets the run go on."),
   "run.interrupted": () => trouble("The program was started again and found the run open."),
   "run.unreadable": (d) => trouble(sentence(`the record of the run could not be read: ${text(d["why"])}`)),
   "run.ended": (d) => news(`The run ${OUTCOMES[text(d["outcome"]) as RunOutcome] ?? "ended"}.`),
@@ -67,7 +67,7 @@ const WORDS: Record<string, (data: Data, well: string) => Entry> = {
     trouble(
       `${well} was interrupted${d["reason"] ? ` (${reasonWords(text(d["reason"]))})` : ""}: ` +
         (d["kept"] === true
-          ? "it stays in the capillary, and the run goes on with it."
+          ? "it stays in the capillary, and the run continues with it."
           : d["policy"] === "redo"
             ? "it is measured again from the start."
             : "it is given up."),

@@ -3,7 +3,7 @@
 
 import { element, show, svg } from "./dom.ts";
 import { grouped, significant, UM3_PER_NL } from "./format.ts";
-import type { KnownPlace, Measured, WellStatus } from "./status.ts";
+import type { Measured, StoredPlace, WellStatus } from "./status.ts";
 
 const [WIDTH, HEIGHT] = [340, 132];
 const BASE = 100;
@@ -12,7 +12,7 @@ const TOP = 22;
 const FAR_SD = 3.2;
 
 /** A number among references, in the unit in which it is shown. */
-export interface Standing extends KnownPlace {
+export interface Standing extends Pick<StoredPlace, "group" | "n" | "mean" | "sd" | "z" | "percentile"> {
   quantity: "Volume" | "Area";
   unit: string;
   /** The estimator of this number, where the reported one has no references. */
@@ -27,11 +27,13 @@ export function standingsOf(measured: Measured | null, estimator: WellStatus["es
   const estimates = measured?.reference?.estimates ?? [];
   const first = [...estimates].sort((a, b) => Number(b.estimator === estimator) - Number(a.estimator === estimator));
   const of = (quantity: "volume" | "area", name: Standing["quantity"], unit: string, size: number): Standing[] => {
-    const found = first.find((e) => e[quantity].known !== undefined);
-    const known = found?.[quantity].known;
-    if (found === undefined || known === undefined) return [];
+    const [found] = first.flatMap((e) => {
+      const answer = e[quantity];
+      return "known" in answer ? [{ estimator: e.estimator, ...answer.known }] : [];
+    });
+    if (found === undefined) return [];
     const by = found.estimator === estimator ? null : found.estimator;
-    return [{ ...known, mean: known.mean / size, sd: known.sd / size, quantity: name, unit, by }];
+    return [{ ...found, mean: found.mean / size, sd: found.sd / size, quantity: name, unit, by }];
   };
   return [...of("volume", "Volume", "nL", UM3_PER_NL), ...of("area", "Area", "mm²", 1e6)];
 }

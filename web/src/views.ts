@@ -10,7 +10,7 @@ import { element, setText, show } from "./dom.ts";
 import { counted, grouped, words } from "./format.ts";
 import { cameraOfView, scaled } from "./projection.ts";
 import type { Triangles } from "./silhouette.ts";
-import type { Specimen, ViewRecord } from "./status.ts";
+import type { Specimen, StoredViewRecord } from "./status.ts";
 import { wellKey, type StoredModels, type StoredSpecimens, type StoredWell } from "./stored.ts";
 import type { Subject } from "./subject.ts";
 
@@ -39,15 +39,15 @@ export function trianglesOf(model: BufferGeometry): Triangles {
 }
 
 /** One line about a view: `residual 0.21 px`, or why it does not count. Pure. */
-export function viewWords(record: ViewRecord | undefined): string {
+export function viewWords(record: StoredViewRecord | undefined): string {
   if (record === undefined) return "no numbers";
-  if (!record.used) return `left out: ${record.reason === null ? "no reason given" : words(record.reason)}`;
+  if (!record.used) return `left out: ${record.reason == null ? "no reason given" : words(record.reason)}`;
   const residual = record.residual_px;
   return residual == null ? "counts" : `${grouped(residual, 2)} px`;
 }
 
 /** What the views say together. Pure. */
-export function stripWords(records: readonly ViewRecord[]): string {
+export function stripWords(records: readonly StoredViewRecord[]): string {
   const used = records.filter((v) => v.used);
   const out = records.length - used.length;
   const said = [`${counted(records.length, "view")}, ${out === 0 ? "all of them count" : `${out} left out`}.`];
@@ -175,7 +175,7 @@ export class ViewStrip {
     await Promise.all([...Array.from({ length: AT_A_TIME }, worker), this.#outlines(one, specimen, key)]);
   }
 
-  #item(link: string, place: number, record: ViewRecord | undefined, most: number): Item {
+  #item(link: string, place: number, record: StoredViewRecord | undefined, most: number): Item {
     const view = viewNumber(link) ?? -1;
     const [picture, outline] = [element("img", ""), element("img", "")];
     // The words of the button describe the view.

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 /// A position of a stepper axis, counted in whole motor steps from the reference.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(transparent)]
 pub struct Steps(pub i64);
 

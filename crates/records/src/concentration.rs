@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 /// A unit as the lab wrote it. `ug/mL` and `mg/L` are the same amount, but are not converted into each other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub enum ConcentrationUnit {
     #[serde(rename = "M")]
     Molar,

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 /// Identity of an instrument. Files of versions that did not write it do not have it.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct InstrumentIdentity {
     /// `[rig] name` of the configuration.
     pub name: String,

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 /// One view. The reconstruction computes its angle from the achieved steps.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct LedgerEntry {
     /// Number of the view around the turn, from 0.
@@ -53,6 +54,7 @@ fn is_first(retake: &u32) -> bool {
 
 /// A frame of the second camera. It is taken after the frame of the first camera, before the axis moves.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct SecondEntry {
     /// Time from the first trigger to the accepted frame, ms.
@@ -69,6 +71,7 @@ pub struct SecondEntry {
 
 /// Entries of one revolution in the order in which they were taken. All have the same epoch, and no take of a view occurs twice.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(try_from = "Vec<LedgerEntry>", into = "Vec<LedgerEntry>")]
 pub struct Ledger {
     entries: Vec<LedgerEntry>,

@@ -87,6 +87,7 @@ impl Ranged for Method {
     }
 }
 
+/// What a lab calls a state of its method.
 #[derive(Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(untagged)]

@@ -92,6 +92,7 @@ pub enum SchedulerAction {
 /// The source of numbers: an instrument, the emulated rig, or imported pictures of unknown origin. It is part of every output. A daemon has
 /// one of the first two.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Mode {
     Hardware,

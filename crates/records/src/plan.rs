@@ -7,6 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// The kind of specimen in a well, from the plate map.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum SpecimenKind {
     Larva,
@@ -38,6 +39,7 @@ pub struct RunPlan {
 
 /// Whether a well is a control.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Control {
     Positive,
@@ -46,6 +48,7 @@ pub enum Control {
 
 /// A well of a plate map: its specimen and its treatment. carved uses `specimen` and `dpf`, and copies the rest into the results.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct PlannedWell {
     /// `A01` to `AF48`.

@@ -42,6 +42,7 @@ pub const MEASUREMENT: &str = "measurement.json";
 /// Content of `measurement.json`: the numbers, and the mode. It contains no time and no name of a run, so that equal numbers give equal
 /// bytes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct MeasurementFile {
     pub mode: Mode,
     #[serde(flatten)]
@@ -113,6 +114,7 @@ pub fn fluorescence<'a>(
 
 /// The rig at the time of the recording.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct RigRecord {
     pub name: String,
     /// The model camera psi. The angles are in the ledger.
@@ -132,6 +134,7 @@ pub struct RigRecord {
 
 /// The second camera at the time of the recording.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct SecondRecord {
     pub optics: SecondOptics,
     pub identity: String,
@@ -139,6 +142,7 @@ pub struct SecondRecord {
 
 /// Content of `recording.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Recording {
     pub schema: String,
     pub software: Software,

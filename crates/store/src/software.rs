@@ -11,6 +11,7 @@ static BUILD: OnceLock<(String, Option<bool>)> = OnceLock::new();
 
 /// Which program wrote a file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Software {
     pub name: String,
     pub version: String,

@@ -67,11 +67,13 @@ impl Control {
             }
             self.watch_heartbeat();
             if let Ok((length, from)) = received
-                && !self.faults.is_mute()
-                && !self.faults.is_unplugged()
                 && let Some(request) = Request::parse(&packet[..length])
             {
-                self.answer(&request, from);
+                if self.faults.is_unplugged() {
+                    self.faults.count_unheard_request();
+                } else if !self.faults.is_mute() {
+                    self.answer(&request, from);
+                }
             }
         }
         let _ = self.sensor.send(Order::Quit);

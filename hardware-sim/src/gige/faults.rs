@@ -21,6 +21,7 @@ pub struct CameraFaults {
     stolen: AtomicBool,
     unplugged: AtomicBool,
     restart: AtomicBool,
+    unheard_requests: AtomicU32,
     dice: AtomicU64,
 }
 
@@ -74,6 +75,11 @@ impl CameraFaults {
     /// Unplugs the network cable (`true`) or plugs it in again. The camera itself continues.
     pub fn pull_cable(&self, out: bool) {
         self.unplugged.store(out, Ordering::Relaxed);
+    }
+
+    /// Number of requests that did not arrive because the cable was unplugged.
+    pub fn unheard_requests(&self) -> u32 {
+        self.unheard_requests.load(Ordering::Relaxed)
     }
 
     /// Restarts the camera, as a short loss of power does. It is ready again at once.
@@ -140,6 +146,10 @@ impl CameraFaults {
 
     pub(super) fn is_unplugged(&self) -> bool {
         self.unplugged.load(Ordering::Relaxed)
+    }
+
+    pub(super) fn count_unheard_request(&self) {
+        self.unheard_requests.fetch_add(1, Ordering::Relaxed);
     }
 
     pub(super) fn takes_restart(&self) -> bool {

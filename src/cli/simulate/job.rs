@@ -23,7 +23,7 @@ pub enum Job {
 impl Job {
     pub async fn run(self, handle: SessionHandle, data: &Path) -> anyhow::Result<()> {
         if let (Self::Demo, Some(open)) = (&self, left_open(&handle).await) {
-            announce!("Run {} was left open by an earlier daemon; it goes on before any other.", open.id);
+            announce!("Run {} was left open by an earlier daemon; it continues before any other run starts.", open.id);
             let Some(run) = finished(&handle, &open.id).await else { return Ok(()) };
             announce!("{}", table(&run, &data.join("runs").join(&run.id)).trim_end());
             announce!("Serving on. Ctrl-C ends it.");

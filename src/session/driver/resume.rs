@@ -120,7 +120,7 @@ mod tests {
                 let fault = &state.faults.open()[0];
                 let next = hold.next_action.unwrap();
                 assert_eq!(goes_on, fault.end() == FaultEnd::Cause && !comes_back, "{}", code.code);
-                assert_eq!(next.contains("goes on by itself"), goes_on, "{}: {next}", code.code);
+                assert_eq!(next.contains("continues by itself"), goes_on, "{}: {next}", code.code);
                 assert!(fault.needs_a_person(under_fault(Some(&r), state.run.as_ref(), &state.faults)), "{}", code.code);
                 let command = match fault.end() {
                     FaultEnd::Acknowledgement => Some(NextCommand::Acknowledge),

@@ -34,9 +34,10 @@ impl Sight for Numbered {
     }
 }
 
+/// The camera is dropped first. A driver waits ten seconds for the answers of a camera that is gone.
 pub struct Bench {
-    pub rig: Rig,
     pub camera: Box<dyn Camera>,
+    pub rig: Rig,
 }
 
 pub fn rig() -> Rig {
@@ -57,7 +58,7 @@ impl Bench {
         let rig = rig();
         let mut camera = camera::open(change(settings(&rig))).unwrap();
         camera.arm().unwrap();
-        Self { rig, camera }
+        Self { camera, rig }
     }
 
     pub fn faults(&self) -> &hardware_sim::gige::CameraFaults {

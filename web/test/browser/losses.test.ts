@@ -27,7 +27,7 @@ async function cameraLost(t: Ends): Promise<void> {
   const hold = held.run!.hold!;
   assert.deepEqual([hold.code, hold.times, hold.next_command], ["camera_lost", 1, null]);
   await page
-    .locator("#sentence", { hasText: /^Check the camera's power and network cable\. The run goes on by/ })
+    .locator("#sentence", { hasText: /^Check the camera's power and network cable\. The run continues by/ })
     .waitFor();
   await page.locator("#diagnosis", { hasText: /^Held because: The camera does not answer/ }).waitFor();
   await page.locator("#fault-list", { hasText: "Needs you" }).waitFor();
@@ -61,7 +61,7 @@ async function axisLostInATurn(t: Ends): Promise<void> {
   await page.getByText("What happened in this run").click();
   await until(page, "log-list", /A01 was interrupted .*: it is measured again from the start\./);
   await until(page, "log-list", /The run is held: The axis' controller does not answer/);
-  await until(page, "log-list", /The run goes on by itself\./);
+  await until(page, "log-list", /The run continues by itself\./);
   const stored = (await (await fetch(`${daemon.url}/v1/runs/lost/specimens/A01`)).json()) as {
     earlier_attempts: number[];
   };

@@ -8,6 +8,7 @@ import type { Status, VolumeEstimate } from "../../src/status.ts";
 import { drawn, openBrowser, openPage, rightShare, shoot } from "../support/browser.ts";
 import { FixtureServer, kept, NO_FILES } from "../support/fixture-server.ts";
 import { ellipsoidGlb, png } from "../support/picture.ts";
+import { areaPlace, noVolumePlace } from "../support/references.ts";
 import { carved, fault, placed, run, specimen, status, well } from "../support/statuses.ts";
 
 /** A dark ellipse between two wall lines on a pale ground. */
@@ -225,7 +226,6 @@ test("a chosen well shows what is stored of it, and the page says whose pictures
   // The second view has no profile.
   const profiles = [0, 2].map((i) => `${base}/profiles/${i}.png`);
   const links = { ...NO_FILES, mesh_glb: `${base}/mesh.glb`, views, profiles };
-  const known = { group: "fixed, 3 dpf", n: 12, mean: 3.2e6, sd: 150_000, z: 1.5, percentile: 93 };
   const fin: [number, number][] = [
     [100, 180],
     [400, 180],
@@ -238,10 +238,10 @@ test("a chosen well shows what is stored of it, and the page says whose pictures
   const measurement = {
     calibration: { psi: camera, rho: 1 },
     views: [{ ...view(0, 0.2), fins_px: [fin] }, { ...view(1, 0), used: false, reason: "not_seen" }, view(2, 0.4)],
-    reference: { estimates: [{ estimator: "support", volume: {}, area: { known } }] },
+    reference: { estimates: [{ estimator: "support", volume: noVolumePlace, area: areaPlace(1.5, 93) }] },
   };
   server.answers[base] = kept({
-    recording: { rig: { pixel_format: "BayerRG8", camera } },
+    recording: { rig: { camera } },
     measurement,
     hull_volumes_um3: late,
     estimates: estimated(21),
@@ -747,13 +747,13 @@ test("hold, go on, and stop after the well, each offered where it applies", asyn
     code: "camera_lost",
     cause: "The camera is gone.",
     times: 3,
-    next_action: "Check its cable. The run goes on by itself when the camera answers.",
+    next_action: "Check its cable. The run continues by itself when the camera answers.",
     next_command: null,
     fault_seq: 7,
   };
   const standing = { ...held, faults: [lost], run: run([well("A01")], { goes_on_by_itself: true, hold }) };
   server.publish(standing);
-  await until("sentence", /^Check its cable\. The run goes on by itself/);
+  await until("sentence", /^Check its cable\. The run continues by itself/);
   await until(
     "diagnosis",
     /^Held because: The camera is gone\. It has held the run 3 times since a well was finished\.$/,

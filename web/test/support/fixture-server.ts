@@ -32,7 +32,7 @@ export function kept(change: Partial<Specimen> = {}): Specimen {
     attempt: 1,
     earlier_attempts: [],
     result: null,
-    recording: {},
+    recording: { rig: { camera: { f: 60_000, kx: 0.18, ky: 0.18, ux: 256, uy: 256, width: 512, height: 512 } } },
     measurement: null,
     hull_volumes_um3: [],
     estimates: [],

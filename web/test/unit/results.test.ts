@@ -104,7 +104,7 @@ const EVENTS: [kind: string, data: unknown, words: string][] = [
   ["run.held", { by: "fault", cause: "The camera is silent." }, "trouble: The run is held: The camera is silent."],
   ["run.held", { by: "fault", code: "rotation_lost" }, "trouble: The run is held: rotation lost."],
   ["run.held", { by: "operator" }, "news: An operator holds the run."],
-  ["run.resumed", { by: "instrument" }, "news: The run goes on by itself."],
+  ["run.resumed", { by: "instrument" }, "news: The run continues by itself."],
   ["run.resumed", { by: "operator" }, "news: An operator lets the run go on."],
   ["run.interrupted", { found: "at start" }, "trouble: The program was started again and found the run open."],
   [
@@ -138,7 +138,7 @@ const EVENTS: [kind: string, data: unknown, words: string][] = [
   [
     "specimen.interrupted",
     { reason: "", policy: "redo", kept: true },
-    "trouble: A01 was interrupted: it stays in the capillary, and the run goes on with it.",
+    "trouble: A01 was interrupted: it stays in the capillary, and the run continues with it.",
   ],
   ["specimen.interrupted", { reason: "", policy: "skip" }, "trouble: A01 was interrupted: it is given up."],
   ["specimen.recovering", { attempt: 1 }, "news: A01: its numbers are computed from the stored frames."],

@@ -3,10 +3,11 @@ import { test } from "node:test";
 import { cameraOfView, project, projectionOf, scaled } from "../../src/projection.ts";
 import { edgeOf, silhouetteOf } from "../../src/silhouette.ts";
 import { standingsOf, standingWords } from "../../src/standing.ts";
-import type { Measured, Psi, ViewRecord } from "../../src/status.ts";
+import type { Measured, StoredCamera, StoredViewRecord } from "../../src/status.ts";
 import { pictureOf, stripWords, viewNumber, viewWords } from "../../src/views.ts";
+import { areaPlace, noVolumePlace } from "../support/references.ts";
 
-const psi: Psi = { f: 60_000, kx: 1 / 5.5, ky: 1 / 5.5, ux: 511.5, uy: 511.5, width: 1024, height: 1024 };
+const psi: StoredCamera = { f: 60_000, kx: 1 / 5.5, ky: 1 / 5.5, ux: 511.5, uy: 511.5, width: 1024, height: 1024 };
 
 function near(found: [number, number] | null, u: number, v: number): void {
   assert.ok(found && Math.hypot(found[0] - u, found[1] - v) < 1e-6, `${found} is not ${u}, ${v}`);
@@ -14,7 +15,8 @@ function near(found: [number, number] | null, u: number, v: number): void {
 
 test("the signs of the camera are those of docs/calibration.md", () => {
   near(project(projectionOf(psi, 1), 55, 0, 0), 521.5, 511.5);
-  const at = (camera: Psi, omega: number, x: [number, number, number]) => project(projectionOf(camera, omega), ...x)!;
+  const at = (camera: StoredCamera, omega: number, x: [number, number, number]) =>
+    project(projectionOf(camera, omega), ...x)!;
   assert.ok(at(psi, 0.1, [0, 0, -275])[1] > at(psi, 0, [0, 0, -275])[1], "positive omega moves the near wall down");
   assert.ok(at({ ...psi, gamma: 0.01 }, 0, [1000, 0, 0])[1] > 511.5, "positive gamma lowers the +x end");
   const depth = (alpha: number) => {
@@ -37,7 +39,7 @@ test("a smaller picture has its pixels where the larger one has them", () => {
   near(project(scaled(p, 0.25), 700, 120, -80), (u + 0.5) / 4 - 0.5, (v + 0.5) / 4 - 0.5);
 });
 
-const view = (index: number, omega: number, change: Partial<ViewRecord> = {}): ViewRecord => ({
+const view = (index: number, omega: number, change: Partial<StoredViewRecord> = {}): StoredViewRecord => ({
   ...{ index, omega, used: true, reason: null, dy_px: 0, residual_px: 0.2 },
   ...change,
 });
@@ -52,7 +54,7 @@ test("a view is seen by the calibrated camera: shift, angle, and the rig's camer
   near(at(measured, 2), ...project(projectionOf({ ...psi, uy: 500 }, 0.3 + 1.1 * 0.3), ...x)!);
   near(at({ calibration: null, views }, 2), ...project(projectionOf(psi, 0.6), ...x)!);
   assert.equal(cameraOfView(recording, measured, 7), null);
-  assert.equal(cameraOfView({}, { views }, 1), null);
+  assert.equal(cameraOfView(recording, null, 1), null);
 });
 
 test("the silhouette of two triangles has no gap, and its edge is two pixels wide", () => {
@@ -91,9 +93,10 @@ test("a view says its distance, or why it does not count; the strip names the wo
 });
 
 test("a larva stands where its estimator has references, and says its share in words", () => {
-  const known = { group: "fixed, 3 dpf", n: 12, mean: 3.2e6, sd: 150_000, z: -0.8, percentile: 22.6 };
-  const estimate = (estimator: string, z: number) => ({ estimator, volume: {}, area: { known: { ...known, z } } });
-  const measured = { reference: { estimates: [estimate("voxel", 2), estimate("support", -0.8)] } };
+  const estimate = (estimator: string, z: number) => ({
+    ...{ estimator, volume: noVolumePlace, area: areaPlace(z, 22.6) },
+  });
+  const measured = { views: [], reference: { estimates: [estimate("voxel", 2), estimate("support", -0.8)] } };
   const [area, ...more] = standingsOf(measured, "support");
   assert.deepEqual([area!.quantity, area!.z, area!.mean, more.length], ["Area", -0.8, 3.2, 0]);
   const [other] = standingsOf(measured, "field");

@@ -18,6 +18,7 @@ use serde::{Deserialize, Serialize};
 
 /// Offset of the specimen's pose between two views from the same direction.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct PoseOffset {
     /// To the right in the image, px.
     pub along_px: f64,
@@ -32,9 +33,10 @@ pub struct PoseOffset {
     pub sd: Option<PoseOffsetSd>,
 }
 
-/// Standard deviations of a [`PoseOffset`] by the edges of the two views. The turn of a nearly round specimen is hardly
+/// Standard deviations of a pose offset by the edges of the two views. The turn of a nearly round specimen is hardly
 /// observable: its standard deviation is then near that of the prior, 10 deg.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct PoseOffsetSd {
     /// Of `along_px`, px.
     pub along_px: f64,

@@ -230,6 +230,7 @@ pub fn short(views: &[&Columns]) -> Vec<(usize, Bad)> {
 
 /// A step in the specimen's pose from one view on.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Moved {
     /// Number of the first view after the step.
     pub view: usize,

@@ -29,6 +29,7 @@ const TOLERANCE: f64 = 0.0025;
 
 /// The result of the VRV check.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum VrvVerdict {
     /// The calibrated camera leaves the most.
@@ -41,6 +42,7 @@ pub enum VrvVerdict {
 
 /// Volumes that no view misses (VRV), with three cameras.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct VrvCheck {
     /// With the camera as given and the ledger's angles, um^3.
     pub given_um3: f64,

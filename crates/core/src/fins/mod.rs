@@ -35,6 +35,7 @@ use serde::{Deserialize, Serialize};
 
 /// The free edge of a fin as it was found by the views together.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Fin {
     /// Its points, um in the frame of the turn: x along the capillary, y and z across. One point per slice, from left to right.
     pub points_um: Vec<[f64; 3]>,

@@ -4,9 +4,9 @@ use super::{Projection, VoxelGrid};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// The vector psi without its angles omega, which come from the ledger, view by view. The geometry is described in the
-/// [module](super).
+/// The vector psi without its angles omega, which come from the ledger, view by view. docs/calibration.md describes the geometry.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Camera {
     /// Distance of the projection centre from the axis, um. It determines only the strength of the perspective.
     pub f: f64,

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 /// The optics of the second camera.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct SecondOptics {
     /// Its camera, in the frame of the capillary.
     pub camera: Camera,

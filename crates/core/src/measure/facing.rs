@@ -19,6 +19,7 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// Which views of a turn show the back, the belly and the sides of a larva.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Facing {
     /// End of the picture at which the head lies. `null` where both ends are alike.
     pub head: Option<End>,

@@ -41,6 +41,7 @@ pub struct SecondView<'a> {
 
 /// The signal of one view.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct ViewSignal {
     /// Number of the view.
     pub view: u32,
@@ -58,6 +59,7 @@ pub struct ViewSignal {
 
 /// Fluorescence of a specimen.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Fluorescence {
     /// Signal of each view.
     pub views: Vec<ViewSignal>,

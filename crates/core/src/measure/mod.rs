@@ -32,6 +32,7 @@ use serde::{Deserialize, Serialize};
 
 /// The numbers of one model.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Measurement {
     /// Live voxels.
     pub voxels: u64,
@@ -45,7 +46,7 @@ pub struct Measurement {
     pub epsilon: f64,
     /// Estimator of `volume_um3` and `area_um2`.
     pub estimator: Estimator,
-    /// Why the estimator is not that of the support functions, in the words of [`Fallback`]. `None` where it is.
+    /// Why the estimator is not that of the support functions, in words. `None` where it is.
     pub fallback: Option<String>,
     /// Volume by the trusted estimator.
     pub volume_um3: f64,
@@ -98,6 +99,7 @@ impl Measurement {
 
 /// A way from views to volume and area.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Estimator {
     /// The paper's: voxels are counted, and Heron's formula is applied to the faired surface.
@@ -118,6 +120,7 @@ impl Estimator {
 
 /// The numbers of every estimator, from the same views.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Estimators {
     /// The paper's estimator.
     pub voxel: VoxelEstimate,
@@ -127,6 +130,7 @@ pub struct Estimators {
 
 /// The paper's numbers: volume = voxels x SD^3, area = Heron's formula over the faired mesh.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct VoxelEstimate {
     /// Volume.
     pub volume_um3: f64,
@@ -136,6 +140,7 @@ pub struct VoxelEstimate {
 
 /// Standard deviations by cause. Bias is not among them: what is known of it is stated with the estimators.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Spread {
     /// Volume: what another turn of the same specimen would change (jackknife over the views).
     pub volume_views_um3: f64,
@@ -192,6 +197,7 @@ fn root_of_squares<const N: usize>(parts: [f64; N]) -> f64 {
 
 /// How a mesh was faired before its area was taken.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct AreaMethod {
     /// Operator of the implicit fairing.
     pub operator: String,

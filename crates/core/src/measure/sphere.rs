@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 /// A fitted sphere.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct SphereFit {
     /// Its diameter.
     pub diameter_um: f64,

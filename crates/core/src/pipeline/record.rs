@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 
 /// The result of one view.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct ViewRecord {
     /// Number of the view in the plan; 0 is the view at 0 deg.
     pub index: u32,
@@ -50,7 +51,7 @@ pub struct ViewRecord {
     /// That area over the profile's, %. `None` without calibration.
     #[serde(default)]
     pub overlap_percent: Option<f64>,
-    /// Where the view sees the fins of [`SpecimenRecord::fins`], point by point: `[u, v]`, px to a tenth. Empty for a view that does not
+    /// Where the view sees the `fins` of the specimen, point by point: `[u, v]`, px to a tenth. Empty for a view that does not
     /// count.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub fins_px: Vec<Vec<[f64; 2]>>,
@@ -72,6 +73,7 @@ impl ViewRecord {
 /// The walls in one frame as a ruler for the rig, in the column of the principal point. The walls are the same glass in every
 /// frame: what changes is the rig.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct WallRecord {
     /// Distance of the inner wall lines, um by the calibrated scale across.
     pub bore_um: f64,
@@ -93,6 +95,7 @@ impl WallRecord {
 
 /// The view at 0 deg compared with the view at 360 deg. Lost steps and a specimen that moved show only here.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct ClosureRecord {
     /// Intersection over union of the two profiles.
     pub iou: f64,
@@ -122,6 +125,7 @@ impl ClosureRecord {
 
 /// The numbers of a specimen, with what they rest on.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct SpecimenRecord {
     /// Volume, area and size.
     pub measurement: Measurement,
@@ -148,13 +152,13 @@ pub struct SpecimenRecord {
     #[serde(default)]
     pub quality: Option<Quality>,
     /// Flags: `bad_view` (a view does not count), `clipped_left`, `clipped_right`, `outside_box`, `moved`, `closure_undecided` (the
-    /// closure is over a limit, but by less than two standard deviations), `no_closure` (the
-    /// view at 360 deg has no profile, so that a specimen that moved would show only in the residuals), `dead_looking` (opaque
-    /// throughout in most views), `blur_mismatch` (the frames are not as sharp as configured), `few_views`, `nonconvex` (the
-    /// voxels are trusted), `fins_unseen` (a long specimen with fins shorter than half its length: see [`Spread::volume_fins_unseen_um3`](crate::measure::Spread)), `uncalibrated` (measured with the rig's camera), `calibration_gate` (another axis leaves a larger
-    /// hull: the views do not quite agree), `wrong_steps` (the capillary did not turn as far as the ledger says), and those of
-    /// [`Quality`]: `unusable_views`, `residual`, `overlap`, `uncertain`, `calibration_off`, `volume_off_references`,
-    /// `area_off_references`.
+    /// closure is over a limit, but by less than two standard deviations), `no_closure` (the view at 360 deg has no profile, so that
+    /// a specimen that moved would show only in the residuals), `dead_looking` (opaque throughout in most views), `blur_mismatch`
+    /// (the frames are not as sharp as configured), `few_views`, `nonconvex` (the voxels are trusted), `fins_unseen` (a long specimen
+    /// with fins shorter than half its length: see `volume_fins_unseen_um3`), `uncalibrated` (measured with the rig's camera),
+    /// `calibration_gate` (another axis leaves a larger hull: the views do not quite agree), `wrong_steps` (the capillary did not
+    /// turn as far as the ledger says), and those of `quality`: `unusable_views`, `residual`, `overlap`, `uncertain`,
+    /// `calibration_off`, `volume_off_references`, `area_off_references`.
     pub flags: Vec<String>,
 }
 

@@ -21,6 +21,7 @@ use serde::{Deserialize, Serialize};
 
 /// The kinds of contents.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Kind {
     /// Nothing.
@@ -53,6 +54,7 @@ impl Kind {
 
 /// The likelihood of each kind; they sum to 1.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Likelihoods {
     /// Nothing.
     pub empty: f64,
@@ -70,6 +72,7 @@ pub struct Likelihoods {
 
 /// A side of the picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Side {
     /// The left side.
@@ -80,6 +83,7 @@ pub enum Side {
 
 /// The side towards which the head lies.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema), schemars(rename = "HeadInPicture"))]
 pub struct Head {
     /// `None` where the picture does not show it, or there is not one larva.
     pub side: Option<Side>,
@@ -89,6 +93,7 @@ pub struct Head {
 
 /// What was detected in a frame, with confidences from 0 to 1.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Detection {
     /// The likeliest kind.
     pub kind: Kind,

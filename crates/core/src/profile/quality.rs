@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 /// Figures of one profile. Those of the edge are over the vertices where the specimen's own edge can be seen.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct ProfileQuality {
     /// Median height of the step at the edge, in standard deviations of a pixel's noise.
     pub edge_contrast_sigma: f64,

@@ -82,7 +82,7 @@ impl Default for EdgeSettings {
 
 /// How the specimen is separated from the empty bore, before its edge is placed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema), schemars(rename = "SegmentMethod"))]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
     /// The level set, and what is faint around it: for measurements.

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 /// A number and its limit.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Check {
     /// Key of the limit in the method's `quality` table.
     pub name: String,
@@ -74,6 +75,7 @@ impl Check {
 
 /// The checks of a specimen.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Quality {
     /// Whether no number exceeds its limit.
     pub passed: bool,

@@ -164,6 +164,7 @@ impl Reconstruction {
 
 /// The calibration of a turn as it is stored.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct CalibrationRecord {
     /// The camera with which the numbers were made.
     pub psi: Camera,

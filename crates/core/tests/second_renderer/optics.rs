@@ -72,7 +72,7 @@ impl Lattice {
 }
 
 /// What a specimen at one angle does to the light, and where it is.
-pub struct Seen {
+pub struct SpecimenImage {
     /// Intensity of red, green and blue; 1 without a specimen.
     pub intensity: [Lattice; 3],
     /// Share of each cell that the specimen covers, fins included.
@@ -82,7 +82,7 @@ pub struct Seen {
 }
 
 /// Images a specimen turned by `omega` (rad) about the axis: a point `(y, z)` is seen at `y cos - z sin`.
-pub fn image(specimen: &Specimen, omega: f64, optics: &Optics) -> Seen {
+pub fn image(specimen: &Specimen, omega: f64, optics: &Optics) -> SpecimenImage {
     let way = optics.defocus_um.abs() * (optics.aperture_rad + optics.cone_rad) / specimen.step_um;
     let margin = (way + optics.disc_px * FINE as f64).ceil() as isize + 2 * FINE as isize;
     let slices = specimen.slices();
@@ -125,7 +125,7 @@ pub fn image(specimen: &Specimen, omega: f64, optics: &Optics) -> Seen {
         light.data.iter_mut().for_each(|depth| *depth = (-*depth).exp());
         *light = blurred(&transported(light, &path, &covered, optics, specimen.step_um), optics.disc_px * FINE as f64);
     });
-    Seen { intensity: depths, covered, body }
+    SpecimenImage { intensity: depths, covered, body }
 }
 
 /// Adds the lengths (um, signed by the polygon's sense) of the chords through the middles of the rows. Returns the polygon's extent in rows.

@@ -1,7 +1,7 @@
 //! A frame: camera, lamp, capillary, dust, specimen, sensor.
 
 use crate::dust::{Place, Speck};
-use crate::optics::{FINE, Optics, Seen, image};
+use crate::optics::{FINE, Optics, SpecimenImage, image};
 use crate::random::Random;
 use crate::shape::{Point, Specimen};
 use rayon::prelude::*;
@@ -144,7 +144,7 @@ impl Scene {
     }
 
     /// Red, green and blue light of a pixel, and its coverage with and without fins.
-    fn pixel(&self, u: usize, v: usize, dust: f32, seen: Option<&Seen>) -> [f32; 5] {
+    fn pixel(&self, u: usize, v: usize, dust: f32, seen: Option<&SpecimenImage>) -> [f32; 5] {
         let (wide, high) = (self.view.width as f64, self.view.height as f64);
         let (u, v) = (u as f64, v as f64);
         let [x, across] = self.view.aligned(u, v);

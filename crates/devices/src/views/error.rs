@@ -11,7 +11,7 @@ pub enum ViewsError {
     FolderLost { path: PathBuf, why: String },
     /// Pictures from before the run. They may belong to another plate.
     #[error(
-        "views: {count} picture(s) were in {} before the run began, {} among them. If the run goes on, they are measured as this plate",
+        "views: {count} picture(s) were in {} before the run began, {} among them. If the run continues, they are measured as this plate",
         folder.display(),
         example.display()
     )]

@@ -83,7 +83,7 @@ fn words(code: &FaultCode, end: FaultEnd, run: RunUnderFault) -> String {
     let (first, otherwise) = remedy.split_at(condition.unwrap_or(remedy.len()));
     let is_first = first.is_empty();
     let rule = match (end, run) {
-        (FaultEnd::Cause, RunUnderFault::GoesOnByItself) => format!("The run goes on by itself when {over}."),
+        (FaultEnd::Cause, RunUnderFault::GoesOnByItself) => format!("The run continues by itself when {over}."),
         (FaultEnd::Cause, RunUnderFault::Waits) => format!("When {over}, let the run go on."),
         (FaultEnd::Cause, RunUnderFault::None) => format!("The fault ends by itself when {over}."),
         (FaultEnd::Resumption, RunUnderFault::None) => "The fault ends when a run starts.".to_owned(),
@@ -112,7 +112,7 @@ mod tests {
                 let asks_for_a_person = advice.contains("et the run go on");
                 assert!(run != RunUnderFault::None || !asks_for_a_person, "{}: {advice}", code.code);
                 assert_eq!(
-                    advice.contains("run goes on by itself"),
+                    advice.contains("run continues by itself"),
                     fault.end() == FaultEnd::Cause && run == RunUnderFault::GoesOnByItself,
                     "{}: {advice}",
                     code.code

@@ -14,6 +14,7 @@ use std::f64::consts::TAU;
 
 /// The place of volume and area together in a group.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct JointPlace {
     /// Name of the group.
     pub group: String,

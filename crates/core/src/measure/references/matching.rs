@@ -54,6 +54,7 @@ fn is_same(one: &str, other: &str) -> bool {
 
 /// A value of a setting, or a word.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(untagged)]
 pub enum Known {
     /// A number.
@@ -64,6 +65,7 @@ pub enum Known {
 
 /// One difference between a specimen and its reference larvae. `null` means not known.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Mismatch {
     /// `asd`, `views`, `voxel_um`, `epsilon`, `treatment`, `strain`, `cohort` or `mode`.
     pub key: String,
@@ -75,6 +77,7 @@ pub struct Mismatch {
 
 /// The question at which no group was left.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum MissingReason {
     /// No group of this age.
@@ -89,6 +92,7 @@ pub enum MissingReason {
 
 /// Why there is no reference.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Missing {
     /// The quantity.
     pub quantity: Quantity,

@@ -11,6 +11,7 @@ use statrs::distribution::{Continuous, ContinuousCDF, StudentsT};
 
 /// The place of a value in a group.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Place {
     /// Name of the group.
     pub group: String,

@@ -14,6 +14,7 @@ use std::cmp::Reverse;
 
 /// The probability of each age.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Stage {
     /// Quantity that the probabilities rest on.
     pub by: Quantity,
@@ -25,6 +26,7 @@ pub struct Stage {
 
 /// The probability of one age.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct StageShare {
     /// Age, days post fertilisation.
     pub dpf: f64,

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 
 /// A result, or the reason why there is none.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema), schemars(rename = "{T}Answer"))]
 #[serde(rename_all = "snake_case")]
 pub enum Answer<T> {
     /// The result.
@@ -20,6 +21,7 @@ pub enum Answer<T> {
 
 /// The place of a larva among reference larvae of its age, by every estimator that has references.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Standing {
     /// Age at which it was compared, days post fertilisation: that of the plate map.
     pub dpf: f64,
@@ -29,6 +31,7 @@ pub struct Standing {
 
 /// The place of one estimator's numbers.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct EstimateStanding {
     /// Name of the estimator.
     pub estimator: String,

@@ -21,6 +21,7 @@ use serde::{Deserialize, Serialize};
 /// end plane err by r/2 times the squared angle). Areas have the error of the facets, some `(facet / radius)^2 / 8`. The axis
 /// is known to `axis_rms_um`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Body {
     /// Arc length of the body axis from end to end.
     pub length_um: f64,
@@ -42,6 +43,7 @@ pub struct Body {
 
 /// One slice across the axis.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Station {
     /// Arc length from the first end.
     pub s_um: f64,
@@ -59,6 +61,7 @@ pub struct Station {
 
 /// How the axis bends, from the first station to the last.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Bending {
     /// Sum of the angles between the axis' directions at neighbouring stations; 0 for a straight body.
     pub total_deg: f64,
@@ -72,6 +75,7 @@ pub struct Bending {
 /// dorsal to ventral, and z completes a right-handed frame. It is the frame of a larva that looks to the left with its back up,
 /// as pictures show it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct ToBody {
     /// Rows are the body's axes in the coordinates of the mesh.
     pub rotation: [[f64; 3]; 3],

@@ -37,6 +37,7 @@ const STRAY_SHARE: f64 = 0.05;
 /// Error: 1e-3 of the sum for bodies with rounded ends on 250 000 triangles. A flat end counts as if it were a four-hundredth
 /// of the length deep.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Harmonics {
     /// Power of degrees 1 to 8, um^2. Degree 1 is the part of an ellipsoid; a ball has its squared radius there and nothing
     /// else.

@@ -28,6 +28,7 @@ type Vector = nalgebra::Vector3<f64>;
 
 /// Shape of a closed mesh in um.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Shape {
     /// Numbers of the whole solid. `None` with `solid_reason`.
     pub solid: Option<Solid>,

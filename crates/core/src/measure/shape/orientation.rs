@@ -19,6 +19,7 @@ use std::f64::consts::PI;
 
 /// An end of the body by its place along the capillary.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum End {
     /// At low x.
@@ -30,6 +31,7 @@ pub enum End {
 /// The head is at the thicker end. A larva whose tail is cut off by the frame still has it there; one without its head does
 /// not.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Head {
     /// `null` where both ends are alike: stations then begin on the left.
     pub end: Option<End>,
@@ -70,6 +72,7 @@ impl Head {
 
 /// The back, as far as the shape determines it: the yolk of a larva hangs below the line of head and trunk.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Dorsal {
     /// Unit vector towards the back, in the coordinates of the mesh and across its long direction. `null` where the shape does
     /// not determine it: heights are then along the longer direction of the slices, and which of its ends is up means nothing.

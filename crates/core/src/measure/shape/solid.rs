@@ -10,6 +10,7 @@ use std::f64::consts::PI;
 
 /// Sums over tetrahedra between the triangles and the centroid; exact for the mesh but for rounding (1e-12 of the value).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Solid {
     /// Enclosed by the mesh.
     pub volume_um3: f64,

@@ -20,6 +20,7 @@ const BIAS_MOST: f64 = 0.03;
 
 /// Volume and area by support functions of the slices.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct SupportEstimate {
     /// Volume. `volume_bias_um3` is taken off already.
     pub volume_um3: f64,
