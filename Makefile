@@ -1,7 +1,7 @@
 # `make run` shows the instrument at work on its emulated rig; `make help` lists the rest.
 
 .DEFAULT_GOAL := help
-.PHONY: help build run test test-rust test-page test-python test-module test-service test-s3 test-slurm qa tutorial lint bench deb deb-test
+.PHONY: help build run test test-rust test-page test-python test-module test-service test-s3 test-slurm qa fuzz tutorial lint bench deb deb-test
 .PHONY: offline offline-test wheel web contract deny deps-build deps-web deps-python deps-test deps-slurm deps-bench deps-package deps-machine
 
 CARGO ?= cargo
@@ -57,6 +57,10 @@ test-service:
 qa: build deps-python deps-test ## attacks the release program from outside, row by row: docs/reliability.md (ROW=R13 SCALE=full CONTROL=1)
 	python3 -m tests.reliability --binary "$(abspath $(TARGET_DIR))/release/carved" --write --scale $(or $(SCALE),default) $(if $(CONTROL),--control) $(ROW)
 
+# TARGET="http ply" selects parsers, SECONDS=60 the time for each; KEEP=1 adds what reaches new code to the corpus.
+fuzz: deps-build ## searches inputs at which a parser panics, hangs or takes all memory, guided by coverage: 20 s each (TARGET=http SECONDS=60)
+	CARGO="$(CARGO)" fuzz/run $(if $(KEEP),--keep) $(or $(SECONDS),20) $(TARGET)
+
 tutorial: build deps-python ## follows docs/tutorial.md as written, and compares every output with the page
 	python3 tests/docs/follow_tutorial.py "$(abspath $(TARGET_DIR))/release/carved"
 
@@ -68,6 +72,7 @@ test-slurm: deps-build deps-slurm ## examples/slurm on a Slurm of this machine, 
 
 lint: deps-build deps-python $(NODE_MODULES) ## formatting, clippy with and without features, types and formatting of page and Python client
 	$(CARGO) fmt --all --check
+	$(CARGO) fmt --manifest-path fuzz/Cargo.toml --check
 	$(CARGO) clippy --workspace --all-targets --locked -- -D warnings
 	$(CARGO) clippy --workspace --all-targets --locked --no-default-features --features simulate -- -D warnings
 	$(CARGO) clippy -p carved --locked --no-default-features --features s3 -- -D warnings

@@ -35,7 +35,10 @@ pub fn load(path: &Path) -> Result<References, ReferencesError> {
 }
 
 /// Parses and checks references. `path` names the source in errors.
-fn parse(text: &str, path: &Path) -> Result<References, ReferencesError> {
+///
+/// # Errors
+/// Another form, or values that cannot be used.
+pub fn parse(text: &str, path: &Path) -> Result<References, ReferencesError> {
     let found: References = toml::from_str(text).map_err(|e| ReferencesError::Syntax { path: path.to_owned(), source: Box::new(e) })?;
     let breaches = found.check();
     if breaches.is_empty() { Ok(found) } else { Err(ReferencesError::Breaches { path: path.to_owned(), breaches }) }

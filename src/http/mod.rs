@@ -26,6 +26,8 @@ mod metrics;
 mod openapi;
 mod pace;
 mod page;
+#[doc(hidden)]
+pub mod parsers;
 mod plate;
 mod plate_maps;
 mod problem;

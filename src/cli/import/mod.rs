@@ -10,8 +10,8 @@
 pub(super) mod angles;
 mod frames;
 mod natural;
-mod plate;
-mod rig;
+pub(super) mod plate;
+pub(super) mod rig;
 mod turn;
 mod write;
 

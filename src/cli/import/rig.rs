@@ -48,7 +48,7 @@ pub(super) struct Rig {
 }
 
 #[derive(Deserialize)]
-struct Psi {
+pub(in crate::cli) struct Psi {
     #[serde(flatten)]
     camera: Camera,
     omega: Option<Vec<f64>>,
@@ -144,19 +144,25 @@ fn cropped(whole: &Camera, kind: Kind) -> Option<Camera> {
 
 fn psi(file: &Path, warn: &mut dyn FnMut(String)) -> anyhow::Result<Psi> {
     let text = carved_files::read_to_string(file).context("cannot be read as text")?;
+    let (psi, unknown) = parse(&text)?;
+    if !unknown.is_empty() {
+        warn(format!("--cameras {}: {} is no key of a camera and was not used", file.display(), unknown.join(", ")));
+    }
+    Ok(psi)
+}
+
+/// A camera with its angles, and the keys of the text that are none of a camera.
+pub(in crate::cli) fn parse(text: &str) -> anyhow::Result<(Psi, Vec<String>)> {
     let psi: Psi =
-        serde_json::from_str(&text).context("expected an object with f, kx, ky, ux, uy, width, height and the angles omega (rad)")?;
+        serde_json::from_str(text).context("expected an object with f, kx, ky, ux, uy, width, height and the angles omega (rad)")?;
     psi.camera.check()?;
     plausible(&psi.camera)?;
     if let Some(angle) = psi.omega.iter().flatten().find(|a| !a.is_finite()) {
         bail!("omega holds {angle}, expected finite numbers of rad");
     }
-    let object: serde_json::Map<String, serde_json::Value> = serde_json::from_str(&text)?;
-    let unknown: Vec<&str> = object.keys().map(String::as_str).filter(|k| !KEYS.contains(k)).collect();
-    if !unknown.is_empty() {
-        warn(format!("--cameras {}: {} is no key of a camera and was not used", file.display(), unknown.join(", ")));
-    }
-    Ok(psi)
+    let object: serde_json::Map<String, serde_json::Value> = serde_json::from_str(text)?;
+    let unknown = object.into_iter().map(|(key, _)| key).filter(|key| !KEYS.contains(&key.as_str())).collect();
+    Ok((psi, unknown))
 }
 
 /// Plausible scales: from a twentieth of the resolution of VAST's cameras to a pixel of a tenth of a capillary.

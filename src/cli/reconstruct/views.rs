@@ -54,7 +54,7 @@ fn reader(path: &Path) -> anyhow::Result<ImageReader<BufReader<File>>> {
 }
 
 /// Reads a view. Grey values are coverage; transparent pixels are not covered. A view may be blank.
-fn view(path: &Path) -> anyhow::Result<View> {
+pub(in crate::cli) fn view(path: &Path) -> anyhow::Result<View> {
     let image = reader(path)?.decode().with_context(|| unreadable(path))?;
     let (width, height) = (image.width() as usize, image.height() as usize);
     let pixels = image.into_luma_alpha8();

@@ -9,7 +9,7 @@ use serde::Deserialize;
 use std::path::Path;
 
 /// Labels for larvae whose recording or row has none.
-#[derive(Debug, clap::Args)]
+#[derive(Debug, Default, clap::Args)]
 pub struct Words {
     /// Treatment of the larvae, for example `fixed`.
     #[arg(long)]
@@ -51,8 +51,12 @@ const COMMENT: u8 = b'#';
 
 /// The rows of a CSV file.
 pub fn of_table(path: &Path, words: &Words) -> anyhow::Result<Vec<Control>> {
-    let text = carved_files::read(path).with_context(|| format!("{}: cannot read the table", path.display()))?;
-    let text = text.strip_prefix("\u{feff}".as_bytes()).unwrap_or(&text);
+    rows(&carved_files::read(path).with_context(|| format!("{}: cannot read the table", path.display()))?, path, words)
+}
+
+/// The rows of the text of a CSV file. `path` names it in messages.
+pub fn rows(text: &[u8], path: &Path, words: &Words) -> anyhow::Result<Vec<Control>> {
+    let text = text.strip_prefix("\u{feff}".as_bytes()).unwrap_or(text);
     if let Some(line) = unclosed_quote(text, b',', Some(COMMENT)) {
         bail!("{}, line {line}: {UNCLOSED_QUOTE}", path.display());
     }

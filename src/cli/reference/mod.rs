@@ -8,7 +8,7 @@
 
 mod beads;
 mod build;
-mod controls;
+pub(super) mod controls;
 mod show;
 
 use clap::Subcommand;

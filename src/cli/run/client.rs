@@ -126,7 +126,7 @@ impl Client {
                     let text = answer.body_mut().read_to_string();
                     match text {
                         Err(why) => (Failure::Unreachable { url: self.url.clone(), why }, None),
-                        Ok(text) => match self.judge(status, &text) {
+                        Ok(text) => match judge(&self.url, status, &text) {
                             Ok(value) => return Ok((status, value)),
                             Err(failure) if matches!(status.as_u16(), 408 | 429 | 500 | 502 | 503 | 504) => (failure, told),
                             Err(failure) => return Err(failure),
@@ -135,21 +135,13 @@ impl Client {
                 }
             };
             let wait = told.unwrap_or(pause);
-            if Instant::now() + wait > until {
+            // A daemon may name a time that no clock of this computer reaches.
+            if wait > until.saturating_duration_since(Instant::now()) {
                 return Err(failure);
             }
             std::thread::sleep(wait);
             pause = (pause * 2).min(LAST_PAUSE);
         }
-    }
-
-    fn judge(&self, status: StatusCode, text: &str) -> Result<Value, Failure> {
-        let strange = || Failure::Strange { url: self.url.clone(), status };
-        if status.is_success() {
-            return serde_json::from_str(text).map_err(|_| strange());
-        }
-        let problem: Problem = serde_json::from_str(text).map_err(|_| strange())?;
-        Err(Failure::Refused(Box::new(problem)))
     }
 
     fn typed(&self, value: Value) -> anyhow::Result<Status> {
@@ -167,9 +159,41 @@ impl Client {
     }
 }
 
+/// The JSON of an answer of the daemon at `url`, or why it refused.
+pub(in crate::cli) fn judge(url: &str, status: StatusCode, text: &str) -> Result<Value, Failure> {
+    let strange = || Failure::Strange { url: url.to_owned(), status };
+    if status.is_success() {
+        return serde_json::from_str(text).map_err(|_| strange());
+    }
+    let problem: Problem = serde_json::from_str(text).map_err(|_| strange())?;
+    Err(Failure::Refused(Box::new(problem)))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::io::{Read, Write};
+    use std::net::TcpListener;
+
+    #[test]
+    fn a_pause_that_no_clock_reaches_is_not_waited_for() {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let url = format!("http://{}", listener.local_addr().unwrap());
+        let daemon = std::thread::spawn(move || {
+            let (mut client, _) = listener.accept().unwrap();
+            let mut head = Vec::new();
+            while !head.ends_with(b"\r\n\r\n") {
+                let mut byte = [0];
+                client.read_exact(&mut byte).unwrap();
+                head.extend(byte);
+            }
+            let answer = format!("HTTP/1.1 503 Service Unavailable\r\nRetry-After: {}\r\nContent-Length: 0\r\n\r\n", u64::MAX);
+            client.write_all(answer.as_bytes()).unwrap();
+        });
+        let client = Client::new(&Daemon { url, token_file: None, lease: None, patience_s: 60 }).unwrap();
+        assert!(matches!(client.send("GET", "/v1/status", None), Err(Failure::Strange { .. })));
+        daemon.join().unwrap();
+    }
 
     #[test]
     fn a_name_stays_one_segment() {

@@ -7,8 +7,8 @@
 //!              status, watch <── /v1/status ─┘
 //! ```
 
-mod client;
-mod show;
+pub(super) mod client;
+pub(super) mod show;
 mod start;
 mod watch;
 

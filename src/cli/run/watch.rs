@@ -50,7 +50,7 @@ pub fn follow(client: &Client, run: &str) -> anyhow::Result<ExitCode> {
         // The bar makes room for the lines. They are printed even if it is not drawn.
         bar.suspend(|| printed(&lines))?;
         bar.set_length(shown.wells.total.into());
-        bar.set_position((shown.wells.total - shown.wells.pending).into());
+        bar.set_position(shown.wells.total.saturating_sub(shown.wells.pending).into());
         bar.set_message(status.doing.clone());
         if let Some(outcome) = shown.outcome {
             bar.finish_and_clear();

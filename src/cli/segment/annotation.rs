@@ -130,8 +130,12 @@ impl Files<'_> {
 }
 
 fn read_mask(file: &Path, expected: [usize; 2]) -> anyhow::Result<Mask> {
-    let bytes = carved_files::read(file).context("cannot be read")?;
-    let reader = ImageReader::with_format(Cursor::new(&bytes), image::ImageFormat::Png);
+    decode_mask(&carved_files::read(file).context("cannot be read")?, expected)
+}
+
+/// The mask in the bytes of a file, of a picture of that size.
+pub(in crate::cli) fn decode_mask(bytes: &[u8], expected: [usize; 2]) -> anyhow::Result<Mask> {
+    let reader = ImageReader::with_format(Cursor::new(bytes), image::ImageFormat::Png);
     let image = reader.decode().context("not a readable PNG; save the mask again")?;
     if !matches!(image.color(), ColorType::L8 | ColorType::La8) {
         let found = image.color();

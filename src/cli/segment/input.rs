@@ -58,6 +58,9 @@ pub(in crate::cli) fn decode(bytes: &[u8], bayer: bool) -> anyhow::Result<Input>
     }
     let image = reader.decode().context("not a readable PNG, JPEG, TIFF or BMP")?;
     let (width, height) = (image.width(), image.height());
+    if width == 0 || height == 0 {
+        bail!("found a picture of {width} x {height} px, expected one pixel or more");
+    }
     let grey = !image.color().has_color();
     if bayer && !grey {
         bail!("found a picture in colour, expected a grey mosaic; leave --bayer out");

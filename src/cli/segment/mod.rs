@@ -11,7 +11,7 @@
 //! Errors of the whole call (settings, names, the empty capillary) are reported before anything is written. A picture that fails does not
 //! stop the others.
 
-mod annotation;
+pub(super) mod annotation;
 mod compare;
 mod empty;
 pub(super) mod input;
@@ -194,10 +194,14 @@ fn settings(args: &Args) -> anyhow::Result<SegmentSettings> {
 pub(super) fn read_settings(file: &Path) -> anyhow::Result<SegmentSettings> {
     let name = || format!("--settings {}", file.display());
     let text = carved_files::read_to_string(file).with_context(|| format!("{}: cannot be read", name()))?;
-    let settings: SegmentSettings = toml::from_str(&text).with_context(name)?;
+    parse_settings(&text).with_context(name)
+}
+
+pub(super) fn parse_settings(text: &str) -> anyhow::Result<SegmentSettings> {
+    let settings: SegmentSettings = toml::from_str(text)?;
     let breaches = carved_offline::picture::breaches(&settings);
     if !breaches.is_empty() {
-        bail!("{}: {}", name(), breaches.join("; "));
+        bail!("{}", breaches.join("; "));
     }
     Ok(settings)
 }

@@ -10,21 +10,21 @@
 //!      └──► result     the configuration (draft: its text) and the summary
 //! ```
 
-mod bench;
+pub(super) mod bench;
 mod check;
 mod dialogue;
 mod draft;
 #[cfg(feature = "simulate")]
 mod emulated;
 mod judgement;
-mod machine;
+pub(super) mod machine;
 mod period;
 mod question;
 mod result;
 mod rig;
 mod site;
-mod state;
-mod terminal;
+pub(super) mod state;
+pub(super) mod terminal;
 #[cfg(test)]
 mod tests;
 mod wording;

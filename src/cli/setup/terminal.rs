@@ -68,15 +68,7 @@ impl Answers {
             Some(file) if file == Path::new("-") => lines(),
             Some(file) => {
                 let text = carved_files::read_to_string(file).with_context(|| format!("{}: cannot be read", file.display()))?;
-                let table: toml::Table = text.parse().with_context(|| format!("{}: is no TOML", file.display()))?;
-                if let Some(unknown) = table.keys().find(|key| !ids().any(|id| id == *key)) {
-                    let known = ids().collect::<Vec<_>>().join(", ");
-                    bail!("{}: there is no question {unknown:?}; the questions are {known}", file.display());
-                }
-                let word = |value: &toml::Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
-                let list =
-                    |value: &toml::Value| value.as_array().map_or_else(|| [word(value)].into(), |all| all.iter().map(word).collect());
-                Ok(Self::File(table.iter().map(|(id, value)| (id.clone(), list(value))).collect()))
+                Self::parse(&text).with_context(|| file.display().to_string())
             }
             None => {
                 ensure!(
@@ -86,6 +78,21 @@ impl Answers {
                 lines()
             }
         }
+    }
+
+    /// Answers of the text of a file.
+    ///
+    /// # Errors
+    /// Another form, or an answer to a question that is not asked.
+    pub fn parse(text: &str) -> anyhow::Result<Self> {
+        let table: toml::Table = text.parse().context("is no TOML")?;
+        if let Some(unknown) = table.keys().find(|key| !ids().any(|id| id == *key)) {
+            let known = ids().collect::<Vec<_>>().join(", ");
+            bail!("there is no question {unknown:?}; the questions are {known}");
+        }
+        let word = |value: &toml::Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+        let list = |value: &toml::Value| value.as_array().map_or_else(|| [word(value)].into(), |all| all.iter().map(word).collect());
+        Ok(Self::File(table.iter().map(|(id, value)| (id.clone(), list(value))).collect()))
     }
 
     /// The answer to a question.

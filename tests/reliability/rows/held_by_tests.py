@@ -32,7 +32,8 @@ R5 = _row(
     "R5",
     "garbage, truncated, duplicated, late replies",
     "0 panics, 0 double moves, 0 values in the wrong field; parsers fuzzed",
-    "emulated Grbl, TMCL, Zaber, bridge and relay with a fault at each byte or answer; all parsers on the corpus and on mutations",
+    "emulated Grbl, TMCL, Zaber, bridge and relay with a fault at each byte or answer; all parsers on the corpus, with what `make fuzz` "
+    "added to it, and on mutations",
     [
         Tests(
             "-p carved --test devices",

@@ -10,9 +10,9 @@ pub struct Mask {
     data: Vec<u8>,
 }
 
-/// The data do not fit the mask's size.
+/// The data do not fit the mask's size, or the mask has no pixel.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
-#[error("a {width} x {height} mask has {expected} pixels, found {found}")]
+#[error("a {width} x {height} mask has {expected} pixels, found {found}; expected one or more")]
 pub struct WrongMaskSize {
     /// Width of the mask, px.
     pub width: usize,
@@ -33,9 +33,9 @@ impl Mask {
     /// The mask of 8-bit coverage, row by row. A pixel is inside from 128 on.
     ///
     /// # Errors
-    /// Data that is not `width * height` long.
+    /// Data that is not `width * height` long, or empty.
     pub fn from_coverage(width: usize, height: usize, mut data: Vec<u8>) -> Result<Self, WrongMaskSize> {
-        if data.len() != width * height {
+        if data.len() != width * height || data.is_empty() {
             return Err(WrongMaskSize { width, height, expected: width * height, found: data.len() });
         }
         for p in &mut data {

@@ -46,8 +46,7 @@ fn asked(address: Ipv4Addr, port: u16) -> Option<Controller> {
         }
         Err(ACCESS_DENIED) => {
             let register = transact(&socket, 3, READ_REGISTER, &PRIMARY_APPLICATION.to_be_bytes()).and_then(Result::ok);
-            let bits = register.as_deref().and_then(|data| data.first_chunk()).map(|b| u32::from_be_bytes(*b));
-            Some(Controller::Somebody(bits.filter(|bits| *bits != 0).map(Ipv4Addr::from)))
+            Some(Controller::Somebody(register.as_deref().and_then(application)))
         }
         Err(_) => None,
     }
@@ -63,14 +62,32 @@ fn transact(socket: &UdpSocket, id: u16, command: u8, data: &[u8]) -> Option<Res
         socket.send(&request).ok()?;
         let mut answer = [0; 576];
         while let Ok(n) = socket.recv(&mut answer) {
-            let [status_high, status_low, _, acknowledged, _, _, a, b, ref rest @ ..] = answer;
-            if n >= 8 && (acknowledged, a, b) == (command + 1, id_high, id_low) {
-                let status = u16::from_be_bytes([status_high, status_low]);
-                return Some(if status == 0 { Ok(rest[..n - 8].to_vec()) } else { Err(status) });
+            if let Some(found) = answer.get(..n).and_then(|packet| in_packet(packet, command, id)) {
+                return Some(found);
             }
         }
     }
     None
+}
+
+/// The data of the answer in a packet, or its error status. `None` if it does not answer this request.
+fn in_packet(packet: &[u8], command: u8, id: u16) -> Option<Result<Vec<u8>, u16>> {
+    let ([status_high, status_low, _, acknowledged, _, _, id_high, id_low], data) = packet.split_first_chunk()?;
+    let is_answer = (*acknowledged, u16::from_be_bytes([*id_high, *id_low])) == (command + 1, id);
+    let status = u16::from_be_bytes([*status_high, *status_low]);
+    is_answer.then(|| if status == 0 { Ok(data.to_vec()) } else { Err(status) })
+}
+
+/// The address in the register of the primary application. `None` if it names none.
+fn application(register: &[u8]) -> Option<Ipv4Addr> {
+    let bits = register.first_chunk().map(|bytes| u32::from_be_bytes(*bytes))?;
+    (bits != 0).then(|| bits.into())
+}
+
+/// For tests that feed it bytes of any kind: the packet of a camera that tells who controls it.
+#[cfg(any(test, feature = "testing"))]
+pub fn answer_of_camera(packet: &[u8]) -> Option<Ipv4Addr> {
+    application(&in_packet(packet, READ_REGISTER, 3)?.ok()?)
 }
 
 #[cfg(test)]

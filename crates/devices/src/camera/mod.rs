@@ -10,6 +10,8 @@ mod aravis;
 mod control;
 mod settings;
 
+#[cfg(any(test, feature = "testing"))]
+pub use control::answer_of_camera;
 pub use control::{Controller, controller};
 pub use settings::{AravisSettings, CameraSelect, MacAddress, Trigger};
 

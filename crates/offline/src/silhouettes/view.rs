@@ -35,7 +35,7 @@ impl View {
     /// The silhouette of 8-bit coverage, row by row. Grey values are the covered share of a pixel; from 128 on a pixel is inside.
     ///
     /// # Errors
-    /// Data that is not `width * height` long.
+    /// Data that is not `width * height` long, or empty.
     pub fn from_coverage(name: String, width: usize, height: usize, coverage: &[u8]) -> Result<Self, WrongMaskSize> {
         let mask = Mask::from_coverage(width, height, coverage.to_vec())?;
         let columns =

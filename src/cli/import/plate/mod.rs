@@ -11,7 +11,7 @@
 mod dry;
 mod part;
 mod plan;
-mod sort;
+pub(in crate::cli) mod sort;
 mod tree;
 mod well;
 

@@ -13,7 +13,7 @@ use std::path::PathBuf;
 
 /// The pictures of one well.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub(super) struct WellPictures {
+pub(in crate::cli) struct WellPictures {
     /// Age in the names, days post fertilisation.
     pub dpf: Option<f64>,
     /// The pictures of each view. More than one is a mistake.
@@ -22,14 +22,14 @@ pub(super) struct WellPictures {
 
 /// A plate as the names describe it.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Plate {
+pub(in crate::cli) struct Plate {
     pub wells: BTreeMap<String, WellPictures>,
     /// What the operator should know.
     pub warnings: Vec<String>,
 }
 
 /// One picture and what its name says.
-pub(super) type Labelled = (PathBuf, Label);
+pub(in crate::cli) type Labelled = (PathBuf, Label);
 
 const MOST_NAMED: usize = 5;
 
@@ -41,7 +41,7 @@ pub(super) fn first_of<T: ToString>(all: &[T]) -> String {
 }
 
 /// Sorts the pictures. `fish`: the one of each well that is meant, where wells have several.
-pub(super) fn sort(labelled: Vec<Labelled>, fish: Option<u32>) -> anyhow::Result<Plate> {
+pub(in crate::cli) fn sort(labelled: Vec<Labelled>, fish: Option<u32>) -> anyhow::Result<Plate> {
     let without: Vec<String> = labelled.iter().filter(|(_, l)| l.well.is_none()).map(|(path, _)| path.display().to_string()).collect();
     ensure!(
         without.is_empty(),
@@ -156,14 +156,16 @@ impl Plate {
             first_of(&usual)
         );
         if let (Some(step), Some(last)) = (steps.first(), usual.last()) {
+            // A name may hold the largest number.
+            let next = last.saturating_add(*step);
             let longer: Vec<&String> =
-                self.wells.iter().filter(|(_, w)| w.views.contains_key(&(last + step))).map(|(name, _)| name).collect();
+                self.wells.iter().filter(|(_, w)| next > *last && w.views.contains_key(&next)).map(|(name, _)| name).collect();
             ensure!(
                 longer.is_empty(),
                 "most wells have {} views, to view {last}, and {} has view {}, too; say with --views how many views a whole turn has",
                 usual.len(),
                 first_of(&longer),
-                last + step
+                next
             );
         }
         Ok(usual)

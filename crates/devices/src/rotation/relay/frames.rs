@@ -15,24 +15,37 @@ const LONGEST: u32 = 512;
 
 /// Sends a request and waits for its answer.
 pub(super) fn ask(link: &mut Link, request: &str, wait: Duration) -> Result<String, DeviceError> {
-    let unexpected = |expected: String, found: String| Err(DeviceError::Unexpected { device: DEVICE, expected, found });
     if !link.is_silent()? {
-        return unexpected(format!("silence before {request:?}"), "an answer to nothing".into());
+        return Err(unexpected(format!("silence before {request:?}"), "an answer to nothing".into()));
     }
     let mut frame = (request.len() as u32).to_le_bytes().to_vec();
     frame.extend_from_slice(request.as_bytes());
     link.send(&frame)?;
     let until = Instant::now() + wait;
     let silent = || DeviceError::Silent { device: DEVICE, request: request.into(), waited_ms: wait.as_millis() };
-    let length = u32::from_le_bytes(link.exact(until)?.ok_or_else(silent)?);
+    let length = length(link.exact(until)?.ok_or_else(silent)?, request)?;
+    text(&link.bytes(length, until)?.ok_or_else(silent)?, request)
+}
+
+fn unexpected(expected: String, found: String) -> DeviceError {
+    DeviceError::Unexpected { device: DEVICE, expected, found }
+}
+
+/// The length of an answer, from its first bytes.
+pub(in crate::rotation) fn length(head: [u8; 4], request: &str) -> Result<usize, DeviceError> {
+    let length = u32::from_le_bytes(head);
     if length > LONGEST {
-        return unexpected(format!("an answer of at most {LONGEST} bytes to {request:?}"), format!("one of {length} bytes"));
+        return Err(unexpected(format!("an answer of at most {LONGEST} bytes to {request:?}"), format!("one of {length} bytes")));
     }
-    let bytes = link.bytes(length as usize, until)?.ok_or_else(silent)?;
+    Ok(length as usize)
+}
+
+/// The text of an answer.
+pub(in crate::rotation) fn text(bytes: &[u8], request: &str) -> Result<String, DeviceError> {
     if !bytes.iter().all(|b| *b == b' ' || b.is_ascii_graphic()) {
-        return unexpected(format!("an answer in ASCII to {request:?}"), bytes.escape_ascii().to_string());
+        return Err(unexpected(format!("an answer in ASCII to {request:?}"), bytes.escape_ascii().to_string()));
     }
-    let text: String = bytes.into_iter().map(char::from).collect();
+    let text: String = bytes.iter().copied().map(char::from).collect();
     if text.to_ascii_lowercase().starts_with("err") {
         let what = format!("the relay on VAST's computer answers {text:?} to {request:?}");
         return Err(DeviceError::VastProgram { device: DEVICE, what, way_out: "Do there what it says" });

@@ -14,7 +14,7 @@
 //! is missing, VAST may have turned or not. The difference is never sent again, and the position is suspect. The protocol cannot
 //! stop a turn. A stop ends the requests, and VAST finishes its turn.
 
-mod frames;
+pub(super) mod frames;
 mod settings;
 
 pub use settings::RelaySettings;
@@ -71,14 +71,7 @@ impl Relay {
     /// Whether VAST moves. `None` if VAST is not started.
     fn activity(&mut self) -> Result<Option<bool>, DeviceError> {
         let answer = self.ask("busy")?;
-        if answer.is_empty() {
-            return Ok(None);
-        }
-        let busy: Option<i64> = answer.trim().parse().ok();
-        busy.map(|busy| Some(busy != 0)).ok_or_else(|| {
-            self.broken = true;
-            DeviceError::Unexpected { device: DEVICE, expected: "a number in answer to \"busy\"".into(), found: answer }
-        })
+        moves(&answer).inspect_err(|_| self.broken = true)
     }
 
     fn is_busy(&mut self) -> Result<bool, DeviceError> {
@@ -159,6 +152,16 @@ impl Relay {
         }
         outcome
     }
+}
+
+/// Whether VAST moves, by its answer to `busy`. `None` if VAST is not started.
+pub(super) fn moves(answer: &str) -> Result<Option<bool>, DeviceError> {
+    if answer.is_empty() {
+        return Ok(None);
+    }
+    let busy: Option<i64> = answer.trim().parse().ok();
+    let expected = || "a number in answer to \"busy\"".into();
+    busy.map(|busy| Some(busy != 0)).ok_or_else(|| DeviceError::Unexpected { device: DEVICE, expected: expected(), found: answer.into() })
 }
 
 fn not_started() -> DeviceError {
