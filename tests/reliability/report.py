@@ -49,30 +49,9 @@ A row that is not run keeps its newest result.
 - **kill -9 is no power cut**: unsynced writes survive it. R2 is tested by a file layer in the tests of `carved-store`,
   which drops or tears what was not synced, and by B2, which damages finished folders.
 
-## Fuzzing of the parsers
+"""
 
-`make fuzz` feeds the parsers of R5 to libFuzzer, guided by coverage. The newest run, 2026-11-25, gave each at least 60
-s beside other work on two cores: 5.3 million inputs to 37 parsers. "edges" are the branches that the corpus and the new
-inputs reach together, also in the libraries that a parser uses. There was one finding, which is mended: a PGM picture
-of width 0 panicked in `carved reconstruct`. A planted panic at a text of eight bytes was found after 9928 inputs, in
-0.4 s.
-
-| parser | inputs | edges | parser | inputs | edges | parser | inputs | edges |
-|---|---|---|---|---|---|---|---|---|
-| grbl | 266137 | 338 | method | 44291 | 2651 | plate_of_pictures | 107322 | 1236 |
-| tmcl | 472801 | 52 | segment_settings | 45841 | 1928 | records | 44812 | 3894 |
-| zaber | 330699 | 207 | controls | 18878 | 685 | stored_run | 9162 | 9264 |
-| bridge | 270877 | 166 | setup_answers | 55994 | 1834 | journal | 39287 | 2768 |
-| relay | 373696 | 131 | setup | 54813 | 2356 | sums | 59069 | 260 |
-| camera_control | 467951 | 30 | angles | 123744 | 1031 | receipt | 47502 | 1112 |
-| http | 88810 | 5643 | cameras | 180109 | 1556 | calibration | 30368 | 3447 |
-| daemon | 129621 | 3552 | camera_of_pictures | 182204 | 1178 | instrument | 78441 | 849 |
-| plan | 232169 | 1043 | shapes | 203117 | 995 | pack | 69020 | 367 |
-| plate_csv | 17506 | 1157 | picture | 59052 | 3080 | frame | 108720 | 952 |
-| plate_json | 69194 | 1360 | mask | 166042 | 836 | ply | 209000 | 156 |
-| config | 28955 | 5374 | silhouette | 428468 | 1803 |  | |  |
-| references | 45949 | 2064 | picture_name | 123198 | 910 |  | |  |
-
+_CONTROLS = """
 ## Controls
 
 A control run breaks something on purpose, and the row must report a miss. A row whose control was **not run** has not
@@ -134,7 +113,7 @@ class Results:
             ordered = {known.id: self._rows[known.id] for known in self._order if known.id in self._rows}
             _replace(path, json.dumps(ordered, indent=1, ensure_ascii=False) + "\n")
             rows = self._order
-            _replace(self._page, _HEAD + self._table(rows) + self._misses(rows) + self._plot() + _HOW + self._controls(rows))
+            _replace(self._page, _HEAD + self._table(rows) + self._misses(rows) + self._plot() + _HOW + self._fuzzing() + _CONTROLS + self._controls(rows))
 
     def _table(self, rows: Sequence[Row]) -> str:
         lines = [
@@ -174,6 +153,10 @@ class Results:
             return ""
         picture = "![Memory, descriptors, threads and time per well of the soak](reliability/soak.svg)"
         return f"\n{picture}\n\n*R18: what the daemon used after each larva.*\n"
+
+    def _fuzzing(self) -> str:
+        """The figures of the newest `make fuzz`, which are kept by hand."""
+        return (self._folder / "fuzzing.md").read_text()
 
     def _controls(self, rows: Sequence[Row]) -> str:
         lines = ["| row | what was broken | what the row reported | date |", "|---|---|---|---|"]
