@@ -5,7 +5,7 @@ use super::systemd;
 use crate::api::Status;
 use crate::config::{Config, NotifySettings};
 use crate::notify::Notices;
-use crate::session::{self, Departure, Driver, Heartbeat, Instrument, SessionHandle, lower_this_thread};
+use crate::session::{self, Departure, Driver, Heartbeat, Instrument, SessionHandle};
 use anyhow::Context;
 use carved_devices::sampler::LoaderInterlock;
 use carved_records::Mode;
@@ -13,15 +13,11 @@ use carved_store::{Claim, Store};
 use std::net::TcpListener;
 use std::sync::Arc;
 use std::time::Duration;
-use tokio::runtime::{Builder, Runtime};
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::watch;
 
 /// Longest time until requests are answered, also if the state of the previous process is not restored by then.
 const RESTORED: Duration = Duration::from_secs(2);
-/// Priority (`nice`) of the threads that serve clients: a thousand pollers must not slow a step. A third of the share of the others, so that
-/// an emergency stop is answered in milliseconds beside a computation on all cores.
-const CLIENTS: i32 = 5;
 /// Time for the notices that wait when the daemon ends. The whole daemon must end within 5 s.
 const LAST_NOTICES: Duration = Duration::from_secs(1);
 
@@ -43,7 +39,8 @@ impl Daemon {
     where
         F: Future<Output = anyhow::Result<()>> + Send + 'static,
     {
-        let Runtimes { clients: runtime, instrument: instrument_runtime } = Runtimes::start()?;
+        let runtime =
+            tokio::runtime::Builder::new_multi_thread().enable_all().thread_name("carved").build().context("cannot start the runtime")?;
         let Self { claim, config, mode, instrument, interlock, listener, greeting } = self;
         let listen = listener.local_addr().context("the address that is served")?;
         let identity = config.identity(claim.instrument_uuid()?);
@@ -72,7 +69,7 @@ impl Daemon {
         let (stop_in, stop) = watch::channel(None);
         // The driver syncs to disk. It has a thread of its own, so that no request waits for the disk.
         let driving = {
-            let (runtime, stop) = (instrument_runtime.handle().clone(), stop.clone());
+            let (runtime, stop) = (runtime.handle().clone(), stop.clone());
             std::thread::Builder::new()
                 .name("driver".into())
                 .spawn(move || runtime.block_on(driver.run(mailbox, stopped(stop))))
@@ -134,31 +131,6 @@ impl Daemon {
         let drove = drove.map_err(|_| anyhow::anyhow!("the driver panicked; the motors were stopped as it unwound"))?;
         drove?;
         served
-    }
-}
-
-/// Where tasks run. Both end with the daemon.
-struct Runtimes {
-    /// For what serves clients, with a lower priority.
-    clients: Runtime,
-    /// For the driver and what blocks for it: motor, camera, computation.
-    instrument: Runtime,
-}
-
-impl Runtimes {
-    fn start() -> anyhow::Result<Self> {
-        // Threads inherit their priority. The pool must not begin under a thread that serves clients.
-        if rayon::ThreadPoolBuilder::new().build_global().is_err() {
-            tracing::debug!("the threads of the computation run already");
-        }
-        let of = || {
-            let mut builder = Builder::new_multi_thread();
-            builder.enable_all();
-            builder
-        };
-        let clients = of().thread_name("carved").on_thread_start(|| lower_this_thread(CLIENTS)).build();
-        let instrument = of().thread_name("instrument").worker_threads(1).build();
-        clients.and_then(|clients| Ok(Self { clients, instrument: instrument? })).context("cannot start the threads")
     }
 }
 

@@ -17,7 +17,6 @@ pub mod numbers;
 mod offer;
 mod placing;
 mod preflight;
-mod priority;
 pub mod replays;
 mod search;
 mod sentence;
@@ -29,7 +28,6 @@ pub use driver::{Departure, Driver, DriverError};
 pub use halt::Halt;
 pub use handle::{Accepted, Command, EventLog, Live, Missed, Publisher, Refusal, SessionHandle, Shown, Towards, channel};
 pub use heartbeat::Heartbeat;
-pub use priority::lower_this_thread;
 pub use tally::Tally;
 pub use worker::Instrument;
 

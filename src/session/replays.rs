@@ -10,7 +10,7 @@
 //! A run has the computer for itself: nothing begins while one is under way, and what is computed when one starts rests until it is over.
 
 use super::numbers;
-use super::{SessionHandle, Status, lower_this_thread};
+use super::{SessionHandle, Status};
 use carved_offline::Stopped;
 use carved_offline::recording::{self, Computed, NumbersError};
 use carved_records::Method;
@@ -194,7 +194,12 @@ impl Replays {
 /// Threads for half of the processors, which give way to all others.
 fn background() -> Result<ThreadPool, rayon::ThreadPoolBuildError> {
     const LOWEST_PRIORITY: i32 = 19;
-    let give_way = |_| lower_this_thread(LOWEST_PRIORITY);
+    let give_way = |_| {
+        // On Linux this is the priority of the calling thread.
+        if let Err(error) = rustix::process::setpriority_process(None, LOWEST_PRIORITY) {
+            tracing::warn!(%error, "measuring again has the priority of a run");
+        }
+    };
     let cores = std::thread::available_parallelism().map_or(1, NonZeroUsize::get);
     ThreadPoolBuilder::new().num_threads(cores.div_ceil(2)).thread_name(|i| format!("replay-{i}")).start_handler(give_way).build()
 }
