@@ -58,7 +58,7 @@ qa: build deps-python deps-test ## attacks the release program from outside, row
 	python3 -m tests.reliability --binary "$(abspath $(TARGET_DIR))/release/carved" --write --scale $(or $(SCALE),default) $(if $(CONTROL),--control) $(ROW)
 
 # TARGET="http ply" selects parsers, SECONDS=60 the time for each; KEEP=1 adds what reaches new code to the corpus.
-fuzz: deps-build ## searches inputs at which a parser panics, hangs or takes all memory, guided by coverage: 20 s each (TARGET=http SECONDS=60)
+fuzz: deps-build ## searches for inputs at which a parser panics, hangs or takes all memory, guided by coverage: 20 s each (TARGET=http SECONDS=60)
 	CARGO="$(CARGO)" fuzz/run $(if $(KEEP),--keep) $(or $(SECONDS),20) $(TARGET)
 
 tutorial: build deps-python ## follows docs/tutorial.md as written, and compares every output with the page

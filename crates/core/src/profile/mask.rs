@@ -12,7 +12,7 @@ pub struct Mask {
 
 /// The data do not fit the mask's size, or the mask has no pixel.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
-#[error("a {width} x {height} mask has {expected} pixels, found {found}; expected one or more")]
+#[error("a mask of {width} x {height} px needs {expected} values, and at least one; found {found}")]
 pub struct WrongMaskSize {
     /// Width of the mask, px.
     pub width: usize,
