@@ -36,7 +36,7 @@ pub fn well(well: &WellStatus, mode: Mode) -> String {
 }
 
 pub fn fault(fault: &Fault) -> String {
-    format!("fault {} {}: {}. What to do: {}", fault.seq, fault.code, fault.message, fault.what_to_do)
+    format!("fault {} {}: {}. What to do: {}", fault.seq, fault.code, fault.message.trim_end_matches('.'), fault.what_to_do)
 }
 
 pub fn counts(run: &RunStatus) -> String {
