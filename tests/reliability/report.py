@@ -113,7 +113,10 @@ class Results:
             ordered = {known.id: self._rows[known.id] for known in self._order if known.id in self._rows}
             _replace(path, json.dumps(ordered, indent=1, ensure_ascii=False) + "\n")
             rows = self._order
-            _replace(self._page, _HEAD + self._table(rows) + self._misses(rows) + self._plot() + _HOW + self._fuzzing() + _CONTROLS + self._controls(rows))
+            _replace(
+                self._page,
+                _HEAD + self._table(rows) + self._misses(rows) + self._plot() + _HOW + self._fuzzing() + _CONTROLS + self._controls(rows),
+            )
 
     def _table(self, rows: Sequence[Row]) -> str:
         lines = [

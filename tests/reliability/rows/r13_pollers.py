@@ -128,7 +128,7 @@ ROW = Row(
     "clients",
     "the daemon is stopped (SIGSTOP) for 0.4 s again and again while the crowd is there",
     run,
-    note="the daemon, its emulated rig and the crowd share the two cores. With the crowd at nice 19, the step was 40 % longer too. With the "
-    "server's threads at nice 5, it was 33 % longer, but the status took 149 ms and an emergency stop 52 ms (p99 both), so all threads keep "
-    "one priority.",
+    note="the daemon, its emulated rig and the crowd share the two cores. With the crowd at nice 19, the step was 40 % "
+    "longer too. With the server's threads at nice 5, it was 33 % longer, but the status took 149 ms and an emergency "
+    "stop 52 ms (p99 both), so all threads keep one priority.",
 )
