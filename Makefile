@@ -14,7 +14,7 @@ CARGO_DENY_VERSION := 0.20.2
 WASM := wasm32-unknown-unknown
 
 NODE_MODULES := web/node_modules/.package-lock.json
-PAGE := web/dist/index.html
+PAGE := web/dist/index.html.gz
 PAGE_SOURCES := $(wildcard web/src/*.* web/src/setup/* web/src/docs/* docs/*.md docs/*.png docs/*/*.svg *.md clients/python/*.md) web/build.mjs web/docs.mjs
 
 help: ## this list

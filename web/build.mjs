@@ -1,8 +1,8 @@
-// Bundles the operator's page into dist/ and the page of `carved setup` into dist/setup/ (three files each, which the program embeds,
-// plain and compressed), and renders the documentation into dist/docs/; or with --tests the tests into build/.
+// Bundles the operator's page into dist/ and the page of `carved setup` into dist/setup/ (three files each, compressed, which the
+// program embeds), and renders the documentation into dist/docs/; or with --tests the tests into build/.
 
 import { build } from "esbuild";
-import { copyFile, mkdir, readdir, readFile, rm, stat, writeFile } from "node:fs/promises";
+import { copyFile, mkdir, readdir, readFile, rm, writeFile } from "node:fs/promises";
 import { join } from "node:path";
 import { brotliCompressSync, constants, gzipSync } from "node:zlib";
 import { docs } from "./docs.mjs";
@@ -15,7 +15,7 @@ const COMMON = {
   logLevel: "warning",
 };
 
-/** Builds one page: three files, plain and compressed. The same sources give the same bytes on every machine. */
+/** Builds one page: three files, compressed. The same sources give the same bytes on every machine. */
 async function page(html, script, style, outdir) {
   await mkdir(outdir, { recursive: true });
   await build({ ...COMMON, entryPoints: script, outdir, format: "esm", legalComments: "eof" });
@@ -23,8 +23,7 @@ async function page(html, script, style, outdir) {
   await copyFile(html, join(outdir, "index.html"));
   const files = (await readdir(outdir, { withFileTypes: true })).filter((entry) => entry.isFile());
   for (const { name } of files) {
-    await compress(join(outdir, name));
-    const { size } = await stat(join(outdir, name));
+    const size = await compress(join(outdir, name));
     console.log(`web/${outdir}/${name}  ${(size / 1024).toFixed(1)} KiB`);
   }
 }
@@ -40,12 +39,17 @@ async function pages() {
   await page("src/index.html", { app: "src/main.ts" }, { app: "src/app.css" }, "dist");
 }
 
-/** Writes `FILE.br` and `FILE.gz`, which the daemon sends to browsers that read them. gzip without the time of the build. */
+/**
+ * Replaces a file by `FILE.br` and `FILE.gz`. The daemon sends them to browsers that read them, and unpacks `FILE.gz` for other clients.
+ * Returns the size of the file in bytes. gzip does not store the time of the build.
+ */
 async function compress(file) {
   const whole = await readFile(file);
   const quality = { [constants.BROTLI_PARAM_QUALITY]: 11, [constants.BROTLI_PARAM_SIZE_HINT]: whole.length };
   await writeFile(`${file}.br`, brotliCompressSync(whole, { params: quality }));
   await writeFile(`${file}.gz`, gzipSync(whole, { level: 9 }));
+  await rm(file);
+  return whole.length;
 }
 
 /** Node 18 does not strip types by itself, so the tests are bundled as well; packages stay outside. */

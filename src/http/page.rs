@@ -1,7 +1,7 @@
 //! The operator's page, which is embedded if it was built before the daemon. Otherwise a plain page explains how to build it.
 //!
-//! The build compresses each large file: `app.js.br` and `app.js.gz` beside `app.js`. A browser gets the smallest that it reads. Browsers
-//! read br only from this machine and over https. Pages of the documentation are there as `.gz` alone, and are unpacked for other clients.
+//! The build compresses text: `app.js.br` and `app.js.gz` instead of `app.js`. A client gets the smallest that it reads, and the unpacked
+//! text if it reads neither. Browsers read br only from this machine and over https. Pages of the documentation are there as `.gz` alone.
 
 use super::conditional;
 use super::problem::Problem;
@@ -79,16 +79,16 @@ pub async fn setup(method: Method, uri: Uri, headers: HeaderMap) -> Response {
 /// Names of encodings with the endings of their files, the smallest files first.
 const ENCODINGS: [(&str, &str); 2] = [("br", ".br"), ("gzip", ".gz")];
 
-/// A file of the page in the best encoding that the client reads.
+/// A file of the page in the best encoding that the client reads. Pictures are there as they are.
 fn file(asked: &HeaderMap, path: &str) -> Option<Response> {
-    let Some(plain) = Dist::get(path) else { return packed(asked, path) };
+    let mime = mime_guess::from_path(path).first_or_octet_stream();
+    let mime = mime.essence_str();
     let mut encoded = ENCODINGS.iter().filter(|(encoding, _)| accepts(asked, encoding));
     let encoded = encoded.find_map(|(encoding, ending)| Some((*encoding, Dist::get(&format!("{path}{ending}"))?)));
-    let mime = plain.metadata.mimetype().to_owned();
     let mut answer = match encoded {
-        None => serve(asked, plain, &mime),
+        None => serve(asked, Dist::get(path).or_else(|| unpacked(path))?, mime),
         Some((encoding, file)) => {
-            let mut answer = serve(asked, file, &mime);
+            let mut answer = serve(asked, file, mime);
             answer.headers_mut().insert(header::CONTENT_ENCODING, HeaderValue::from_static(encoding));
             answer
         }
@@ -97,22 +97,13 @@ fn file(asked: &HeaderMap, path: &str) -> Option<Response> {
     Some(answer)
 }
 
-/// A file that is there as `.gz` alone.
-fn packed(asked: &HeaderMap, path: &str) -> Option<Response> {
+/// The text of a file that is there compressed.
+fn unpacked(path: &str) -> Option<EmbeddedFile> {
     let mut file = Dist::get(&format!("{path}.gz"))?;
-    let mime = if path.strip_suffix(".html").is_some() { "text/html" } else { "application/json" };
-    let as_it_is = accepts(asked, "gzip");
-    if !as_it_is {
-        let mut text = Vec::new();
-        flate2::read::GzDecoder::new(&*file.data).read_to_end(&mut text).ok()?;
-        file.data = text.into();
-    }
-    let mut answer = serve(asked, file, mime);
-    if as_it_is {
-        answer.headers_mut().insert(header::CONTENT_ENCODING, HeaderValue::from_static("gzip"));
-    }
-    answer.headers_mut().insert(header::VARY, HeaderValue::from_static("accept-encoding"));
-    Some(answer)
+    let mut text = Vec::new();
+    flate2::read::GzDecoder::new(&*file.data).read_to_end(&mut text).ok()?;
+    file.data = text.into();
+    Some(file)
 }
 
 /// Whether `Accept-Encoding` names an encoding, and not with the weight 0.

@@ -3,6 +3,7 @@
 use crate::rig::Rig;
 use crate::strict;
 use serde_json::Value;
+use std::io::Read;
 
 fn references(value: &Value, found: &mut Vec<String>) {
     match value {
@@ -142,7 +143,8 @@ fn the_description_is_readable_without_a_script_or_a_network() {
     assert!(docs.header("content-security-policy").unwrap().starts_with("default-src 'none'"));
 }
 
-/// Every page of the documentation is served, to clients with and without gzip, and its links to pages and pictures lead somewhere.
+/// The page and the documentation are served to clients with and without gzip, and its links to pages and
+/// pictures lead somewhere.
 #[test]
 fn the_documentation_is_served_without_a_network() {
     let rig = Rig::start();
@@ -170,8 +172,15 @@ fn the_documentation_is_served_without_a_network() {
         }
     }
     assert!(seen.contains("tutorial.html") && seen.contains("page.png") && seen.contains("docs.css"), "{seen:?}");
-    let packed = rig.send("GET", "/docs/index.html", &[("Accept-Encoding", "gzip")], "");
-    assert_eq!((packed.status, packed.header("content-encoding")), (200, Some("gzip")));
+    for path in ["/", "/app.js", "/docs/index.html"] {
+        let packed = rig.send("GET", path, &[("Accept-Encoding", "gzip")], "");
+        assert_eq!((packed.status, packed.header("content-encoding")), (200, Some("gzip")), "{path}");
+        let plain = rig.get(path);
+        assert_eq!((plain.header("content-encoding"), plain.header("content-type")), (None, packed.header("content-type")), "{path}");
+        let mut unpacked = Vec::new();
+        flate2::read::GzDecoder::new(&packed.body[..]).read_to_end(&mut unpacked).unwrap();
+        assert_eq!((unpacked, plain.body.is_empty()), (plain.body, false), "{path}");
+    }
     assert_eq!(rig.get("/docs/index.html.gz").status, 404);
 }
 
