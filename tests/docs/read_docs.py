@@ -26,6 +26,8 @@ REQUEST = re.compile(r"(GET|PUT|POST|DELETE) (/[^\s?]*)")
 OPERATORS = ";&|()<>"
 # Words before a command that are not its name.
 LEADING = {"do", "then", "else", "sudo", "exec", "time", "!"}
+# Options of sudo with a value.
+OF_SUDO = {"-u", "-g"}
 
 mistakes: list[str] = []
 
@@ -64,7 +66,9 @@ def commands(text):
                 redirected = True
             elif token and set(token) <= set(OPERATORS):
                 while argv and (argv[0] in LEADING or re.match(r"\w+=", argv[0])):
-                    argv.pop(0)
+                    if argv.pop(0) == "sudo":
+                        while argv and argv[0] in OF_SUDO:
+                            argv = argv[2:]
                 if argv:
                     found.append((start, argv))
                 argv, redirected = [], False
