@@ -36,6 +36,7 @@ mod runs;
 mod safety;
 mod serve;
 mod status;
+mod stay;
 mod stored;
 
 pub use page::setup as setup_page;
@@ -67,6 +68,8 @@ struct App {
     reading: Semaphore,
     /// Slots for downloads of runs.
     downloading: Arc<Semaphore>,
+    /// Slots for answers that stay open.
+    staying: stay::Stay,
     guard: Guard,
     body_timeout: Duration,
     /// The schemas of the contract by name, for the explanation of wrong bodies.
@@ -104,6 +107,7 @@ fn router(
         reader,
         reading: Semaphore::new(results::AT_A_TIME),
         downloading: Arc::new(Semaphore::new(results::DOWNLOADS)),
+        staying: stay::Stay::new(settings.max_connections),
         guard,
         body_timeout: settings.body_timeout(),
         schemas: contract["components"]["schemas"].clone(),
