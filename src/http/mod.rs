@@ -52,6 +52,7 @@ use axum::http::header::{self, HeaderName};
 use axum::http::{HeaderValue, StatusCode};
 use axum::middleware::{Next, from_fn, from_fn_with_state};
 use axum::response::Response;
+use axum::routing::get;
 use axum::{Router, http::Uri};
 use carved_store::StoreReader;
 use std::sync::Arc;
@@ -119,6 +120,7 @@ fn router(
         closing,
     });
     routes
+        .route("/docs/", get(page::docs))
         .fallback(page::asset)
         .method_not_allowed_fallback(method_not_allowed)
         .layer(from_fn(conditional::check))
