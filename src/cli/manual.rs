@@ -8,7 +8,9 @@ use super::{Cli, LOG};
 use anyhow::Context;
 use clap::{Command, CommandFactory};
 use clap_complete::{Shell, generate_to};
-use std::path::PathBuf;
+use clap_mangen::Man;
+use std::io;
+use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Args)]
 pub struct Args {
@@ -16,6 +18,10 @@ pub struct Args {
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
 }
+
+/// What follows the help of a command, as clap_mangen writes it, and as a section of a man page (man-pages(7)).
+const SECTIONS: [(&str, &str); 2] =
+    [(".SH EXTRA\nExit codes: ", ".SH \"EXIT STATUS\"\n"), (".SH EXTRA\nEnvironment:\n", ".SH ENVIRONMENT\n")];
 
 const SHELLS: [Shell; 3] = [Shell::Bash, Shell::Zsh, Shell::Fish];
 
@@ -33,7 +39,26 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         generate_to(shell, &mut command, "carved", &completions)
             .with_context(|| format!("cannot write the completions of {shell} into {}", completions.display()))?;
     }
-    clap_mangen::generate_to(documented(), &pages).with_context(|| format!("cannot write the man pages into {}", pages.display()))
+    let mut command = documented().disable_help_subcommand(true);
+    command.build();
+    write_pages(&command, &pages).with_context(|| format!("cannot write the man pages into {}", pages.display()))
+}
+
+/// Writes the pages of a command and of its subcommands.
+fn write_pages(command: &Command, folder: &Path) -> io::Result<()> {
+    for below in command.get_subcommands().filter(|below| !below.is_hide_set()) {
+        write_pages(below, folder)?;
+    }
+    // The synopsis of clap_mangen has no values of options.
+    let usage = command.clone().render_usage().to_string();
+    let man = Man::new(command.clone().override_usage(usage.trim_start_matches("Usage: ").to_owned()));
+    let mut page = Vec::new();
+    man.render(&mut page)?;
+    let mut page = String::from_utf8_lossy(&page).into_owned();
+    for (extra, section) in SECTIONS {
+        page = page.replace(extra, section);
+    }
+    std::fs::write(folder.join(man.get_filename()), page)
 }
 
 /// The commands without the hidden ones, which completions would offer. The version is that of the release: that of the program has a

@@ -28,7 +28,8 @@ pub struct HttpSettings {
     /// Deadline for the body of a request, ms.
     #[schemars(extend("x-level" = "expert"))]
     pub body_timeout_ms: u64,
-    /// Maximum number of simultaneous connections. More connections wait until they are accepted.
+    /// Maximum number of simultaneous connections. More connections wait until one is free. At most half of them may be event streams and
+    /// long polls.
     #[schemars(extend("x-level" = "expert"))]
     pub max_connections: usize,
     /// Commands that one address may send per minute on average. Reading is not counted.

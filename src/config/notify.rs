@@ -26,6 +26,10 @@ pub struct NotifySettings {
     /// File with the address, instead of `url`, if the address is a secret, as that of Slack; readable by the daemon alone (mode 0600).
     #[serde(default)]
     pub url_file: Option<PathBuf>,
+    /// Address of the instrument's page as people reach it, such as `http://vast-1.lab:8420/`. Notices link to it. If it is left out, they
+    /// have no link.
+    #[serde(default)]
+    pub page_url: Option<String>,
     /// The form of the body.
     #[serde(default)]
     pub format: NotifyFormat,
@@ -98,6 +102,8 @@ pub enum NotifySettingsError {
 #[derive(Clone)]
 pub struct Receiver {
     pub url: Uri,
+    /// Address of the instrument's page.
+    pub page: Option<Uri>,
     pub format: NotifyFormat,
     pub secret: Option<String>,
     pub token: Option<String>,
@@ -129,6 +135,8 @@ impl NotifySettings {
             _ => return Err(NotifySettingsError::OneAddress),
         };
         let url = address(&url, self.format).map_err(|expected| NotifySettingsError::Address { key, expected })?;
+        let page = self.page_url.as_deref().map(|url| address(url, NotifyFormat::Json)).transpose();
+        let page = page.map_err(|expected| NotifySettingsError::Address { key: "page_url", expected })?;
         let secret = secret_of("secret_file", &self.secret_file)?;
         if let Some(found) = secret.as_ref().map(String::len).filter(|found| *found < SECRET_BYTES) {
             return Err(NotifySettingsError::Secret { found });
@@ -138,7 +146,7 @@ impl NotifySettings {
             return Err(NotifySettingsError::Token);
         }
         let certificates = if url.scheme_str() == Some("https") { Some(self.certificates()?) } else { None };
-        Ok(Receiver { url, format: self.format, secret, token, certificates, timeout: Duration::from_secs_f64(self.timeout_s) })
+        Ok(Receiver { url, page, format: self.format, secret, token, certificates, timeout: Duration::from_secs_f64(self.timeout_s) })
     }
 
     fn certificates(&self) -> Result<Vec<u8>, NotifySettingsError> {
@@ -185,7 +193,7 @@ mod tests {
             assert!(!error.to_string().contains("T0SECRET"), "{error}");
         }
         assert!(of("url = \"http://h/\"\nformat = \"ntfy\"").receiver().is_err(), "no topic");
-        for wrong in ["", "url = \"http://h/\"\nurl_file = \"/dev/null\""] {
+        for wrong in ["", "url = \"http://h/\"\nurl_file = \"/dev/null\"", "url = \"http://h/\"\npage_url = \"vast-1.lab\""] {
             assert!(of(wrong).receiver().is_err(), "{wrong}");
         }
         let settings = of("url = \"http://h:81/services/T0SECRET\"\nformat = \"slack\"");

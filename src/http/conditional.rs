@@ -7,13 +7,11 @@ use axum::extract::{MatchedPath, Request};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
-use std::hash::{DefaultHasher, Hash, Hasher};
+use carved_records::sha256_hex;
 
-/// A tag derived from the content.
+/// A tag derived from the content: half of its SHA-256. It is the same in every version of the daemon.
 pub(super) fn tag_of(content: &[u8]) -> String {
-    let mut hasher = DefaultHasher::new();
-    content.hash(&mut hasher);
-    format!("\"{:016x}\"", hasher.finish())
+    format!("\"{}\"", &sha256_hex(content)[..32])
 }
 
 /// 304 if the client's `If-None-Match` names `tag`, else `full`. Both answers carry the tag.
@@ -47,6 +45,12 @@ pub(super) async fn check(request: Request, next: Next) -> Response {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_tag_is_half_of_the_sha_256() {
+        // printf abc | sha256sum
+        assert_eq!(tag_of(b"abc"), "\"ba7816bf8f01cfea414140de5dae2223\"");
+    }
 
     #[test]
     fn tags_are_compared_as_a_list_and_weakly() {

@@ -8,6 +8,7 @@
 //! `data` is the event as JSON. Its kind is a field in it, so that one listener receives all events. Only `resync` has an event name: the
 //! client reads the status again and continues.
 
+use super::problem::Problem;
 use super::{AppState, closed};
 use crate::api;
 use crate::session::Missed;
@@ -36,15 +37,22 @@ const RETRY: Duration = Duration::from_secs(2);
 #[utoipa::path(
     get, path = "/v1/events", tag = "status",
     params(("Last-Event-ID" = Option<u64>, Header, description = "Id of the newest event that the client has seen")),
-    responses((status = 200, description = "Server-sent events: `id`, and an Event as JSON in `data`; an event named `resync` where the gap is too old", body = api::Event, content_type = "text/event-stream"))
+    responses(
+        (status = 200, description = "Server-sent events: `id`, and an Event as JSON in `data`; an event named `resync` where the gap is too old", body = api::Event, content_type = "text/event-stream"),
+        (status = 503, description = "Too many clients wait for events or for a change of the status", body = Problem, content_type = "application/problem+json"),
+    )
 )]
-pub(super) async fn get(State(app): State<AppState>, headers: HeaderMap) -> Sse<impl Stream<Item = Result<Sent, Infallible>>> {
+pub(super) async fn get(
+    State(app): State<AppState>,
+    headers: HeaderMap,
+) -> Result<Sse<impl Stream<Item = Result<Sent, Infallible>>>, Problem> {
+    let slot = app.staying.take()?;
     let asked = headers.get("last-event-id").map(|v| v.to_str().unwrap_or_default().trim()).filter(|v| !v.is_empty());
     // An id that is not a number was never used by this journal. It must differ from a missing id.
     let feed = Feed::open(app, asked.map(|id| id.parse().unwrap_or(u64::MAX)), PAGES).await;
     let hello = stream::iter([Ok(Sent::default().retry(RETRY).comment("carved"))]);
-    let events = stream::unfold(feed, |mut feed| async move { feed.next().await.map(|sent| (Ok(sent), feed)) });
-    Sse::new(stream::StreamExt::chain(hello, events)).keep_alive(KeepAlive::new().interval(KEEP_ALIVE))
+    let events = stream::unfold((feed, slot), |(mut feed, slot)| async move { feed.next().await.map(|sent| (Ok(sent), (feed, slot))) });
+    Ok(Sse::new(stream::StreamExt::chain(hello, events)).keep_alive(KeepAlive::new().interval(KEEP_ALIVE)))
 }
 
 /// The position of one reader in the journal.

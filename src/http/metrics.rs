@@ -10,6 +10,7 @@ use axum::extract::{self, MatchedPath, Request};
 use axum::http::{HeaderMap, Method, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
+use carved_records::BeadGate;
 use prometheus_client::metrics::counter::{ConstCounter, Counter};
 use prometheus_client::metrics::family::Family;
 use prometheus_client::metrics::gauge::{ConstGauge, Gauge};
@@ -53,6 +54,7 @@ pub(super) async fn get(extract::State(app): extract::State<AppState>, headers: 
     let instrument = ("instrument".into(), status.instrument.name.clone().into());
     let mut registry = Registry::with_prefix_and_labels("carved", std::iter::once(instrument));
     describe(&mut registry, &status);
+    describe_calibration(&mut registry, status.calibration.as_ref(), is_gated(app.session.methods()));
     app.session.events().tally().register(&mut registry);
     describe_notices(&mut registry, &app.session.notices().map(Notices::counts).unwrap_or_default());
     registry.register("http_requests", "Requests answered", app.requests.clone());
@@ -116,7 +118,11 @@ fn describe(registry: &mut Registry, status: &Status) {
     registry.register_with_unit("uptime", "Time since the daemon started", Unit::Seconds, uptime);
     describe_run(registry, status);
     describe_hardware(registry, status);
-    describe_calibration(registry, status.calibration.as_ref());
+}
+
+/// Whether a method asks for a bead gate.
+fn is_gated(methods: &BTreeMap<String, carved_records::Method>) -> bool {
+    methods.values().any(|method| method.policy.bead_gate != BeadGate::Off)
 }
 
 fn gauge(registry: &mut Registry, name: &str, help: &str, value: i64) {
@@ -151,14 +157,18 @@ fn describe_run(registry: &mut Registry, status: &Status) {
     }
 }
 
-/// Times are those of the measurement, and not ages: Prometheus computes the age with `time()` at any later moment.
-fn describe_calibration(registry: &mut Registry, calibration: Option<&CalibrationStatus>) {
+/// Times are those of the measurement, and not ages: Prometheus computes the age with `time()` at any later moment. A bead gate that no method
+/// asks for is left out, because nobody measures it again when it is too old.
+fn describe_calibration(registry: &mut Registry, calibration: Option<&CalibrationStatus>, is_gated: bool) {
     // A gate without a calibration is told as a calibration of the kind `gate`.
     let size = calibration.filter(|c| c.kind != "gate");
     gauge(registry, "calibration_valid", "Whether the rig has a calibration that is not too old", i64::from(size.is_some_and(|c| c.valid)));
     if let Some(c) = size {
         seconds(registry, "calibration_measured_timestamp", "When the calibration was measured", timestamp(&c.measured));
         seconds(registry, "calibration_max_age", "Age at which the calibration expires", Some(c.max_age_s));
+    }
+    if !is_gated {
+        return;
     }
     let gate = calibration.and_then(|c| c.gate.as_ref());
     gauge(
@@ -230,5 +240,31 @@ fn describe_hardware(registry: &mut Registry, status: &Status) {
     );
     if let Some(free) = status.hardware.disk_free_bytes {
         registry.register_with_unit("disk_free", "Space left for recordings", Unit::Bytes, ConstGauge::new(free as i64));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_bead_gate_that_no_method_asks_for_is_no_metric() {
+        let text = |policies: [BeadGate; 2]| {
+            let methods = policies.map(|bead_gate| {
+                let mut method: carved_records::Method =
+                    serde_json::from_str(r#"{"asd": 21, "order": "coarse_to_fine", "epsilon": 0.05, "voxel_um": 6.93}"#).unwrap();
+                method.policy.bead_gate = bead_gate;
+                (format!("{bead_gate:?}"), method)
+            });
+            let mut registry = Registry::default();
+            describe_calibration(&mut registry, None, is_gated(&methods.into()));
+            let mut text = String::new();
+            prometheus_client::encoding::text::encode(&mut text, &registry).unwrap();
+            text
+        };
+        let asked = text([BeadGate::Off, BeadGate::Flag]);
+        assert!(asked.lines().any(|line| line == "bead_gate_valid 0"), "{asked}");
+        let off = text([BeadGate::Off, BeadGate::Off]);
+        assert!(off.contains("calibration_valid 0") && !off.contains("bead_gate"), "{off}");
     }
 }

@@ -36,6 +36,7 @@ mod runs;
 mod safety;
 mod serve;
 mod status;
+mod stay;
 mod stored;
 
 pub use page::setup as setup_page;
@@ -51,6 +52,7 @@ use axum::http::header::{self, HeaderName};
 use axum::http::{HeaderValue, StatusCode};
 use axum::middleware::{Next, from_fn, from_fn_with_state};
 use axum::response::Response;
+use axum::routing::get;
 use axum::{Router, http::Uri};
 use carved_store::StoreReader;
 use std::sync::Arc;
@@ -67,6 +69,8 @@ struct App {
     reading: Semaphore,
     /// Slots for downloads of runs.
     downloading: Arc<Semaphore>,
+    /// Slots for answers that stay open.
+    staying: stay::Stay,
     guard: Guard,
     body_timeout: Duration,
     /// The schemas of the contract by name, for the explanation of wrong bodies.
@@ -104,6 +108,7 @@ fn router(
         reader,
         reading: Semaphore::new(results::AT_A_TIME),
         downloading: Arc::new(Semaphore::new(results::DOWNLOADS)),
+        staying: stay::Stay::new(settings.max_connections),
         guard,
         body_timeout: settings.body_timeout(),
         schemas: contract["components"]["schemas"].clone(),
@@ -115,6 +120,7 @@ fn router(
         closing,
     });
     routes
+        .route("/docs/", get(page::docs))
         .fallback(page::asset)
         .method_not_allowed_fallback(method_not_allowed)
         .layer(from_fn(conditional::check))

@@ -1,11 +1,14 @@
 //! The accept loop: one slot per connection, a deadline for every request head, and no task left at the end.
 //!
 //! ```text
-//! slot free? ─> accept ─> task: hyper http1 ─┬─ client closes, or does not complete its head in time
-//!      ^                                     └─ shutdown: finish the current request
-//!      └───────────── slot back ─────────────┘        then join all; after `drain_ms` drop the rest
+//! accept ─> slot free? ─> task: hyper http1 ─┬─ client closes, or does not complete its head in time
+//!             ^  └─ no: wanted ─────────────>├─ finish the current request
+//!             │                              ├─ shutdown: finish the current request
+//!             └──────── slot back ───────────┘        then join all; after `drain_ms` drop the rest
 //! ```
-//! hyper's builder is used directly because `axum::serve` sets no deadline for a request head.
+//! hyper's builder is used directly because `axum::serve` sets no deadline for a request head. While a client waits for a slot, connections
+//! that have had an answer end with their current request, and those between two requests end at once. Answers that stay open cannot be
+//! ended in this way: [`super::stay`] limits their number.
 
 use super::pace::Peer;
 use super::{closed, router};
@@ -27,7 +30,7 @@ use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
+use tokio::sync::{Notify, OwnedSemaphorePermit, Semaphore, watch};
 use tokio::task::{JoinError, JoinSet};
 
 /// Size limit of a request head, bytes.
@@ -90,14 +93,25 @@ pub async fn serve_routes(
     let (close, closing) = watch::channel(false);
     let router = routes(guard, closing.clone());
     let slots = Arc::new(Semaphore::new(settings.max_connections));
+    let (want, wanted) = watch::channel(false);
+    // Only a change wakes the tasks of all connections.
+    let waits = |is_waiting: bool| want.send_if_modified(|waits| std::mem::replace(waits, is_waiting) != is_waiting);
+    let mut next = None;
     let mut connections = JoinSet::new();
     let mut shutdown = pin!(shutdown);
     loop {
         tokio::select! {
-            accepted = next_client(&listener, &slots, settings) => match accepted {
-                Ok((stream, peer, slot)) => {
-                    let served = connection(stream, peer, slot, builder(settings), router.clone(), closing.clone());
-                    connections.spawn(served);
+            Ok(slot) = slots.clone().acquire_owned(), if next.is_some() => {
+                waits(false);
+                if let Some((stream, peer)) = next.take() {
+                    let ends = Ends { closing: closing.clone(), wanted: wanted.clone() };
+                    connections.spawn(connection(stream, peer, slot, builder(settings), router.clone(), ends));
+                }
+            }
+            accepted = next_client(&listener, settings), if next.is_none() => match accepted {
+                Ok(client) => {
+                    next = Some(client);
+                    waits(slots.available_permits() == 0);
                 }
                 Err(why) => {
                     tracing::warn!(%why, "could not accept a connection");
@@ -114,19 +128,14 @@ pub async fn serve_routes(
     Ok(())
 }
 
-async fn next_client(
-    listener: &TcpListener,
-    slots: &Arc<Semaphore>,
-    settings: &HttpSettings,
-) -> io::Result<(TcpStream, Peer, OwnedSemaphorePermit)> {
-    let slot = slots.clone().acquire_owned().await.map_err(io::Error::other)?;
+async fn next_client(listener: &TcpListener, settings: &HttpSettings) -> io::Result<(TcpStream, Peer)> {
     let (stream, peer) = listener.accept().await?;
     // Answers are small, and clients wait for them.
     stream.set_nodelay(true)?;
     // A client that does not read its answer would keep its slot for ever: hyper has no deadline for writing.
     let unread_ms = u32::try_from(settings.head_timeout_ms).unwrap_or(u32::MAX);
     setsockopt(&stream, sockopt::TcpUserTimeout, &unread_ms)?;
-    Ok((stream, Peer(peer.ip().to_canonical()), slot))
+    Ok((stream, Peer(peer.ip().to_canonical())))
 }
 
 fn builder(settings: &HttpSettings) -> http1::Builder {
@@ -135,23 +144,46 @@ fn builder(settings: &HttpSettings) -> http1::Builder {
     builder
 }
 
-async fn connection(
-    stream: TcpStream,
-    peer: Peer,
-    slot: OwnedSemaphorePermit,
-    builder: http1::Builder,
-    router: Router,
+/// Why a connection ends with its current request.
+struct Ends {
+    /// The server ends.
     closing: watch::Receiver<bool>,
-) {
+    /// A client waits for a slot.
+    wanted: watch::Receiver<bool>,
+}
+
+impl Ends {
+    /// Resolves when the connection must end. Its first request is always answered, however many clients wait.
+    async fn asked(mut self, answered: &Notify) {
+        let needed = async {
+            answered.notified().await;
+            // An error means that the server itself was dropped.
+            let _ended = self.wanted.wait_for(|wanted| *wanted).await;
+        };
+        tokio::select! {
+            () = closed(self.closing) => {}
+            () = needed => {}
+        }
+    }
+}
+
+async fn connection(stream: TcpStream, peer: Peer, slot: OwnedSemaphorePermit, builder: http1::Builder, router: Router, ends: Ends) {
     let inner = TowerToHyperService::new(router);
+    let answered = Arc::new(Notify::new());
+    let answers = answered.clone();
     let service = service_fn(move |mut request: Request<Incoming>| {
         request.extensions_mut().insert(peer);
-        inner.call(request)
+        let (answer, answers) = (inner.call(request), answers.clone());
+        async move {
+            let answer = answer.await;
+            answers.notify_one();
+            answer
+        }
     });
     let mut connection = pin!(builder.serve_connection(TokioIo::new(stream), service));
     let ended = tokio::select! {
         ended = connection.as_mut() => ended,
-        () = closed(closing) => {
+        () = ends.asked(&answered) => {
             connection.as_mut().graceful_shutdown();
             connection.await
         }

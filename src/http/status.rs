@@ -38,13 +38,14 @@ impl Wait {
 
 /// The state of the instrument, its run, specimen, hardware and faults.
 ///
-/// From memory only; 200 whenever the daemon listens, faulted too. The `ETag` changes with the state, not with the clocks.
+/// From memory only; without `wait` 200 whenever the daemon listens, faulted too. The `ETag` changes with the state, not with the clocks.
 #[utoipa::path(
     get, path = "/v1/status", tag = "status", params(Wait, ("If-None-Match" = Option<String>, Header, description = "ETag of the status that the client has")),
     responses(
         (status = 200, description = "The newest snapshot", body = Status, headers(("ETag" = String, description = "boot id and revision"))),
         (status = 304, description = "The client has the newest snapshot"),
         (status = 400, description = "The query makes no sense", body = Problem, content_type = "application/problem+json"),
+        (status = 503, description = "With `wait`: too many clients wait for events or for a change of the status", body = Problem, content_type = "application/problem+json"),
     )
 )]
 pub(super) async fn get(
@@ -56,6 +57,7 @@ pub(super) async fn get(
     let mut status = app.session.status();
     // A revision above ours comes from before a restart: the client gets the status at once.
     if let Some((wait, after)) = waiting.filter(|(_, after)| *after == status.revision) {
+        let _slot = app.staying.take()?;
         tokio::select! {
             newer = app.session.status_after(after) => status = newer,
             () = tokio::time::sleep(wait) => status = app.session.status(),

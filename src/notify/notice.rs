@@ -108,16 +108,28 @@ impl Notice {
         self.made.elapsed()
     }
 
-    /// The body of a request. `topic` is the topic of ntfy.
-    pub fn body(&self, format: NotifyFormat, topic: &str) -> Value {
+    /// The body of a request. `topic` is the topic of ntfy, `page` the address of the instrument's page.
+    pub fn body(&self, format: NotifyFormat, topic: &str, page: Option<&str>) -> Value {
         match format {
-            NotifyFormat::Json => serde_json::to_value(self).unwrap_or_default(),
+            NotifyFormat::Json => {
+                let mut body = serde_json::to_value(self).unwrap_or_default();
+                body["page"] = json!(page);
+                body
+            }
             NotifyFormat::Ntfy => {
                 // 3 is the default of ntfy. From 4 on, phones make a longer sound.
                 let priority = if self.needs_person { 4 } else { 3 };
-                json!({ "topic": topic, "title": self.title, "message": self.text, "priority": priority, "tags": [self.tag()] })
+                let mut body =
+                    json!({ "topic": topic, "title": self.title, "message": self.text, "priority": priority, "tags": [self.tag()] });
+                if let Some(page) = page {
+                    body["click"] = json!(page);
+                }
+                body
             }
-            NotifyFormat::Slack => json!({ "text": format!("*{}*\n{}", escaped(&self.title), escaped(&self.text)) }),
+            NotifyFormat::Slack => {
+                let link = page.map(|page| format!("\n<{}|Open the page of the instrument>", escaped(page))).unwrap_or_default();
+                json!({ "text": format!("*{}*\n{}{link}", escaped(&self.title), escaped(&self.text)) })
+            }
         }
     }
 
@@ -193,13 +205,25 @@ pub(super) mod tests {
     #[test]
     fn each_receiver_gets_its_own_form() {
         let notice = Notice::new(EventName::RunHeld, &status(), true, 7);
-        let json = notice.body(NotifyFormat::Json, "");
+        let json = notice.body(NotifyFormat::Json, "", None);
         assert_eq!((&json["id"], &json["event"], &json["needs_person"]), (&json!("b-7"), &json!("run.held"), &json!(true)));
-        let ntfy = notice.body(NotifyFormat::Ntfy, "topic");
+        assert_eq!(json["page"], Value::Null);
+        let ntfy = notice.body(NotifyFormat::Ntfy, "topic", None);
         let expected = json!({"topic": "topic", "title": "vast-1: the run is held", "message": "Held: 1 < 2 & so on.", "priority": 4,
             "tags": ["raising_hand"]});
         assert_eq!(ntfy, expected);
-        let slack = notice.body(NotifyFormat::Slack, "");
+        let slack = notice.body(NotifyFormat::Slack, "", None);
         assert_eq!(slack, json!({"text": "*vast-1: the run is held*\nHeld: 1 &lt; 2 &amp; so on."}));
+    }
+
+    #[test]
+    fn each_form_links_to_the_page_whose_address_is_known() {
+        let notice = Notice::new(EventName::RunHeld, &status(), true, 7);
+        let body = |format| notice.body(format, "topic", Some("http://vast-1.lab:8420/?a=1&b"));
+        assert_eq!(body(NotifyFormat::Json)["page"], "http://vast-1.lab:8420/?a=1&b");
+        assert_eq!(body(NotifyFormat::Ntfy)["click"], "http://vast-1.lab:8420/?a=1&b");
+        let slack =
+            "*vast-1: the run is held*\nHeld: 1 &lt; 2 &amp; so on.\n<http://vast-1.lab:8420/?a=1&amp;b|Open the page of the instrument>";
+        assert_eq!(body(NotifyFormat::Slack), json!({ "text": slack }));
     }
 }

@@ -59,6 +59,8 @@ pub struct Agent {
     /// The address of requests.
     url: String,
     topic: String,
+    /// The address of the instrument's page.
+    page: Option<String>,
 }
 
 impl Agent {
@@ -77,7 +79,8 @@ impl Agent {
             NotifyFormat::Ntfy => of_ntfy(&receiver.url.to_string()),
             NotifyFormat::Json | NotifyFormat::Slack => (receiver.url.to_string(), String::new()),
         };
-        Ok(Self { http: config.build().into(), receiver, url, topic })
+        let page = receiver.page.as_ref().map(ToString::to_string);
+        Ok(Self { http: config.build().into(), receiver, url, topic, page })
     }
 
     /// The receiver's address without its path.
@@ -95,7 +98,7 @@ impl Agent {
     /// # Errors
     /// The receiver did not take it.
     pub fn deliver(&self, notice: &Notice, within: Duration) -> Result<StatusCode, Undelivered> {
-        let body = notice.body(self.receiver.format, &self.topic).to_string();
+        let body = notice.body(self.receiver.format, &self.topic, self.page.as_deref()).to_string();
         let mut request = self.http.post(&self.url).config().timeout_global(Some(within.max(Duration::from_millis(1)))).build();
         request = request.content_type("application/json").header(ID, &notice.id);
         if let Some(secret) = &self.receiver.secret {

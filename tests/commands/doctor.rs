@@ -78,15 +78,15 @@ fn trinamic_modules_and_zaber_controllers_are_known_without_being_moved() {
     for (controller, parts) in [
         (
             Controller::Tmcl(hardware_sim::tmcl::Settings::default()),
-            ["Trinamic TMCM-6212, firmware 1.", "driver = \"tmcl\"", "config/vast-tmcl.toml"],
+            ["Trinamic TMCM-6212, firmware 1.", "driver = \"tmcl\"", "vast-tmcl.toml"],
         ),
         (
             Controller::Zaber(hardware_sim::zaber::Settings::default()),
-            ["Zaber, ASCII protocol: @01", "driver = \"zaber\"", "config/vast-zaber.toml"],
+            ["Zaber, ASCII protocol: @01", "driver = \"zaber\"", "vast-zaber.toml"],
         ),
         (
             Controller::Zaber(hardware_sim::zaber::Settings { slash_first: true, ..hardware_sim::zaber::Settings::default() }),
-            ["Zaber, ASCII protocol: @01", "driver = \"zaber\"", "config/vast-zaber.toml"],
+            ["Zaber, ASCII protocol: @01", "driver = \"zaber\"", "vast-zaber.toml"],
         ),
     ] {
         let said = examined(&rig(controller));

@@ -157,7 +157,8 @@ fn a_test_notice_is_sent_and_no_secret_is_told() {
     let dir = tempfile::tempdir().unwrap();
     let config = dir.path().join("rig.toml");
     let command = |url: &str| {
-        let table = format!("[notify]\nurl = {url:?}\nformat = \"ntfy\"\n{}\n\n[store]", secret_file(dir.path()));
+        let page = "page_url = \"http://vast-1.lab:8420\"";
+        let table = format!("[notify]\nurl = {url:?}\nformat = \"ntfy\"\n{page}\n{}\n\n[store]", secret_file(dir.path()));
         std::fs::write(&config, configured_text("vast-grbl.toml").replace("[store]", &table)).unwrap();
         let mut command = carved();
         command.env("CARVED_LOG", "trace").args(["notify", "test", "--config"]).arg(&config).output().unwrap()
@@ -168,6 +169,7 @@ fn a_test_notice_is_sent_and_no_secret_is_told() {
     assert!(taken.status.success(), "{}", stderr(&taken));
     let body = receiver.received()[0].json();
     assert_eq!((&body["topic"], receiver.received()[0].path.as_str()), (&"T0SECRET".into(), "/"), "{body}");
+    assert_eq!(body["click"], "http://vast-1.lab:8420/", "{body}");
     let refused = command(&url);
     assert_eq!(refused.status.code(), Some(1));
     assert!(stderr(&refused).contains("403") && stderr(&refused).contains(&receiver.url), "{}", stderr(&refused));

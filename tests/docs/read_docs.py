@@ -18,15 +18,16 @@ import sys
 import tomllib
 from pathlib import Path
 
+from links import SPAN, dead, split
+
 ROOT = Path(__file__).resolve().parents[2]
 CLIENT = ROOT / "clients/python/src/carved_client"
-FENCE = re.compile(r"^ *```(\w*)")
-SPAN = re.compile(r"(`+)(?!`)(.+?)(?<!`)\1(?!`)", re.S)
-LINK = re.compile(r"\]\(([^()\s]+)\)")
 REQUEST = re.compile(r"(GET|PUT|POST|DELETE) (/[^\s?]*)")
 OPERATORS = ";&|()<>"
 # Words before a command that are not its name.
 LEADING = {"do", "then", "else", "sudo", "exec", "time", "!"}
+# Options of sudo with a value.
+OF_SUDO = {"-u", "-g"}
 
 mistakes: list[str] = []
 
@@ -35,31 +36,6 @@ def pages():
     """The pages that are read: those of docs/, and those beside the sources that a user reads."""
     top = ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "clients/python/README.md"]
     return [ROOT / name for name in top] + sorted((ROOT / "docs").rglob("*.md"))
-
-
-def split(page):
-    """The blocks of a page as (line, language, text), and its other paragraphs as (line, text)."""
-    blocks, paragraphs = [], []
-    language, start, held = None, 0, []
-    for number, line in enumerate(page.read_text().splitlines(), 1):
-        fence = FENCE.match(line)
-        if fence and language is None:
-            if held:
-                paragraphs.append((start, "\n".join(held)))
-            language, start, held = fence[1], number + 1, []
-        elif fence:
-            blocks.append((start, language, "\n".join(held)))
-            language, held = None, []
-        elif language is None and not line.strip():
-            if held:
-                paragraphs.append((start, "\n".join(held)))
-            held = []
-        else:
-            start = number if language is None and not held else start
-            held.append(line)
-    if held:
-        paragraphs.append((start, "\n".join(held)))
-    return blocks, paragraphs
 
 
 def words(line):
@@ -90,7 +66,9 @@ def commands(text):
                 redirected = True
             elif token and set(token) <= set(OPERATORS):
                 while argv and (argv[0] in LEADING or re.match(r"\w+=", argv[0])):
-                    argv.pop(0)
+                    if argv.pop(0) == "sudo":
+                        while argv and argv[0] in OF_SUDO:
+                            argv = argv[2:]
                 if argv:
                     found.append((start, argv))
                 argv, redirected = [], False
@@ -135,33 +113,6 @@ def check_python(at, text):
             mistakes.append(f"{at}: CarvedClient has no {node.attr}")
 
 
-def headings(page):
-    """The anchors that GitHub gives to the headings of a page."""
-    anchors, in_block = set(), False
-    for line in page.read_text().splitlines():
-        in_block ^= bool(FENCE.match(line))
-        if not in_block and line.startswith("#"):
-            text = re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", line.lstrip("#").strip())
-            anchor = re.sub(r"[^\w\- ]", "", text.lower()).replace(" ", "-")
-            count = 1
-            while anchor in anchors:
-                anchor, count = f"{anchor.removesuffix(f'-{count - 1}')}-{count}", count + 1
-            anchors.add(anchor)
-    return anchors
-
-
-def check_link(at, page, link):
-    """A relative link leads to a file and, where it names one, to a heading."""
-    if re.match(r"\w+:", link):
-        return
-    path, _, anchor = link.partition("#")
-    target = (page.parent / path).resolve() if path else page
-    if not target.exists():
-        mistakes.append(f"{at}: there is no {link}")
-    elif anchor and target.suffix == ".md" and anchor not in headings(target):
-        mistakes.append(f"{at}: {link}: the page has no such heading")
-
-
 def routes():
     """Patterns of every method and path of the contract. A page may name a parameter otherwise, or give a value."""
     paths = json.loads((ROOT / "docs/openapi.json").read_text())["paths"]
@@ -175,6 +126,7 @@ def main():
     found = {"commands": [], "spans": [], "options": [], "mistakes": mistakes}
     for page in pages():
         name = page.relative_to(ROOT)
+        mistakes.extend(dead(ROOT, page))
         blocks, paragraphs = split(page)
         for line, language, text in blocks:
             at = f"{name}:{line}"
@@ -206,8 +158,6 @@ def main():
                 # In running text `near|far` is a choice; a pipe has spaces around it.
                 shell = re.sub(r"(\w)\|\w+", r"\1", " ".join(span[2].split()))
                 found[kind].append({"at": at, "argv": commands(shell)[0][1]})
-            for link in LINK.finditer(SPAN.sub("", text)):
-                check_link(f"{name}:{line + text[: link.start()].count(chr(10))}", page, link[1])
     json.dump(found, sys.stdout)
 
 

@@ -150,6 +150,8 @@ fn the_documentation_is_served_without_a_network() {
     let rig = Rig::start();
     let first = rig.get("/docs");
     assert_eq!(first.status, 303);
+    let slash = rig.get("/docs/");
+    assert_eq!((slash.status, slash.header("location")), (303, first.header("location")));
     if !std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("web/dist/docs").is_dir() {
         assert_eq!(first.header("location"), Some("/docs/api"));
         return strict::cannot_run("the pages are not built: make web");

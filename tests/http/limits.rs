@@ -1,10 +1,11 @@
 //! Sizes, deadlines, connection slots and shutdown.
 
 use crate::rig::{PLAN, Rig, settings};
-use crate::wire::{PATIENCE, connect, exchange, read_answer, read_until};
+use crate::wire::{Answer, PATIENCE, connect, exchange, read_answer, read_until};
 use carved::config::HttpSettings;
 use std::io::{ErrorKind, Read, Write};
 use std::net::TcpStream;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 const JSON: (&str, &str) = ("Content-Type", "application/json");
@@ -93,9 +94,76 @@ fn dribble_nothing(mut stream: TcpStream) {
 #[test]
 fn a_client_that_reads_nothing_loses_its_slot() {
     let rig = Rig::with(HttpSettings { head_timeout_ms: 300, max_connections: 1, ..settings() }, Vec::new());
+    rig.driver.set_live(|live| live.frame_jpg = Some(Arc::new(vec![0; 64 << 20])));
     let mut greedy = connect(rig.address);
-    greedy.write_all(&b"GET /openapi.json HTTP/1.1\r\nHost: localhost\r\n\r\n".repeat(400)).unwrap();
+    greedy.write_all(b"GET /v1/live/frame.jpg HTTP/1.1\r\nHost: localhost\r\n\r\n").unwrap();
     assert_eq!(rig.get("/v1/status").status, 200);
+}
+
+/// Of four connections two may wait.
+#[test]
+fn clients_that_wait_leave_slots_for_the_emergency_stop() {
+    let rig = Rig::with(HttpSettings { max_connections: 4, ..settings() }, Vec::new());
+    let asking = |path: &str| {
+        let mut stream = connect(rig.address);
+        stream.write_all(format!("GET {path} HTTP/1.1\r\nHost: localhost\r\n\r\n").as_bytes()).unwrap();
+        stream
+    };
+    let refusal = |answer: Answer| {
+        assert_eq!(answer.header("retry-after"), Some("5"), "{answer:?}");
+        (answer.status, answer.problem())
+    };
+    let mut polls: Vec<_> = (0..3).map(|_| asking("/v1/status?wait=30&after=41")).collect();
+    let mut over = polls.swap_remove(first_answered(&polls));
+    assert_eq!(refusal(read_answer(&mut over)), (503, "busy".into()));
+    assert_eq!(refusal(rig.get("/v1/events")), (503, "busy".into()));
+    assert_eq!(rig.get("/v1/status").status, 200);
+    assert_eq!(rig.get("/v1/status?wait=30&after=40").status, 200, "news that are there already need no slot");
+    assert_eq!(rig.send("POST", "/v1/emergency-stop", &[], "").status, 200);
+    drop(over);
+    rig.driver.publish(|s| s.doing = "something else".into());
+    for mut poll in polls {
+        assert_eq!(read_answer(&mut poll).status, 200);
+    }
+    let mut streams: Vec<_> = (0..2).map(|_| asking("/v1/events")).collect();
+    for stream in &mut streams {
+        read_until(stream, b"retry: 2000");
+    }
+    assert_eq!(refusal(rig.get("/v1/events")), (503, "busy".into()));
+    assert_eq!(rig.send("POST", "/v1/emergency-stop", &[], "").status, 200);
+}
+
+/// The first of these connections that has an answer.
+fn first_answered(streams: &[TcpStream]) -> usize {
+    let deadline = Instant::now() + PATIENCE;
+    loop {
+        for (i, stream) in streams.iter().enumerate() {
+            stream.set_read_timeout(Some(Duration::from_millis(10))).unwrap();
+            let is_answered = stream.peek(&mut [0]).is_ok_and(|bytes| bytes > 0);
+            stream.set_read_timeout(Some(PATIENCE)).unwrap();
+            if is_answered {
+                return i;
+            }
+        }
+        assert!(Instant::now() < deadline, "none of them is answered");
+    }
+}
+
+/// The deadline for the next request of a connection is ten minutes here.
+#[test]
+fn idle_connections_give_their_slots_to_clients_that_wait() {
+    let rig = Rig::with(HttpSettings { max_connections: 2, head_timeout_ms: 600_000, ..settings() }, Vec::new());
+    let _idle: Vec<_> = (0..2)
+        .map(|_| {
+            let mut stream = connect(rig.address);
+            for _kept_alive in 0..2 {
+                stream.write_all(b"GET /v1/status HTTP/1.1\r\nHost: localhost\r\n\r\n").unwrap();
+                assert_eq!(read_answer(&mut stream).status, 200);
+            }
+            stream
+        })
+        .collect();
+    assert_eq!(rig.send("POST", "/v1/emergency-stop", &[], "").status, 200);
 }
 
 #[test]

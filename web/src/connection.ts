@@ -2,7 +2,8 @@
 //
 //   first ──ok──> poll(after) ──ok──> poll(after) ...
 //     ^              │ error, silence
-//     └── pause <── lost
+//     ├── pause <── lost
+//     └── pause <── refused, because too many clients wait: the connection is not lost
 
 import { fetchStatus, Refused } from "./api.ts";
 import type { Status } from "./status.ts";
@@ -13,6 +14,8 @@ const WAIT_S = 5;
 const GRACE_MS = 3000;
 /** Pauses between attempts, ms. The last one repeats. */
 const PAUSES_MS = [250, 500, 1000, 2000];
+/** Pause after a poll that was refused because too many clients wait, ms. */
+const REFUSED_MS = 1000;
 /** Shortest time between polls, ms: a page needs at most 10 updates a second. */
 const LEAST_GAP_MS = 100;
 
@@ -51,6 +54,11 @@ export async function keepLive(listener: Listener): Promise<never> {
       const gap = unchanged ? 1000 : LEAST_GAP_MS;
       await pause(Math.max(0, gap - (performance.now() - started)));
     } catch (error) {
+      if (error instanceof Refused && error.code === 503 && after !== null) {
+        after = null;
+        await pause(REFUSED_MS);
+        continue;
+      }
       // A restarted daemon counts its revisions from the beginning, so the next request has no `after`.
       after = null;
       const tokenWanted = error instanceof Refused && error.code === 401;

@@ -74,6 +74,12 @@ def test_the_journal_is_taken_up_again_after_the_last_event_seen() -> None:
     assert fake.pauses == [2.0, 4.0, 5.0]
 
 
+def test_a_journal_with_too_many_readers_is_asked_for_again_after_the_pause_that_the_daemon_asks_for() -> None:
+    fake = Fake([problem(503, "busy", retry_after=5), stream(event(5), "")])
+    assert next(iter(fake.client.events(4))) == Event(5, "t", "k", None, None, None)
+    assert fake.pauses == [5.0]
+
+
 def test_the_journal_is_not_asked_for_again_where_it_is_refused() -> None:
     fake = Fake([problem(401, "unauthorized")])
     with pytest.raises(ProblemError, match="unauthorized"):

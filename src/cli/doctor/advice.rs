@@ -3,6 +3,7 @@
 use carved_devices::rotation::{Answer, Port, UsbAdapter};
 use std::collections::BTreeMap;
 use std::fmt::Write;
+use std::path::Path;
 
 /// The identity of the controller, and the lines for `[rotation]`.
 pub fn of(answer: &Answer, port: &Port, baud: u32) -> String {
@@ -11,7 +12,7 @@ pub fn of(answer: &Answer, port: &Port, baud: u32) -> String {
         Port::Usb(UsbAdapter { usb_serial }) => format!("port = {{ usb_serial = {usb_serial:?} }}"),
     };
     let table = |driver: &str| format!("[rotation]\ndriver = \"{driver}\"\n{port}\nbaud = {baud}\n");
-    let example = |driver: &str, file: &str| format!("{}# an example: config/{file}; every key: docs/configuration.md\n", table(driver));
+    let example = |driver: &str, file: &str| format!("{}{}", table(driver), example(file));
     match answer {
         Answer::Grbl { is_hal, version, settings } => {
             let mut text = format!("{}: {version}\n{}", if *is_hal { "grblHAL" } else { "Grbl" }, table("grbl"));
@@ -35,6 +36,20 @@ pub fn of(answer: &Answer, port: &Port, baud: u32) -> String {
         }
         Answer::Tmcl { module, version } => format!("Trinamic {module}, firmware {version}\n{}", example("tmcl", "vast-tmcl.toml")),
     }
+}
+
+/// Folder of the configurations of the package.
+const INSTALLED: &str = "/etc/carved";
+
+/// A line with an example of a configuration and with what explains its keys.
+pub fn example(file: &str) -> String {
+    example_in(Path::new(INSTALLED), file)
+}
+
+fn example_in(installed: &Path, file: &str) -> String {
+    let path = installed.join(file);
+    let path = if path.exists() { path.display().to_string() } else { format!("config/{file} in the sources of carved") };
+    format!("# an example: {path}; every key: carved config schema --markdown\n")
 }
 
 /// A key of `[rotation]` that follows from a setting of a Grbl controller.
@@ -81,6 +96,15 @@ fn ratio(printed: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_example_is_a_file_that_is_there() {
+        let installed = tempfile::tempdir().unwrap();
+        assert!(example_in(installed.path(), "vast-grbl.toml").starts_with("# an example: config/vast-grbl.toml in the sources"));
+        let path = installed.path().join("vast-grbl.toml");
+        std::fs::write(&path, "").unwrap();
+        assert!(example_in(installed.path(), "vast-grbl.toml").starts_with(&format!("# an example: {};", path.display())));
+    }
 
     #[test]
     fn ratios_are_found_behind_three_decimals() {

@@ -1,7 +1,6 @@
 //! The cameras that answer, who controls them, and the lines for `[camera]`.
 
-use super::computer;
-use super::indented;
+use super::{advice, computer, indented};
 use carved_devices::camera::{Controller, Listed, controller, discover};
 use std::fmt::Write;
 use std::net::Ipv4Addr;
@@ -62,6 +61,6 @@ fn advice(camera: &Listed) -> String {
         };
         let _ = writeln!(text, "packet_size = {packet_size}   # {} has an MTU of {}; {why}", way.interface, way.mtu);
     }
-    text.push_str("# an example: config/vast-grbl.toml; every key: docs/configuration.md\n");
+    text.push_str(&advice::example("vast-grbl.toml"));
     text
 }

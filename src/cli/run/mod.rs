@@ -25,6 +25,7 @@ pub const EXIT_CODES: &str = "Exit codes: 0 done (watch: the run succeeded), 1 r
 #[derive(Debug, clap::Subcommand)]
 pub enum Command {
     /// Start a run on a plate map (docs/plate-map.md).
+    #[command(after_help = EXIT_CODES)]
     Start(start::Args),
     /// Show what the instrument is doing.
     Status(StatusArgs),
@@ -39,6 +40,7 @@ pub enum Command {
     /// Acknowledge a fault: somebody has looked at its cause.
     Acknowledge(AcknowledgeArgs),
     /// Follow a run until it ends.
+    #[command(after_help = EXIT_CODES)]
     Watch(WatchArgs),
 }
 

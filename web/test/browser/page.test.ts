@@ -923,6 +923,32 @@ test("a question about a run that ended meanwhile goes away", async () => {
   assert.deepEqual(server.taken, []);
 });
 
+test("a page whose long polls are refused asks from time to time, and is not cut off", async () => {
+  server.isFull = true;
+  await page.goto(server.url);
+  await until("link", /^Live$/);
+  const links = page.locator("#link");
+  const seen: string[] = [];
+  await page.exposeFunction("seen", (text: string) => seen.push(text));
+  await links.evaluate((link) => {
+    const told = (globalThis as unknown as { seen: (text: string) => void }).seen;
+    new MutationObserver(() => told(link.textContent ?? "")).observe(link, {
+      childList: true,
+      characterData: true,
+      subtree: true,
+    });
+  });
+  for (const reason of ["one reason", "another reason"]) {
+    server.publish(status({ ready: false, not_ready_reason: reason }));
+    await until("progress-line", new RegExp(`: ${reason}`));
+  }
+  assert.ok(server.asked.filter((query) => query.includes("wait")).length >= 2, "it tries to wait again");
+  assert.deepEqual(
+    seen.filter((text) => text !== "Live"),
+    [],
+  );
+});
+
 test("a lost connection is said with its age, and heals by itself", async () => {
   server.publish(running(9));
   await page.goto(server.url);

@@ -46,6 +46,8 @@ export class FixtureServer {
   readonly taken: { command: string; body: string }[] = [];
   /** Queries of the status requests, oldest first. */
   readonly asked: string[] = [];
+  /** Whether too many clients wait for a change of the status. */
+  isFull = false;
   /** Paths and queries of what was read beside the status, oldest first. */
   readonly read: string[] = [];
   /** Answer to a command in place of 200: a problem in words, with what is wrong. */
@@ -118,6 +120,10 @@ export class FixtureServer {
       this.#json(response, 401, { title: "Unauthorized", detail: "send the instrument's token" });
     } else if (url.pathname === "/v1/status") {
       this.asked.push(url.search);
+      if (this.isFull && url.searchParams.has("wait")) {
+        this.#json(response, 503, { title: "Service Unavailable", code: "busy", detail: "too many clients wait" });
+        return;
+      }
       await this.#settled(url);
       this.#json(response, 200, this.#status);
     } else if (request.method === "POST" || request.method === "PUT") {

@@ -2,7 +2,7 @@
 
 id: 41, data: {...} ──> Event
 event: resync       ──> Resync: events are missing, read the status again
-interrupted         ──> after the pause that the daemon asked for, again with Last-Event-ID
+interrupted, or 503 ──> after the pause that the daemon asked for, again with Last-Event-ID
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import httpx
 from .decode import decode
 from .errors import MalformedAnswer, ProblemError
 from .models import Event, Resync
-from .transport import RETRIED, Transport, problem_of
+from .transport import RETRIED, Transport, problem_of, retry_after_s
 
 #: The daemon sends a comment every 15 s, so a longer silence means a dead connection.
 SILENCE_S = 40.0
@@ -56,11 +56,13 @@ def events(transport: Transport, last_event_id: int | None) -> Iterator[Event | 
     """Yields the journal after `last_event_id` without end. Only a refusal ends it."""
     seen, pause_s, failures = last_event_id, 2.0, 0
     while True:
+        asked_s = 0.0
         headers = {"accept": "text/event-stream", **({} if seen is None else {"last-event-id": str(seen)})}
         try:
             with transport.stream("/v1/events", headers=headers, timeout_s=SILENCE_S) as response:
                 if not response.is_success:
                     response.read()
+                    asked_s = retry_after_s(response) or 0.0
                     raise ProblemError(problem_of(response), "GET /v1/events")
                 for message in messages(response.iter_lines()):
                     failures = 0
@@ -77,7 +79,7 @@ def events(transport: Transport, last_event_id: int | None) -> Iterator[Event | 
         except httpx.TransportError:
             # Interrupted, for example by a restart of the daemon. The journal keeps the events of this time.
             pass
-        transport.sleep(min(pause_s * 2.0**failures, max(pause_s, 5.0)))
+        transport.sleep(max(asked_s, min(pause_s * 2.0**failures, max(pause_s, 5.0))))
         failures = min(failures + 1, 4)
 
 

@@ -128,16 +128,22 @@ class Transport:
     @staticmethod
     def _pause_s(response: httpx.Response, failures: int, retry: Retry) -> float | None:
         """The pause that the daemon asks for, and at least the back-off. None if it is too long."""
-        asked = response.headers.get("retry-after", "").strip()
-        if not asked.isdecimal():
+        asked_s = retry_after_s(response)
+        if asked_s is None:
             return retry.pause_s(failures)
-        if float(asked) > retry.longest_retry_after_s > 0.0:
+        if asked_s > retry.longest_retry_after_s > 0.0:
             return None
-        return max(min(float(asked), retry.longest_retry_after_s), retry.pause_s(failures))
+        return max(min(asked_s, retry.longest_retry_after_s), retry.pause_s(failures))
 
     def stream(self, path: str, *, headers: Mapping[str, str], timeout_s: float) -> Any:
         """Opens a stream, without repeats. Returns a context manager of the response."""
         return self._http.stream("GET", path, headers=dict(headers), timeout=timeout_s)
+
+
+def retry_after_s(response: httpx.Response) -> float | None:
+    """The pause that an answer asks for, s. None if it asks for none."""
+    asked = response.headers.get("retry-after", "").strip()
+    return float(asked) if asked.isdecimal() else None
 
 
 def problem_of(response: httpx.Response) -> Problem:
