@@ -20,10 +20,31 @@ mod picture;
 mod recording;
 mod task;
 
-use pyo3::pymodule;
+use carved_store::Software;
+use pyo3::prelude::*;
+
+/// Version, commit and whether the sources differed from it (`None`: not known), of the sources of this module.
+#[pyfunction]
+fn build() -> (String, String, Option<bool>) {
+    let Software { version, commit, dirty, .. } = Software::this();
+    (version, commit, dirty)
+}
 
 #[pymodule]
 mod _native {
+    use carved_store::Software;
+    use pyo3::prelude::*;
+
+    /// States the sources before the first number is made.
+    #[pymodule_init]
+    #[allow(clippy::unnecessary_wraps, reason = "PyO3 expects a result")]
+    fn init(_module: &Bound<'_, PyModule>) -> PyResult<()> {
+        Software::built_from(env!("CARVED_BUILD_COMMIT"), env!("CARVED_BUILD_DIRTY").parse().ok());
+        Ok(())
+    }
+
+    #[pymodule_export]
+    use super::build;
     #[pymodule_export]
     use super::calibrated::calibrate;
     #[pymodule_export]
@@ -32,7 +53,4 @@ mod _native {
     use super::picture::{NativeProfile, segment};
     #[pymodule_export]
     use super::recording::NativeRecording;
-
-    #[pymodule_export]
-    const VERSION: &str = env!("CARGO_PKG_VERSION");
 }

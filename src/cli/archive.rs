@@ -5,7 +5,7 @@ mod s3;
 
 use super::told;
 use anyhow::{bail, ensure};
-use carved_store::{self, Objects, Packing, Pruned, StoreError};
+use carved_store::{self, CRATE, Objects, Packing, Pruned, StoreError};
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Args)]
@@ -62,14 +62,22 @@ pub fn archive(args: &ArchiveArgs) -> anyhow::Result<()> {
             None => carved_store::archive(run, Path::new(&args.to), packing),
         };
         match archived {
-            Ok(receipt) => say!(
-                "{}: {} files{}, {:.3} GB, every hash verified at {}",
-                receipt.run,
-                receipt.files.len(),
-                if args.pack { format!(", those of {} recordings packed", receipt.packed.len()) } else { String::new() },
-                receipt.bytes as f64 / 1e9,
-                receipt.destination.display()
-            ),
+            Ok(receipt) => {
+                say!(
+                    "{}: {} files{}, {:.3} GB, every hash verified at {}",
+                    receipt.run,
+                    receipt.files.len(),
+                    if args.pack { format!(", those of {} recordings packed", receipt.packed.len()) } else { String::new() },
+                    receipt.bytes as f64 / 1e9,
+                    receipt.destination.display()
+                );
+                if args.pack && run.join(CRATE).is_file() {
+                    note!(
+                        "carved: {}: {CRATE} is not copied, because it lists single files. carved export rocrate makes one of the packed copy",
+                        receipt.run
+                    );
+                }
+            }
             Err(error) => refused.push(told(&error.into())),
         }
     }

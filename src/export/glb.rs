@@ -15,6 +15,9 @@ const UNSIGNED_INT: u32 = 5125;
 const ARRAY_BUFFER: u32 = 34962;
 const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 
+/// Roughness of the surface, from 0 for a mirror to 1: matt, with a faint gloss that shows its curvature.
+const ROUGHNESS: f64 = 0.8;
+
 /// How a scene stands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stand {
@@ -72,7 +75,9 @@ pub fn write_glb(mesh: &Mesh, colours: Option<&[[f64; 3]]>, extras: &Value, stan
         "scene": 0,
         "scenes": [{"nodes": [0]}],
         "nodes": [node],
-        "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "NORMAL": 1}, "indices": 2, "mode": 4}]}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "NORMAL": 1}, "indices": 2, "mode": 4, "material": 0}]}],
+        // The default of the format is metal, which is black where a scene has no surroundings that it reflects.
+        "materials": [{"pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": ROUGHNESS}}],
         "accessors": [
             {"bufferView": 0, "componentType": FLOAT, "count": vertices, "type": "VEC3", "min": min, "max": max},
             {"bufferView": 1, "componentType": FLOAT, "count": vertices, "type": "VEC3"},
@@ -90,11 +95,7 @@ pub fn write_glb(mesh: &Mesh, colours: Option<&[[f64; 3]]>, extras: &Value, stan
         append(&mut document["accessors"], accessor);
         append(&mut document["bufferViews"], view(indices_end, 12 * colours.len(), ARRAY_BUFFER));
         document["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = 3.into();
-        document["meshes"][0]["primitives"][0]["material"] = 0.into();
-        document["materials"] = json!([{
-            "pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 1.0},
-            "extensions": {"KHR_materials_unlit": {}},
-        }]);
+        document["materials"][0]["extensions"] = json!({"KHR_materials_unlit": {}});
         document["extensionsUsed"] = json!(["KHR_materials_unlit"]);
     }
     let mut text = document.to_string().into_bytes();

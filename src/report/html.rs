@@ -6,12 +6,13 @@
 
 use super::chart::{Bead, Series};
 use super::methods::Methods;
-use super::plots;
+use super::plots::{self, Names};
 use super::specimen::Specimen;
 use crate::tables::statistics::{Flagged, QuantityStatistics, Statistics, WellGroup};
 use base64::Engine;
 use carved_pictures::model::BAR_UM;
-use carved_records::{Mode, SpecimenOutcome, WellCounts};
+use carved_records::{Mode, PlateFormat, SpecimenOutcome, WellCounts};
+use carved_store::columns::{AFTER, Column, Source};
 use carved_store::gates::GateFile;
 use carved_store::{RunRecord, Software, StoreError, StoredRun};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
@@ -20,7 +21,7 @@ use std::collections::BTreeMap;
 /// Unit of volumes and areas in the report: 10^6 um^3 and 10^6 um^2.
 pub(super) const MILLION: f64 = 1e6;
 /// Groups in one plot. More do not fit on a page.
-const COLUMNS: usize = 16;
+const ROWS: usize = 32;
 
 /// Why there is no report.
 #[derive(Debug, thiserror::Error)]
@@ -75,6 +76,30 @@ fn outcome(outcome: Option<SpecimenOutcome>) -> String {
     word.as_ref().and_then(|w| w.as_str()).unwrap_or("not done").to_owned()
 }
 
+/// The groups of larvae.
+fn of_larvae(quantity: &QuantityStatistics) -> Vec<&WellGroup> {
+    quantity.groups.iter().filter(|group| group.condition.specimen == "larva").collect()
+}
+
+fn names(groups: &[&WellGroup]) -> Names {
+    Names::of(&groups.iter().map(|group| &group.condition).collect::<Vec<_>>())
+}
+
+/// What a column of the tables means, in words. Its name where there is no such column.
+fn meaning<'n>(name: &'n str, is_it: impl Fn(&Column) -> bool) -> &'n str {
+    AFTER.iter().find(|column| is_it(column)).map_or(name, |column| column.meaning)
+}
+
+/// A quantity in words.
+fn quantity_words(name: &str) -> &str {
+    meaning(name, |column| column.name == name)
+}
+
+/// A check in words.
+fn check_words(name: &str) -> &str {
+    meaning(name, |column| matches!(column.source, Source::Check(check, "found") if check == name))
+}
+
 impl Report<'_> {
     fn page(&self) -> Result<Markup, ReportError> {
         let names = self.statistics.runs.join(", ");
@@ -109,9 +134,9 @@ impl Report<'_> {
             let WellCounts { succeeded, flagged, failed, skipped, interrupted, pending, total } = WellCounts::of(&run.wells);
             html! {
                 tr {
-                    td { (run.id) } td { (run.plan.plate_barcode) } td { (run.plan.method) } td { (run.plan.operator) }
-                    td { (run.started.get(..16).unwrap_or(&run.started).replace('T', " ")) }
-                    td { (total) } td { (succeeded) } td { (flagged) } td { (failed) } td { (skipped) } td { (interrupted + pending) }
+                    td { (run.id) } td.left { (run.plan.plate_barcode) } td.left { (run.plan.method) } td.left { (run.plan.operator) }
+                    td.left { (run.started.get(..16).unwrap_or(&run.started).replace('T', " ")) }
+                    td { (total) } td { (succeeded + flagged) } td { (flagged) } td { (failed) } td { (skipped) } td { (interrupted + pending) }
                 }
             }
         };
@@ -123,8 +148,8 @@ impl Report<'_> {
             @if imported { p.warning { "Imported: the frames were taken without carved." } }
             table {
                 thead { tr {
-                    th { "run" } th { "plate" } th { "method" } th { "operator" } th { "started (UTC)" } th { "wells" } th { "measured" }
-                    th { "flagged" } th { "failed" } th { "skipped" } th { "not done" }
+                    th { "run" } th.left { "plate" } th.left { "method" } th.left { "operator" } th.left { "started (UTC)" } th { "wells" } th { "measured" }
+                    th { "of them flagged" } th { "failed" } th { "skipped" } th { "not done" }
                 } }
                 tbody { @for run in self.runs { (line(run.record())) } }
             }
@@ -146,16 +171,17 @@ impl Report<'_> {
             let wells: BTreeMap<_, _> = of_run.map(|s| (s.well.clone(), s.on_plate())).collect();
             if !wells.is_empty() {
                 let planned = run.record().plan.plate_map.iter().map(|planned| planned.well.as_str());
-                let format = plots::format_of(run.record().plan.plate_format, &planned);
+                let format = PlateFormat::shown(run.record().plan.plate_format, planned);
                 plates.push((format!("Plate {}, run {id}", run.record().plan.plate_barcode), plots::plate(&wells, format, "10⁶ µm³")?));
             }
         }
+        let has_beads = self.specimens.iter().any(|s| s.is_bead);
         Ok(html! {
             @for (name, plot) in plates {
                 section {
                     h2 { (name) ": volume" }
                     (svg(plot))
-                    p.small { "A crossed well has no number. An orange dot marks a flag. Beads are listed below." }
+                    p.small { "A crossed well has no number. An orange dot marks a flag." @if has_beads { " Beads are listed below." } }
                 }
             }
         })
@@ -172,15 +198,19 @@ impl Report<'_> {
 
     fn groups(&self) -> Result<Markup, ReportError> {
         let mut figures = Vec::new();
+        let (mut common, mut has_arrows) = (String::new(), false);
         for (name, unit) in Self::units() {
             let Some(quantity) = self.quantity(name) else { continue };
-            let of_larvae: Vec<&WellGroup> = quantity.groups.iter().filter(|group| group.condition.specimen == "larva").collect();
+            let of_larvae: Vec<&WellGroup> = of_larvae(quantity);
             let span = plots::span(&of_larvae, unit.0);
+            has_arrows |= of_larvae.iter().any(|group| plots::is_longer(group, span, unit.0));
+            let names = names(&of_larvae);
             // Parts of nearly the same size: a rest of one or two groups would stand on a page of its own.
-            let parts = of_larvae.len().div_ceil(COLUMNS).max(1);
-            for part in of_larvae.chunks(of_larvae.len().div_ceil(parts).max(1)) {
-                figures.push(plots::distributions(part, span, unit)?);
+            let size = of_larvae.len().div_ceil(of_larvae.len().div_ceil(ROWS).max(1)).max(1);
+            for (part, own) in of_larvae.chunks(size).zip(names.own.chunks(size)) {
+                figures.push(plots::distributions(part, own, span, unit)?);
             }
+            common = names.common;
         }
         let volume = self.quantity("volume_um3");
         Ok(html! {
@@ -188,26 +218,36 @@ impl Report<'_> {
                 section {
                     h2 { "Groups" }
                     p.small {
-                        "Dots are larvae, those with flags orange. The line is the mean with its 95 % confidence interval. The green band holds 95 % of \
-                         reference larvae of the same age, where there are any. It has the estimator of the references: those of the paper are \
-                         of the carved hull, which is some 3 % larger than the reported volume."
+                        @if !common.is_empty() { "All groups: " (common) ". " }
+                        "Dots are larvae, those with flags orange. The line is the mean with its 95 % confidence interval. "
+                        @if has_arrows { "An arrow marks an interval that is longer than the axis. " }
+                        "The green band holds 95 % of reference larvae of the same age, where there are any. It has the estimator of the \
+                         references: those of the paper are of the carved hull, which is some 3 % larger than the reported volume."
                     }
                     @for figure in figures { div.figure { (svg(figure)) } }
                     @if let Some(volume) = volume { (Self::group_table(volume)) }
+                }
+            } @else if self.statistics.flagged == Flagged::Excluded && self.statistics.specimens_with_flags > 0 {
+                section {
+                    h2 { "Groups" }
+                    p { "Every specimen that was measured has a flag, and specimens with flags are left out. So there are no groups, no controls \
+                        and no dose response." }
                 }
             }
         })
     }
 
     fn group_table(volume: &QuantityStatistics) -> Markup {
+        let groups = of_larvae(volume);
+        let names = names(&groups);
         html! {
             table {
-                caption { "Volume of each group, 10⁶ µm³" }
+                caption { "Volume of each group, 10⁶ µm³" @if !names.common.is_empty() { ". All groups: " (names.common) } }
                 thead { tr { th { "group" } th { "n" } th { "mean" } th { "sd" } th { "95 % interval of the mean" } th { "median" } th { "MAD" } } }
                 tbody {
-                    @for group in volume.groups.iter().filter(|g| g.condition.specimen == "larva") {
+                    @for (group, name) in groups.iter().zip(&names.own) {
                         tr {
-                            td { (group.condition.words()) } td { (group.n) } td { (plots::short(group.mean / MILLION)) } td { (number(group.sd, MILLION)) }
+                            td { (name) } td { (group.n) } td { (plots::short(group.mean / MILLION)) } td { (number(group.sd, MILLION)) }
                             td { @if let Some(interval) = group.mean_interval_95 { (plots::short(interval.low / MILLION)) " to " (plots::short(interval.high / MILLION)) } }
                             td { (plots::short(group.median / MILLION)) } td { (plots::short(group.mad / MILLION)) }
                         }
@@ -224,10 +264,10 @@ impl Report<'_> {
                 section {
                     h2 { "Controls" }
                     table {
-                        thead { tr { th { "quantity" } th { "run" } th { "positive" } th { "negative" } th { "Z′" } } }
+                        thead { tr { th { "quantity" } th.left { "run" } th { "positive" } th { "negative" } th { "Z′" } } }
                         tbody { @for (quantity, window) in windows() {
                             tr {
-                                td { (quantity.name) } td { (window.run) } td { (window.positive) } td { (window.negative) }
+                                td { (quantity_words(&quantity.name)) } td.left { (window.run) } td { (window.positive) } td { (window.negative) }
                                 td { @match window.z_prime { Some(z) => { (format!("{z:.2}")) }, None => { (window.reason.as_deref().unwrap_or_default()) } } }
                             }
                         } }
@@ -291,16 +331,16 @@ impl Report<'_> {
                 h2 { "Quality" }
                 @if flags.is_empty() { p { "No specimen has a flag." } } @else {
                     table {
-                        thead { tr { th { "flag" } th { "specimens" } th { "wells" } } }
+                        thead { tr { th { "flag" } th { "specimens" } th.left.wide { "wells" } } }
                         tbody { @for (flag, wells) in &flags { tr { td { (flag) } td { (wells.len()) } td.left { (wells.join(", ")) } } } }
                     }
                 }
                 @if !checks.is_empty() {
                     table {
                         caption { "Checks of all specimens" }
-                        thead { tr { th { "check" } th { "unit" } th { "limit" } th { "mean magnitude" } th { "specimens" } th { "over the limit" } } }
+                        thead { tr { th { "check" } th.left { "unit" } th { "limit" } th { "mean magnitude" } th { "specimens" } th { "over the limit" } } }
                         tbody { @for ((name, unit), (made, over, limit, sum)) in &checks {
-                            tr { td { (name) } td { (unit) } td { (plots::short(*limit)) } td { (plots::short(sum / *made as f64)) } td { (made) } td { (over) } }
+                            tr { td { (check_words(name)) } td.left { (unit) } td { (plots::short(*limit)) } td { (plots::short(sum / *made as f64)) } td { (made) } td { (over) } }
                         } }
                     }
                 }
@@ -321,9 +361,9 @@ impl Report<'_> {
         let series: Vec<Series> = Series::gates(self.gates).into_iter().chain(Series::individuals(&diameters)).collect();
         let charts = series.iter().map(|series| Ok((series, series.draw()?))).collect::<Result<Vec<_>, ReportError>>()?;
         Ok(html! {
-            @if !beads.is_empty() || !charts.is_empty() {
-                section {
+            section {
                     h2 { "Beads" }
+                    @if self.gates.is_empty() { p { "No bead gate is on file." } }
                     @for (series, chart) in charts {
                         figure {
                             (svg(chart))
@@ -344,7 +384,6 @@ impl Report<'_> {
                             }
                         } }
                     } }
-                }
             }
         })
     }
@@ -354,10 +393,11 @@ impl Report<'_> {
             html! {
                 div.card {
                     p.name { b { (s.well) } " " (s.condition.words()) }
-                    @for picture in &s.pictures {
+                    @for picture in &s.pictures.shown {
                         @let data = base64::engine::general_purpose::STANDARD.encode(&picture.jpeg);
                         img src={ "data:image/jpeg;base64," (data) } alt={ (s.well) ", " (picture.words) } title=(picture.words);
                     }
+                    @for sentence in &s.pictures.left_out { p.flags { (sentence) } }
                     @if let Some(volume) = s.volume_um3 { p { (with_sd(Some(volume), s.volume_sd_um3, MILLION)) " · 10⁶ µm³" } }
                     @else { p { (outcome(s.outcome)) @if let Some(reason) = &s.reason { ": " (reason) } } }
                     @if !s.flags.is_empty() { p.flags { (s.flags.join(", ")) } }
@@ -384,7 +424,7 @@ impl Report<'_> {
                 @for methods in &self.methods {
                     @if self.methods.len() > 1 { h3 { (methods.run) } }
                     p { (methods.paragraph) }
-                    dl.parameters { @for (path, value) in &methods.parameters { div { dt { (path) } dd { (value) } } } }
+                    dl.parameters { @for parameter in &methods.parameters { div { dt { (parameter.path) } dd { (parameter.words()) } } } }
                 }
                 p.small { "Report made by carved " (Software::this().words()) "." }
             }

@@ -13,8 +13,59 @@ pub struct Methods {
     pub run: String,
     /// Sentences for a paper.
     pub paragraph: String,
-    /// Every setting of the method and of the rig: its path, and its value as JSON.
-    pub parameters: Vec<(String, String)>,
+    /// Every setting of the method and of the rig.
+    pub parameters: Vec<Parameter>,
+}
+
+/// One setting.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Parameter {
+    /// Its keys, joined by points.
+    pub path: String,
+    pub value: Value,
+}
+
+/// Units of the camera of the rig. The keys of all other settings have their unit in their name.
+const UNITS: [(&str, &str); 11] = [
+    ("alpha", "rad"),
+    ("f", "um"),
+    ("gamma", "rad"),
+    ("height", "px"),
+    ("kx", "px/um"),
+    ("ky", "px/um"),
+    ("phi", "rad"),
+    ("s", "px"),
+    ("ux", "px"),
+    ("uy", "px"),
+    ("width", "px"),
+];
+
+impl Parameter {
+    /// The unit that its name does not have.
+    fn unit(&self) -> &'static str {
+        let key = self.path.strip_prefix("rig.camera.");
+        UNITS.iter().find(|(name, _)| key == Some(name)).map_or("", |(_, unit)| unit)
+    }
+
+    /// The value for a reader: numbers with six digits, text as it is.
+    pub fn words(&self) -> String {
+        fn words(value: &Value) -> String {
+            match value {
+                Value::Null => "none".to_owned(),
+                Value::Bool(true) => "yes".to_owned(),
+                Value::Bool(false) => "no".to_owned(),
+                Value::String(text) => text.clone(),
+                Value::Array(values) => values.iter().map(words).collect::<Vec<_>>().join(", "),
+                // Rounded to six digits, and written without the zeros behind them.
+                Value::Number(number) => {
+                    let rounded = number.as_f64().and_then(|x| format!("{x:.5e}").parse::<f64>().ok());
+                    rounded.map_or_else(|| number.to_string(), |x| x.to_string())
+                }
+                Value::Object(_) => value.to_string(),
+            }
+        }
+        format!("{} {}", words(&self.value), self.unit()).trim_end().to_owned()
+    }
 }
 
 /// What the recordings of a run have in common, each value once.
@@ -48,9 +99,15 @@ impl Methods {
 
     /// The paragraph and the parameters as Markdown.
     pub fn markdown(&self) -> String {
-        let rows: String = self.parameters.iter().map(|(path, value)| format!("| `{path}` | `{value}` |\n")).collect();
+        let rows: String = self.parameters.iter().map(|p| format!("{}\n", row(p))).collect();
         format!("## {}\n\n{}\n\n| parameter | value |\n|---|---|\n{rows}", self.run, self.paragraph)
     }
+}
+
+/// A line of the table: the value as the file has it, so that it can be used again.
+fn row(parameter: &Parameter) -> String {
+    let Parameter { path, value } = parameter;
+    format!("| `{path}` | {} |", format!("`{value}` {}", parameter.unit()).trim_end())
 }
 
 impl Recorded {
@@ -166,11 +223,11 @@ fn paragraph(run: &StoredRun, recorded: &Recorded, hash: &str) -> String {
 }
 
 /// Every value of a JSON document with its path.
-fn flatten(path: &str, value: &Value, found: &mut Vec<(String, String)>) {
+fn flatten(path: &str, value: &Value, found: &mut Vec<Parameter>) {
     match value {
         Value::Object(fields) => fields.iter().for_each(|(key, value)| flatten(&format!("{path}.{key}"), value, found)),
         // A list of numbers is one value.
-        other => found.push((path.to_owned(), other.to_string())),
+        other => found.push(Parameter { path: path.to_owned(), value: other.clone() }),
     }
 }
 
@@ -186,7 +243,22 @@ mod tests {
             &serde_json::json!({"asd": 21, "segment": {"walls": {"depth": 8.0}}, "box": [1, 2], "version": null}),
             &mut found,
         );
-        let found: Vec<String> = found.iter().map(|(path, value)| format!("{path}={value}")).collect();
+        let found: Vec<String> = found.iter().map(|Parameter { path, value }| format!("{path}={value}")).collect();
         assert_eq!(found, ["method.asd=21", "method.box=[1,2]", "method.segment.walls.depth=8.0", "method.version=null"]);
+    }
+    #[test]
+    fn a_value_is_exact_in_the_table_and_readable_in_the_report() {
+        let of = |path: &str, value: Value| Parameter { path: path.into(), value };
+        for (parameter, exact, words) in [
+            (of("rig.camera.gamma", 0.004363323129985824.into()), "`0.004363323129985824` rad", "0.00436332 rad"),
+            (of("rig.camera.width", 1024.into()), "`1024` px", "1024 px"),
+            (of("method.voxel_um", 6.93.into()), "`6.93`", "6.93"),
+            (of("method.order", "sequential".into()), "`\"sequential\"`", "sequential"),
+            (of("rig.steps_per_revolution", serde_json::json!([500, 1])), "`[500,1]`", "500, 1"),
+            (of("rig.empty_capillary_sha256", Value::Null), "`null`", "none"),
+        ] {
+            assert_eq!(row(&parameter), format!("| `{}` | {exact} |", parameter.path));
+            assert_eq!(parameter.words(), words);
+        }
     }
 }

@@ -5,7 +5,7 @@ use crate::export::read_ply;
 use carved_core::frame::PixelFormat;
 use carved_core::profile::Picture;
 use carved_pictures::model::from_three_sides;
-use carved_store::{StoredWell, frames};
+use carved_store::{StoreError, StoredWell, frames};
 use image::codecs::jpeg::JpegEncoder;
 use image::{ImageFormat, RgbImage, imageops};
 use serde_json::Value;
@@ -30,33 +30,71 @@ pub struct Shown {
     pub jpeg: Vec<u8>,
 }
 
-/// The pictures of a well. None where its frames are not on this disk any more. A picture that cannot be read is left out: the numbers do not
-/// depend on it.
-pub fn of(well: &StoredWell) -> Vec<Shown> {
-    let Some(recording) = &well.recording else { return Vec::new() };
-    let Ok(format) = serde_json::from_value::<PixelFormat>(recording["rig"]["pixel_format"].clone()) else { return Vec::new() };
+/// The pictures of a well.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Pictures {
+    pub shown: Vec<Shown>,
+    /// Sentences about the files that are there and cannot be shown.
+    pub left_out: Vec<String>,
+}
+
+/// Why a picture is not shown.
+enum NotShown {
+    /// A file is not on this disk any more, or it shows no specimen.
+    Nothing,
+    /// A file is not what it was when it was recorded, or cannot be read.
+    LeftOut(String),
+}
+
+/// The pictures of a well. None where its frames are not on this disk any more. The numbers do not depend on them: a file that was altered
+/// is left out, and named.
+pub fn of(well: &StoredWell) -> Pictures {
+    let mut pictures = Pictures::default();
+    let Some(recording) = &well.recording else { return pictures };
+    let Ok(format) = serde_json::from_value::<PixelFormat>(recording["rig"]["pixel_format"].clone()) else { return pictures };
+    let mut add = |words: String, drawn: Result<RgbImage, NotShown>| match drawn {
+        Ok(picture) => pictures.shown.extend(jpeg(&picture).map(|jpeg| Shown { words, jpeg })),
+        Err(NotShown::Nothing) => {}
+        Err(NotShown::LeftOut(sentence)) => pictures.left_out.push(sentence),
+    };
     let Some(measurement) = &well.measurement else {
-        return frame(well, "frames/detect.png", format)
-            .and_then(|picture| jpeg(&picture))
-            .map(|jpeg| Shown { words: "nothing was measured".to_owned(), jpeg })
-            .into_iter()
-            .collect();
+        add("nothing was measured".to_owned(), frame(well, "frames/detect.png", format));
+        return pictures;
     };
-    let shown = |(view, words): (u64, String)| {
-        let picture = frame(well, &frame_of(recording, view), format)?;
-        let mask = image::load_from_memory(&well.files.read(&format!("profiles/view_{view:03}.png")).ok()??).ok()?.to_luma8();
-        Some(Shown { words, jpeg: jpeg(&cut(picture, &mask)?)? })
-    };
-    views(measurement).into_iter().filter_map(shown).chain(model(well, measurement)).collect()
+    for (view, words) in views(measurement) {
+        add(words, outlined(well, &frame_of(recording, view), &format!("profiles/view_{view:03}.png"), format));
+    }
+    add(MODEL.to_owned(), model(well, measurement));
+    pictures
+}
+
+/// The bytes of a file, compared with its checksum.
+fn verified(well: &StoredWell, name: &str) -> Result<Vec<u8>, NotShown> {
+    match well.files.verified(name) {
+        Ok(bytes) => bytes.ok_or(NotShown::Nothing),
+        Err(StoreError::Altered { .. }) => Err(NotShown::LeftOut(format!("{name} was altered after it was recorded. It is not shown."))),
+        Err(_) => Err(unreadable(name)),
+    }
+}
+
+fn unreadable(name: &str) -> NotShown {
+    NotShown::LeftOut(format!("{name} cannot be read. It is not shown."))
+}
+
+/// A frame with the outline that was measured.
+fn outlined(well: &StoredWell, frame_name: &str, mask_name: &str, format: PixelFormat) -> Result<RgbImage, NotShown> {
+    let picture = frame(well, frame_name, format)?;
+    let mask = image::load_from_memory(&verified(well, mask_name)?).map_err(|_| unreadable(mask_name))?.to_luma8();
+    cut(picture, &mask).ok_or(NotShown::Nothing)
 }
 
 /// The model from three sides. It needs no frames.
-fn model(well: &StoredWell, measurement: &Value) -> Option<Shown> {
-    let mesh = read_ply(&well.files.read("mesh.ply").ok()??).ok()?;
+fn model(well: &StoredWell, measurement: &Value) -> Result<RgbImage, NotShown> {
+    const MESH: &str = "mesh.ply";
+    let mesh = read_ply(&verified(well, MESH)?).map_err(|_| unreadable(MESH))?;
     // Not there where head or back are not known.
     let to_body = measurement.pointer("/shape/body/to_body/rotation").and_then(|rows| serde_json::from_value(rows.clone()).ok());
-    let picture = from_three_sides(&mesh, to_body)?;
-    Some(Shown { words: MODEL.to_owned(), jpeg: jpeg(&picture)? })
+    from_three_sides(&mesh, to_body).ok_or(NotShown::Nothing)
 }
 
 /// The views to show, each with its name.
@@ -82,10 +120,11 @@ fn frame_of(recording: &Value, view: u64) -> String {
     }
 }
 
-fn frame(well: &StoredWell, name: &str, format: PixelFormat) -> Option<RgbImage> {
-    let bytes = well.files.read(name).ok()??;
-    let picture = Picture::from_frame(&frames::decode_bytes(&well.files.path(name), &bytes, format).ok()?);
-    RgbImage::from_raw(picture.width() as u32, picture.height() as u32, picture.to_rgb())
+fn frame(well: &StoredWell, name: &str, format: PixelFormat) -> Result<RgbImage, NotShown> {
+    let bytes = verified(well, name)?;
+    let decoded = frames::decode_bytes(&well.files.path(name), &bytes, format).map_err(|_| unreadable(name))?;
+    let picture = Picture::from_frame(&decoded);
+    RgbImage::from_raw(picture.width() as u32, picture.height() as u32, picture.to_rgb()).ok_or_else(|| unreadable(name))
 }
 
 /// The part of a frame around the mask, with the border of the mask drawn in. `None` where the mask is empty or of another size.

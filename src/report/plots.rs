@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!  plate ────────── a square per well, coloured by a number; wells without one are empty; a dot is a flag
-//!  distributions ── a column per group: its wells, mean and 95 % interval; behind them the interval of 95 % of reference larvae
+//!  distributions ── a row per group: its wells, mean and 95 % interval; behind them the interval of 95 % of reference larvae
 //!  response ─────── wells over the logarithm of the dose, dose 0 at the left, the fitted curve, the EC50 with its interval
 //! ```
 
@@ -28,13 +28,6 @@ pub(super) const GREY: RGBColor = RGBColor(110, 110, 110);
 pub struct WellNumber {
     pub value: Option<f64>,
     pub flagged: bool,
-}
-
-/// The plate with this number of wells, or else the smallest one that holds all these wells.
-pub fn format_of<'w>(stated: Option<u32>, wells: &(impl Iterator<Item = &'w str> + Clone)) -> PlateFormat {
-    let holds_all = |format: &PlateFormat| wells.clone().all(|well| format.holds(well));
-    let [.., largest] = PlateFormat::ALL;
-    stated.and_then(PlateFormat::of_wells).or_else(|| PlateFormat::ALL.into_iter().find(holds_all)).unwrap_or(largest)
 }
 
 /// The text of a number with three digits.
@@ -130,82 +123,117 @@ where
     Ok(())
 }
 
-/// The interval of the values of groups with room around it, divided by `scale`: the same for all plots of one quantity.
+/// The axis for the values of groups, divided by `scale`, with room around them: the same for all plots of one quantity. The confidence
+/// intervals of means are not part of it: that of two wells may be many times as long as all values.
 pub fn span(groups: &[&WellGroup], scale: f64) -> [f64; 2] {
     let values = groups.iter().flat_map(|group| {
-        let intervals = group.mean_interval_95.into_iter().chain(group.reference.iter().map(|r| r.interval_95));
-        group.values.iter().map(|v| v.value).chain(intervals.flat_map(|i| [i.low, i.high])).map(|v| v / scale)
+        let references = group.reference.iter().flat_map(|r| [r.interval_95.low, r.interval_95.high]);
+        group.values.iter().map(|v| v.value).chain(references).map(|v| v / scale)
     });
     room(values)
 }
 
-/// The wells of groups, all values divided by `unit.0`.
+/// Names of groups.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Names {
+    /// What all groups have in common: age, strain, treatment. Empty where this is nothing.
+    pub common: String,
+    /// What tells each group from the others.
+    pub own: Vec<String>,
+}
+
+impl Names {
+    /// The names of groups in their order.
+    pub fn of(groups: &[&WellCondition]) -> Self {
+        let parts: Vec<[Option<String>; 4]> = groups.iter().map(|condition| condition.parts()).collect();
+        // The first part tells the dose. It stays, so that no name is empty.
+        let is_common = |k: usize| k > 0 && parts.iter().all(|of| of[k] == parts[0][k]);
+        let joined = |of: &[Option<String>; 4], common: bool| {
+            let kept = of.iter().enumerate().filter(|(k, _)| is_common(*k) == common).filter_map(|(_, part)| part.clone());
+            kept.collect::<Vec<_>>().join(", ")
+        };
+        Self {
+            common: parts.first().map_or_else(String::new, |of| joined(of, true)),
+            own: parts.iter().map(|of| joined(of, false)).collect(),
+        }
+    }
+}
+
+/// Height of a group, and width of a letter of its name, px.
+const ROW: i32 = 22;
+const LETTER: i32 = 6;
+
+/// The wells of groups, one row each, all values divided by `unit.0`.
 ///
 /// # Errors
 /// The plot library's.
-pub fn distributions(groups: &[&WellGroup], [low, high]: [f64; 2], unit: (f64, &str)) -> Drawn {
+pub fn distributions(groups: &[&WellGroup], names: &[String], [low, high]: [f64; 2], unit: (f64, &str)) -> Drawn {
     let (scale, label) = unit;
-    let width = (90 + 62 * groups.len()).clamp(360, 1120) as u32;
+    let names: Vec<String> = names.iter().map(|name| short_name(name)).collect();
+    let longest = names.iter().map(|name| name.chars().count()).max().unwrap_or(0) as i32;
+    let (left, n) = (LETTER * longest + 16, groups.len());
     let mut svg = String::new();
     {
-        let root = SVGBackend::with_string(&mut svg, (width, 450)).into_drawing_area();
-        let ends = -0.5..groups.len() as f64 - 0.5;
+        let root = SVGBackend::with_string(&mut svg, (760, (ROW * n as i32 + 62) as u32)).into_drawing_area();
+        let ends = -0.5..n as f64 - 0.5;
         let mut chart =
-            ChartBuilder::on(&root).margin(8).x_label_area_size(200).y_label_area_size(64).build_cartesian_2d(ends, low..high)?;
+            ChartBuilder::on(&root).margin(8).x_label_area_size(46).y_label_area_size(left).build_cartesian_2d(low..high, ends)?;
         chart
             .configure_mesh()
-            .disable_x_mesh()
-            .disable_x_axis()
+            .disable_y_mesh()
+            .disable_y_axis()
             .light_line_style(TRANSPARENT)
-            .y_desc(label)
+            .x_desc(label)
             .label_style((FONT, 13))
             .draw()?;
-        for (i, group) in groups.iter().enumerate() {
-            let x = i as f64;
+        for (i, (group, name)) in groups.iter().zip(names).enumerate() {
+            // The first group is at the top.
+            let y = (n - 1 - i) as f64;
             if let Some(Interval { low: from, high: to }) = group.reference.as_ref().map(|r| r.interval_95) {
-                chart.draw_series([Rectangle::new([(x - 0.42, from / scale), (x + 0.42, to / scale)], REFERENCE.mix(0.16).filled())])?;
+                chart.draw_series([Rectangle::new([(from / scale, y - 0.42), (to / scale, y + 0.42)], REFERENCE.mix(0.16).filled())])?;
             }
-            let n = group.values.len();
+            let wells = group.values.len();
             for (k, well) in group.values.iter().enumerate() {
-                // Side by side in the order of the plate, so that wells do not hide each other.
-                let at = x + if n > 1 { 0.5 * (k as f64 / (n - 1) as f64 - 0.5) } else { 0.0 };
+                // One below the other in the order of the plate, so that wells do not hide each other.
+                let at = y + if wells > 1 { 0.5 * (0.5 - k as f64 / (wells - 1) as f64) } else { 0.0 };
                 let colour = if well.flagged { FLAGGED } else { WELL };
-                chart.draw_series([Circle::new((at, well.value / scale), 3, colour.mix(0.75).filled())])?;
+                chart.draw_series([Circle::new((well.value / scale, at), 3, colour.mix(0.75).filled())])?;
             }
             let mean = group.mean / scale;
-            chart.draw_series([PathElement::new([(x - 0.34, mean), (x + 0.34, mean)], BLACK.stroke_width(2))])?;
+            chart.draw_series([PathElement::new([(mean, y - 0.34), (mean, y + 0.34)], BLACK.stroke_width(2))])?;
             if let Some([from, to]) = group.mean_interval_95.map(|i| i.map(|v| v / scale)) {
-                chart.draw_series([PathElement::new([(x, from), (x, to)], BLACK.stroke_width(2))])?;
+                let ends = [from.max(low), to.min(high)];
+                chart.draw_series([PathElement::new(ends.map(|end| (end, y)), BLACK.stroke_width(2))])?;
+                for (end, is_longer, back) in [(ends[0], from < low, 7), (ends[1], to > high, -7)] {
+                    let (u, v) = chart.backend_coord(&(end, y));
+                    if is_longer {
+                        root.draw(&Polygon::new([(u, v), (u + back, v - 4), (u + back, v + 4)], BLACK.filled()))?;
+                    }
+                }
             }
+            let (u, v) = chart.backend_coord(&(low, y));
+            root.draw(&Text::new(name, (u - 8, v), anchored(12, BLACK, HPos::Right, VPos::Center)))?;
         }
-        names(&root, &chart, groups, low)?;
         root.present()?;
     }
     Ok(svg)
 }
 
-/// Names of the groups under their columns, slanted by turning: groups have long names.
-fn names<X: Ranged<ValueType = f64>, Y: Ranged<ValueType = f64>>(
-    root: &DrawingArea<SVGBackend, plotters::coord::Shift>,
-    chart: &ChartContext<SVGBackend, Cartesian2d<X, Y>>,
-    groups: &[&WellGroup],
-    low: f64,
-) -> Result<(), Box<dyn Error + Send + Sync>> {
-    for (i, group) in groups.iter().enumerate() {
-        let (x, y) = chart.backend_coord(&(i as f64, low));
-        let style = (FONT, 11).into_font().transform(FontTransform::Rotate90).color(&BLACK).pos(Pos::new(HPos::Left, VPos::Center));
-        root.draw(&Text::new(short_name(&group.condition), (x, y + 6), style))?;
-    }
-    Ok(())
+/// Whether the interval of a mean is longer than the axis.
+pub fn is_longer(group: &WellGroup, [low, high]: [f64; 2], scale: f64) -> bool {
+    group.mean_interval_95.is_some_and(|i| i.low / scale < low || i.high / scale > high)
 }
 
-/// The name of a group, short enough for its place. A long compound is cut before its dose, which tells groups apart.
-fn short_name(condition: &WellCondition) -> String {
-    let cut = |text: &str, limit: usize| {
-        if text.chars().count() > limit { text.chars().take(limit - 1).chain(['…']).collect() } else { text.to_owned() }
-    };
-    let compound = condition.compound.as_deref().map(|compound| cut(compound, 18));
-    cut(&WellCondition { compound, ..condition.clone() }.words(), 38)
+/// The name of a group, short enough for its place. It is cut in its middle, because its end tells doses apart.
+fn short_name(name: &str) -> String {
+    const LETTERS: usize = 40;
+    const BEFORE: usize = 16;
+    let letters: Vec<char> = name.chars().collect();
+    if letters.len() <= LETTERS {
+        return name.to_owned();
+    }
+    let (before, after) = (&letters[..BEFORE], &letters[letters.len() - (LETTERS - BEFORE - 1)..]);
+    before.iter().chain(&['…']).chain(after).collect()
 }
 
 /// An interval with room around the values.
@@ -296,27 +324,59 @@ impl plotters::coord::ranged1d::ValueFormatter<f64> for Decades {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::tables::statistics::WellValue;
 
-    #[test]
-    fn groups_that_differ_in_their_dose_have_different_names() {
-        let of = |dose: f64| {
-            let well = serde_json::json!({"well": "A01", "dpf": 4, "compound": "a compound with a rather long name, sodium salt",
-                "concentration": dose, "concentration_unit": "uM", "strain": "ABxTL", "treatment": "immersion"});
-            short_name(&WellCondition::of(&serde_json::from_value(well).unwrap()))
-        };
-        assert_eq!(of(0.03), "a compound with a… 0.03 uM, 4 dpf, AB…");
-        assert_ne!(of(0.03), of(0.1));
+    fn condition(more: &serde_json::Value) -> WellCondition {
+        let mut well = serde_json::json!({"well": "A01", "dpf": 5, "strain": "TL"});
+        well.as_object_mut().unwrap().extend(more.as_object().unwrap().clone());
+        WellCondition::of(&serde_json::from_value(well).unwrap())
     }
 
     #[test]
-    fn a_plate_is_as_small_as_its_wells_allow_unless_the_plan_states_it() {
-        let of = |stated, wells: &[&str]| format_of(stated, &wells.iter().copied()).wells();
-        for (wells, expected) in
-            [(vec!["A01"], 6), (vec!["A01", "B05"], 24), (vec!["H12"], 96), (vec!["P24", "A01"], 384), (vec!["AF48"], 1536)]
-        {
-            assert_eq!(of(None, &wells), expected, "{wells:?}");
-        }
-        assert_eq!(of(Some(384), &["A01"]), 384);
+    fn what_groups_have_in_common_is_not_part_of_their_names() {
+        let of = |more: &[serde_json::Value]| {
+            let conditions: Vec<WellCondition> = more.iter().map(condition).collect();
+            let Names { common, own } = Names::of(&conditions.iter().collect::<Vec<_>>());
+            (common, own.join(" | "))
+        };
+        let dosed = |dose: f64| serde_json::json!({"compound": "rapamycin", "concentration": dose, "concentration_unit": "uM"});
+        assert_eq!(of(&[dosed(0.1), dosed(1.0)]), ("5 dpf, TL".into(), "rapamycin 0.1 uM | rapamycin 1 uM".into()));
+        let older = serde_json::json!({"dpf": 6});
+        assert_eq!(of(&[dosed(1.0), older]), ("TL".into(), "rapamycin 1 uM, 5 dpf | larva, 6 dpf".into()));
+        assert_eq!(of(&[]), (String::new(), String::new()));
+    }
+
+    #[test]
+    fn long_names_that_differ_in_their_dose_stay_different() {
+        let of = |dose: &str| short_name(&format!("positive control: a compound with a rather long name, sodium salt {dose} uM"));
+        assert_eq!(of("0.03"), "positive control…me, sodium salt 0.03 uM");
+        assert_ne!(of("0.03"), of("0.1"));
+        assert_eq!(short_name("larva"), "larva");
+    }
+
+    #[test]
+    fn a_long_interval_does_not_stretch_the_axis_and_ends_in_arrows() {
+        let group = |values: &[f64], interval: [f64; 2]| -> WellGroup {
+            let of = |&value: &f64| WellValue { run: "r".into(), well: "A01".into(), value, flagged: false };
+            WellGroup {
+                condition: condition(&serde_json::json!({})),
+                n: values.len(),
+                mean: 2.0,
+                sd: Some(0.1),
+                mean_interval_95: Some(interval.into()),
+                median: 2.0,
+                mad: 0.1,
+                reference: None,
+                values: values.iter().map(of).collect(),
+            }
+        };
+        let (short, long) = (group(&[1.0, 3.0], [1.5, 2.5]), group(&[1.9, 2.1], [-40.0, 44.0]));
+        let groups = [&short, &long];
+        let axis = span(&groups, 1.0);
+        assert!(axis[0] > 0.8 && axis[1] < 3.2, "{axis:?}");
+        assert_eq!(groups.map(|group| is_longer(group, axis, 1.0)), [false, true]);
+        let svg = distributions(&groups, &["one".into(), "two".into()], axis, (1.0, "length, mm")).unwrap();
+        assert_eq!(svg.matches("<polygon").count(), 2, "{svg}");
     }
 
     #[test]
@@ -333,7 +393,7 @@ mod tests {
             ("A02".to_owned(), number(Some(258.0), true)),
             ("B01".to_owned(), number(None, false)),
         ]);
-        let svg = plate(&wells, format_of(None, &wells.keys().map(String::as_str)), "nl").unwrap();
+        let svg = plate(&wells, PlateFormat::shown(None, wells.keys().map(String::as_str)), "nl").unwrap();
         assert!(svg.starts_with("<svg") && svg.contains("307") && svg.contains("258"), "{svg}");
         assert_eq!(svg.matches("<circle").count(), 2, "one mark, with a border");
     }

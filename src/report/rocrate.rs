@@ -1,22 +1,23 @@
 //! `ro-crate-metadata.json` of a run: the profile Process Run Crate 0.5 on RO-Crate 1.1.
 //!
 //! ```text
-//! ./ (Dataset) ──┬─ hasPart ── run.json, events.jsonl, A01/ ── its files, each with its SHA-256
+//! ./ (Dataset) ──┬─ hasPart ── run.json, events.jsonl, A01/, A01.attempt-1/ ── their files, each with its SHA-256
 //!                └─ mentions ── #measure-A01 (CreateAction) ──┬─ object ──── the frames of A01, the method
 //!                                                             ├─ instrument ─ carved, with version and commit
 //!                                                             ├─ agent ────── the operator
 //!                                                             └─ result ───── measurement.json, mesh.ply, model.glb
 //! ```
-//! Only files that are there are listed: raw frames may have been pruned.
+//! Every file that is there is listed, except the receipts of copies: a copy of the run has others. Raw frames may have been pruned. Of a
+//! packed copy `A01.tar` stands for the files of A01: it is object and result of the action.
 
 use crate::tables::{method_hash, ontology};
 use carved_records::{Mode, SpecimenKind};
-use carved_store::{Software, StoreError, StoredRun, StoredWell};
+pub use carved_store::CRATE as FILE;
+use carved_store::{RecordingFiles, RunContents, Software, StoreError, StoredRun, StoredWell};
 use serde_json::{Value, json};
-use std::path::Path;
-
-/// Name of the file, in the root of the crate.
-pub const FILE: &str = "ro-crate-metadata.json";
+use std::collections::BTreeMap;
+use std::os::unix::ffi::OsStrExt;
+use std::path::{Path, PathBuf};
 
 const PROFILE: &str = "https://w3id.org/ro/wfrun/process/0.5";
 const CRATE: &str = "https://w3id.org/ro/crate/1.1";
@@ -30,23 +31,25 @@ pub struct Given {
     pub license: Option<String>,
 }
 
-/// The metadata of a run's folder.
+/// The metadata of a run's folder, and the files that should be there: those that its checksums list and no receipt of a copy has.
 ///
 /// # Errors
 /// A file that is there and cannot be read, or was altered.
-pub fn metadata(run: &StoredRun, given: &Given) -> Result<Value, StoreError> {
+pub fn metadata(run: &StoredRun, given: &Given) -> Result<(Value, Vec<PathBuf>), StoreError> {
     let record = run.record();
     let mut graph = Graph::new(run, given);
-    for name in ["run.json", "events.jsonl"] {
-        graph.file(run.folder(), name, None);
+    let RunContents { mut files, missing } = RunContents::of(run.folder())?;
+    files.remove(Path::new(FILE));
+    for (name, sha256) in &files {
+        graph.file(name, sha256)?;
     }
     for planned in &record.plan.plate_map {
         let well = run.well(planned)?;
         if well.recording.is_some() {
-            graph.well(&well)?;
+            graph.well(&well, &files);
         }
     }
-    Ok(graph.finished(record.ended.as_deref().unwrap_or(&record.started)))
+    Ok((graph.finished(record.ended.as_deref().unwrap_or(&record.started)), missing))
 }
 
 struct Graph<'r> {
@@ -71,17 +74,17 @@ impl<'r> Graph<'r> {
         Self { run, given, agent, entities: vec![person], parts: Vec::new(), actions: Vec::new(), shared: Vec::new() }
     }
 
-    /// A file of the crate, if it is there. `folder` is the crate's root, `name` the path in it.
-    fn file(&mut self, root: &Path, name: &str, sha256: Option<&str>) -> Option<Value> {
-        let size = std::fs::metadata(root.join(name)).ok()?.len();
-        let mut file =
-            json!({"@id": name, "@type": "File", "name": name, "contentSize": size.to_string(), "encodingFormat": media_type(name)});
-        if let Some(sha256) = sha256 {
-            file["sha256"] = sha256.into();
-        }
-        self.entities.push(file);
-        self.parts.push(id(name));
-        Some(id(name))
+    /// A file of the crate. `name` is its path in the run's folder.
+    fn file(&mut self, name: &Path, sha256: &str) -> Result<(), StoreError> {
+        let path = self.run.folder().join(name);
+        let size = std::fs::metadata(&path).map_err(StoreError::io("look at", &path))?.len();
+        let part = id(&address(name));
+        self.entities.push(json!({
+            "@id": part["@id"], "@type": "File", "name": name.display().to_string(), "contentSize": size.to_string(),
+            "encodingFormat": media_type(name), "sha256": sha256,
+        }));
+        self.parts.push(part);
+        Ok(())
     }
 
     /// An entity that is described once.
@@ -134,22 +137,31 @@ impl<'r> Graph<'r> {
         }
     }
 
-    /// The files of a well, and the action that made its results.
-    fn well(&mut self, stored: &StoredWell) -> Result<(), StoreError> {
+    /// The action that made the results of a well. `files` are those of the run.
+    fn well(&mut self, stored: &StoredWell, files: &BTreeMap<PathBuf, String>) {
         let well = &stored.planned.well;
         let recording = stored.recording.clone().unwrap_or_default();
         let (mut frames, mut results) = (Vec::new(), Vec::new());
-        for (name, sha256) in stored.sums()? {
-            let Some(file) = self.file(self.run.folder(), &format!("{well}/{name}"), Some(&sha256)) else { continue };
-            if name.starts_with("frames/") || name.starts_with("second/") {
+        let is_packed = matches!(stored.files, RecordingFiles::Pack(_));
+        if is_packed {
+            let pack = id(&format!("{well}.tar"));
+            frames.push(pack.clone());
+            results.extend(stored.measurement.is_some().then_some(pack));
+        }
+        for name in files.keys() {
+            let Ok(own) = name.strip_prefix(well) else { continue };
+            let file = id(&address(name));
+            if own.starts_with("frames") || own.starts_with("second") {
                 frames.push(file);
-            } else if matches!(name.as_str(), "measurement.json" | "mesh.ply" | "model.glb") || name.starts_with("profiles/") {
+            } else if own.starts_with("profiles")
+                || ["measurement.json", "mesh.ply", "model.glb"].iter().any(|result| own == Path::new(result))
+            {
                 results.push(file);
             }
         }
         self.rig(&recording);
         if results.is_empty() {
-            return Ok(());
+            return;
         }
         let (software, method) = (self.software(&recording), self.method(&recording));
         frames.push(method);
@@ -169,11 +181,11 @@ impl<'r> Graph<'r> {
         }
         let reason = stored.status.as_ref().and_then(|status| status.reason.as_deref());
         let method = recording["method_name"].as_str().unwrap_or_default();
+        let inside = if is_packed { format!(". {well}.tar has its frames, its surface and its numbers") } else { String::new() };
         action["description"] =
-            reason.map_or_else(|| format!("A turn by the method {method}, and its surface and numbers"), str::to_owned).into();
+            reason.map_or_else(|| format!("A turn by the method {method}, and its surface and numbers{inside}"), str::to_owned).into();
         self.entities.push(action);
         self.actions.push(id(&name));
-        Ok(())
     }
 
     fn finished(mut self, published: &str) -> Value {
@@ -220,13 +232,36 @@ impl<'r> Graph<'r> {
     }
 }
 
-fn media_type(name: &str) -> &'static str {
-    match name.rsplit('.').next().unwrap_or_default() {
+/// The address of a file in the crate: a relative URI (RFC 3986).
+fn address(name: &Path) -> String {
+    let plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-._~/".contains(&byte);
+    name.as_os_str()
+        .as_bytes()
+        .iter()
+        .map(|&byte| if plain(byte) { char::from(byte).to_string() } else { format!("%{byte:02X}") })
+        .collect()
+}
+
+fn media_type(name: &Path) -> &'static str {
+    match name.extension().and_then(|extension| extension.to_str()).unwrap_or_default() {
         "json" => "application/json",
         "jsonl" => "application/jsonl",
         "png" => "image/png",
         "glb" => "model/gltf-binary",
+        "tar" => "application/x-tar",
         "ply" => "application/octet-stream",
         _ => "text/plain",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_address_of_a_file_is_a_relative_uri() {
+        assert_eq!(address(Path::new("A01.attempt-1/frames/view_000.png")), "A01.attempt-1/frames/view_000.png");
+        assert_eq!(address(Path::new("notes of kim, 50 %.txt")), "notes%20of%20kim%2C%2050%20%25.txt");
+        assert_eq!(address(Path::new("\u{b5}m")), "%C2%B5m");
     }
 }

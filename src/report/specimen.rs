@@ -1,6 +1,6 @@
 //! What a report shows of one well.
 
-use super::pictures::{self, Shown};
+use super::pictures::{self, Pictures};
 use super::plots::WellNumber;
 use crate::tables::statistics::WellCondition;
 use carved_core::quality::Quality;
@@ -33,7 +33,7 @@ pub struct Specimen {
     pub z: [Option<f64>; 2],
     pub quality: Quality,
     pub measurement_sha256: Option<String>,
-    pub pictures: Vec<Shown>,
+    pub pictures: Pictures,
 }
 
 impl Specimen {

@@ -274,6 +274,11 @@ impl WellCondition {
     /// A few words for a person: `rapamycin 10 uM, 4 dpf`, `negative control: DMSO 0.1 %, 4 dpf`, `larva, 4 dpf, ABxTL`. Two conditions that
     /// differ have different words.
     pub fn words(&self) -> String {
+        self.parts().into_iter().flatten().collect::<Vec<_>>().join(", ")
+    }
+
+    /// The parts of [`Self::words`]: treatment by a compound (always there), age, strain, other treatment.
+    pub(crate) fn parts(&self) -> [Option<String>; 4] {
         let control = self.control.as_ref().map(|control| format!("{control} control"));
         let dose = self.concentration.map(|c| format!(" {c} {}", self.concentration_unit.as_deref().unwrap_or_default()));
         let compound = self.compound.as_ref().map(|compound| format!("{compound}{}", dose.unwrap_or_default().trim_end()));
@@ -283,10 +288,6 @@ impl WellCondition {
             (None, None) => self.specimen.clone(),
         };
         [Some(treated), self.dpf.map(|dpf| format!("{dpf} dpf")), self.strain.clone(), self.treatment.clone()]
-            .into_iter()
-            .flatten()
-            .collect::<Vec<_>>()
-            .join(", ")
     }
 }
 

@@ -51,6 +51,10 @@ fn a_crate_lists_the_files_with_their_hashes_and_what_made_them() {
     let refused = make(&["--orcid", "0000-0002"]);
     assert!(!refused.status.success() && stderr(&refused).contains("begins with https://"), "{}", stderr(&refused));
     let orcid = "https://orcid.org/0000-0002-1825-0097";
+    // An attempt before this one, a file that somebody added, and the receipt of a copy, which a copy does not have.
+    copy_folder(&run.join("A02"), &run.join("A02.attempt-1"));
+    std::fs::write(run.join("note of kim.txt"), "a bubble in A02").unwrap();
+    done(&carved().arg("archive").arg(&run).arg("--to").arg(dir.path().join("copies")).output().unwrap());
     done(&make(&["--orcid", orcid]));
     let made = json(&run.join("ro-crate-metadata.json"));
     let graph = made["@graph"].as_array().unwrap();
@@ -60,6 +64,11 @@ fn a_crate_lists_the_files_with_their_hashes_and_what_made_them() {
         let (hash, name) = line.split_once("  ").unwrap();
         assert_eq!(entity(&format!("A01/{name}"))["sha256"], hash, "{name}");
     }
+    for name in ["run.json", "A01/SHA256SUMS", "A02.attempt-1/measurement.json", "A02.attempt-1/SHA256SUMS", "note of kim.txt"] {
+        let (bytes, file) = (std::fs::read(run.join(name)).unwrap(), entity(&name.replace(' ', "%20")));
+        assert_eq!((&file["sha256"], &file["contentSize"]), (&json!(sha256_hex(&bytes)), &json!(bytes.len().to_string())), "{name}");
+    }
+    assert!(graph.iter().all(|e| !e["@id"].as_str().unwrap().starts_with("archives")));
     let action = entity("#measure-A01");
     assert_eq!((&action["@type"], &action["agent"]["@id"]), (&json!("CreateAction"), &json!(orcid)));
     let results: Vec<&str> = action["result"].as_array().unwrap().iter().map(|r| r["@id"].as_str().unwrap()).collect();
@@ -79,6 +88,72 @@ fn a_crate_lists_the_files_with_their_hashes_and_what_made_them() {
     }
 }
 
+fn copy_folder(from: &Path, to: &Path) {
+    assert!(Command::new("cp").arg("-a").args([from, to]).status().unwrap().success());
+}
+
+#[test]
+fn a_crate_states_no_hash_that_a_file_does_not_have() {
+    let dir = tempfile::tempdir().unwrap();
+    let data = dir.path().join("data");
+    let run = plate(&data, "r1", "P-1", 4);
+    let make = || carved().args(["export", "rocrate"]).arg(&run).output().unwrap();
+    let profile = std::fs::read_dir(run.join("A01/profiles")).unwrap().next().unwrap().unwrap().path();
+    let good = std::fs::read(&profile).unwrap();
+    std::fs::write(&profile, b"another").unwrap();
+    let refused = make();
+    let name = profile.strip_prefix(&run).unwrap().display().to_string();
+    assert!(!refused.status.success() && stderr(&refused).contains(&format!("{name}: its SHA-256 is")), "{}", stderr(&refused));
+    assert!(!run.join("ro-crate-metadata.json").exists());
+    // A file that is gone is named, and not listed.
+    std::fs::remove_file(&profile).unwrap();
+    let made = make();
+    done(&made);
+    assert!(stderr(&made).contains("1 file(s) that SHA256SUMS lists are missing") && stderr(&made).contains(&name), "{}", stderr(&made));
+    assert!(!std::fs::read_to_string(run.join("ro-crate-metadata.json")).unwrap().contains(&name));
+    // Frames that were pruned are in the archive.
+    std::fs::write(&profile, good).unwrap();
+    done(&carved().arg("archive").arg(&run).arg("--to").arg(dir.path().join("copies")).output().unwrap());
+    done(&carved().arg("prune").arg(&data).args(["r1", "--yes"]).output().unwrap());
+    assert!(!run.join("A01/frames/detect.png").exists());
+    let made = make();
+    done(&made);
+    assert!(!stderr(&made).contains("missing"), "{}", stderr(&made));
+}
+
+#[test]
+fn a_packed_copy_gets_a_crate_of_its_own() {
+    let dir = tempfile::tempdir().unwrap();
+    let data = dir.path().join("data");
+    let run = plate(&data, "r1", "P-1", 4);
+    let make = |folder: &Path| carved().args(["export", "rocrate"]).arg(folder).output().unwrap();
+    done(&make(&run));
+    let packed = carved().arg("archive").arg(&run).arg("--pack").arg("--to").arg(dir.path().join("copies")).output().unwrap();
+    done(&packed);
+    assert!(stderr(&packed).contains("r1: ro-crate-metadata.json is not copied"), "{}", stderr(&packed));
+    let copy = dir.path().join("copies/r1");
+    assert!(!copy.join("ro-crate-metadata.json").exists());
+    done(&make(&copy));
+    let made = json(&copy.join("ro-crate-metadata.json"));
+    let graph = made["@graph"].as_array().unwrap();
+    let files: Vec<&str> = graph.iter().filter(|e| e["@type"] == "File").map(|e| e["@id"].as_str().unwrap()).collect();
+    assert_eq!(files, ["A01.tar", "A02.tar", "run.json"]);
+    let action = graph.iter().find(|e| e["@id"] == "#measure-A01").unwrap();
+    assert!(action["result"] == json!([{"@id": "A01.tar"}]) && action["object"][0]["@id"] == "A01.tar", "{action:#}");
+    // The crates of run and copy differ, and the copy still lets the run be pruned.
+    done(&carved().arg("prune").arg(&data).args(["r1", "--all", "--yes"]).output().unwrap());
+    assert!(!run.exists());
+    // A bit of a file in a pack.
+    let pack = copy.join("A01.tar");
+    let mut bytes = std::fs::read(&pack).unwrap();
+    let name = b"A01/profiles/";
+    let header = bytes.windows(name.len()).position(|w| w == name).unwrap();
+    bytes[header + 512] ^= 1;
+    std::fs::write(&pack, bytes).unwrap();
+    let refused = make(&copy);
+    assert!(!refused.status.success() && stderr(&refused).contains("its SHA-256 is"), "{}", stderr(&refused));
+}
+
 #[test]
 #[cfg_attr(not(has_python), ignore = "no Python 3 with venv: apt-get install python3-venv")]
 fn the_validator_of_ro_crates_accepts_a_run() {
@@ -90,9 +165,14 @@ fn the_validator_of_ro_crates_accepts_a_run() {
     let run = plate(&dir.path().join("data"), "r1", "P-1", 4);
     done(&carved().args(["export", "rocrate"]).arg(&run).output().unwrap());
     let program = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/readers/validate_crate.py");
-    let validate = || Command::new(&python).arg(&program).arg(&run).output().unwrap();
-    let output = validate();
-    assert!(output.status.success(), "{}{}", String::from_utf8_lossy(&output.stdout), stderr(&output));
+    let validate_folder = |folder: &Path| Command::new(&python).arg(&program).arg(folder).output().unwrap();
+    let validate = || validate_folder(&run);
+    done(&carved().arg("archive").arg(&run).arg("--pack").arg("--to").arg(dir.path().join("copies")).output().unwrap());
+    let copy = dir.path().join("copies/r1");
+    done(&carved().args(["export", "rocrate"]).arg(&copy).output().unwrap());
+    for output in [validate(), validate_folder(&copy)] {
+        assert!(output.status.success(), "{}{}", String::from_utf8_lossy(&output.stdout), stderr(&output));
+    }
     // It sees a run without its action's program.
     let file = run.join("ro-crate-metadata.json");
     let mut made = json(&file);
@@ -122,6 +202,7 @@ fn mihcsme_comes_back_with_the_results_and_with_the_plate_map_as_it_was() {
     let record = run.join("run.json");
     let mut stored = json(&record);
     stored["mode"] = "imported".into();
+    stored["plan"]["plate_map"][2]["compound"] = "rapamycin".into();
     stored["plan"]["metadata"] = json!({
         "InvestigationInformation": {"DataOwner": {"First Name": "Kim"}, "DataCollaborator": {"ORCID  Data Collaborator_0": "https://orcid.org/0000-0002-1825-0097"}},
         "StudyInformation": {"Study": {"Study Title": "Growth"}},
@@ -149,11 +230,12 @@ fn mihcsme_comes_back_with_the_results_and_with_the_plate_map_as_it_was() {
         ("carved_area_um2", format!("{:?}", numbers["measurement"]["area_um2"].as_f64().unwrap())),
         ("carved_taxon_id", "NCBITaxon:7955".into()),
         ("carved_stage_id", "ZFS:0000036".into()),
-        ("carved_exposure_id", "ZECO:0000111".into()),
         ("carved_outcome", "succeeded".into()),
     ] {
         assert_eq!(larva[condition], expected, "{condition}");
     }
+    let exposure = |well: usize| &model["assay_conditions"][well]["conditions"]["carved_exposure_id"];
+    assert_eq!((exposure(0), exposure(2)), (&Value::Null, &json!("ZECO:0000111")), "a vehicle is no treatment");
     assert_eq!(model["assay_conditions"][1]["conditions"]["carved_flags"], "moved;residual");
 
     // carved reads it as the plate map that it was.
@@ -163,23 +245,83 @@ fn mihcsme_comes_back_with_the_results_and_with_the_plate_map_as_it_was() {
     assert_eq!(map["plate_map"], stored["plan"]["plate_map"]);
 }
 
+/// Adds a model to a recording: a triangle, as carved writes a mesh.
+fn add_mesh(recording: &Path) {
+    let numbers: Vec<u8> = [0.0f32, 0.0, 0.0, 3000.0, 0.0, 0.0, 0.0, 600.0, 400.0].iter().flat_map(|x| x.to_le_bytes()).collect();
+    let face: Vec<u8> = std::iter::once(3).chain([0u32, 1, 2].iter().flat_map(|v| v.to_le_bytes())).collect();
+    let header = "ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+        element face 1\nproperty list uchar int vertex_indices\nend_header\n";
+    let mesh = [header.as_bytes(), &numbers, &face].concat();
+    let sums = recording.join("SHA256SUMS");
+    let listed = std::fs::read_to_string(&sums).unwrap();
+    std::fs::write(sums, format!("{listed}{}  mesh.ply\n", sha256_hex(&mesh))).unwrap();
+    std::fs::write(recording.join("mesh.ply"), mesh).unwrap();
+}
+
+#[test]
+fn a_report_leaves_out_a_picture_of_a_file_that_was_altered_and_says_so() {
+    let dir = tempfile::tempdir().unwrap();
+    let run = plate(&dir.path().join("data"), "r1", "P-1", 4);
+    let larva = run.join("A01");
+    add_mesh(&larva);
+    let out = dir.path().join("report.html");
+    let report = || {
+        done(&carved().arg("report").arg(&run).arg("--out").arg(&out).output().unwrap());
+        std::fs::read_to_string(&out).unwrap()
+    };
+    let pictures = |text: &str| text.matches("data:image/jpeg;base64,").count();
+    let whole = report();
+    assert!(whole.contains("No bead gate is on file."));
+    assert!(pictures(&whole) == 3 && !whole.contains("It is not shown."), "two views and the model");
+    let view = example("larva.json")["facing"]["lateral_views"][0].as_u64().unwrap();
+    let (frame, mask) = (format!("frames/view_{view:03}.png"), format!("profiles/view_{view:03}.png"));
+    for (name, other) in [("mesh.ply".to_owned(), None), (frame, Some("frames/detect.png")), (mask, Some("frames/detect.png"))] {
+        let good = std::fs::read(larva.join(&name)).unwrap();
+        // A good file of the same kind, of something else.
+        let bad = other.map_or_else(
+            || [&good[..good.len() - 37], &2000f32.to_le_bytes(), &good[good.len() - 33..]].concat(),
+            |other| std::fs::read(larva.join(other)).unwrap(),
+        );
+        std::fs::write(larva.join(&name), bad).unwrap();
+        let text = report();
+        assert!(pictures(&text) == 2 && text.contains(&format!("{name} was altered after it was recorded. It is not shown.")), "{name}");
+        std::fs::write(larva.join(&name), good).unwrap();
+    }
+    // Of a pruned run there is nothing to show, and nothing wrong.
+    std::fs::remove_dir_all(larva.join("frames")).unwrap();
+    let text = report();
+    assert!(pictures(&text) == 1 && !text.contains("It is not shown."));
+}
+
+#[test]
+fn a_report_of_flagged_specimens_alone_says_why_it_has_no_groups() {
+    let dir = tempfile::tempdir().unwrap();
+    let run = plate(&dir.path().join("data"), "r1", "P-1", 4);
+    let mut stored = json(&run.join("run.json"));
+    stored["wells"][0]["flags"] = json!(["moved"]);
+    std::fs::write(run.join("run.json"), stored.to_string()).unwrap();
+    let out = dir.path().join("report.html");
+    for (more, expected) in [(None, false), (Some("--without-flagged"), true)] {
+        done(&carved().arg("report").arg(&run).arg("--out").arg(&out).args(more).output().unwrap());
+        let text = std::fs::read_to_string(&out).unwrap();
+        assert_eq!(text.contains("So there are no groups"), expected, "{more:?}");
+    }
+}
+
 #[test]
 fn a_report_has_everything_inside_and_escapes_what_plate_maps_say() {
     let dir = tempfile::tempdir().unwrap();
     let data = dir.path().join("data");
     let runs = [plate(&data, "r1", "P-1", 96), plate(&data, "r2", "P-2", 4)];
-    // A triangle, as carved writes a mesh.
-    let numbers: Vec<u8> = [0.0f32, 0.0, 0.0, 3000.0, 0.0, 0.0, 0.0, 600.0, 400.0].iter().flat_map(|x| x.to_le_bytes()).collect();
-    let face: Vec<u8> = std::iter::once(3).chain([0u32, 1, 2].iter().flat_map(|v| v.to_le_bytes())).collect();
-    let header = "ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
-        element face 1\nproperty list uchar int vertex_indices\nend_header\n";
-    std::fs::write(runs[0].join("A01/mesh.ply"), [header.as_bytes(), &numbers, &face].concat()).unwrap();
+    add_mesh(&runs[0].join("A01"));
     gates::keep(&data.join("calibrations"));
     let out = dir.path().join("report.html");
     done(&carved().arg("report").args(&runs).arg("--out").arg(&out).output().unwrap());
     let text = std::fs::read_to_string(&out).unwrap();
     let volume = example("larva.json")["measurement"]["volume_um3"].as_f64().unwrap() / 1e6;
     for part in [
+        // Wells, measured, of them flagged, failed, skipped, not done.
+        "<td>4</td><td>2</td><td>1</td><td>0</td><td>2</td><td>0</td>",
         "<!DOCTYPE html>",
         "Simulated: the frames were rendered",
         "Plate P-1, run r1",

@@ -61,8 +61,12 @@ for unit, um in {"m": 1e6, "mm": 1e3, "um": 1.0}.items():
     turned = np.sort(ply.bounds * [1, -1, -1], axis=0)
     near(f"GLB in {unit}, place", glb.bounds * um, turned, 1e-3)
     raw = (folder / f"{unit}.glb").read_bytes()
-    extras = json.loads(raw[20 : 20 + int.from_bytes(raw[12:16], "little")])["asset"]["extras"]
+    document = json.loads(raw[20 : 20 + int.from_bytes(raw[12:16], "little")])
+    extras = document["asset"]["extras"]
     assert (extras["unit"], extras["mode"]) == (unit, "imported"), extras
+    # The default of the format is metal, which is black without surroundings.
+    material = document["materials"][document["meshes"][0]["primitives"][0]["material"]]["pbrMetallicRoughness"]
+    assert material["metallicFactor"] == 0 and 0.5 < material["roughnessFactor"] <= 1, material
 
 # The colours: the frames at the places of the vertices, blended by the fourth power of the cosine between normal and view.
 recording = json.loads((Path(sys.argv[2]) / "recording.json").read_text())

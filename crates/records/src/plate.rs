@@ -36,6 +36,14 @@ impl PlateFormat {
         Self::ALL.into_iter().find(|format| format.wells() == wells)
     }
 
+    /// The plate that these wells are shown on: the one with the stated number of wells if it holds them, or else the smallest of 96, 384
+    /// and 1536 wells that does. Few wells say nothing about the plate: smaller plates must be stated.
+    pub fn shown<'w>(stated: Option<u32>, wells: impl Iterator<Item = &'w str> + Clone) -> Self {
+        let holds_all = |format: &Self| wells.clone().all(|well| format.holds(well));
+        let usual = [96, 384].into_iter();
+        stated.into_iter().chain(usual).filter_map(Self::of_wells).find(holds_all).unwrap_or(Self::LARGEST)
+    }
+
     /// Number of wells.
     pub fn wells(self) -> u32 {
         self.rows * self.columns
@@ -103,6 +111,18 @@ mod tests {
         for wrong in ["", "A", "A1", "A00", "A49", "AG01", "BA01", "AAA01", "a01", "A001", "01", "A0x", "A\u{661}", "Ä01"] {
             assert!(!is_well(wrong), "{wrong}");
         }
+    }
+
+    #[test]
+    fn a_plate_that_is_not_stated_has_at_least_96_wells() {
+        let of = |stated, wells: &[&str]| PlateFormat::shown(stated, wells.iter().copied()).wells();
+        for (wells, expected) in
+            [(vec!["A01"], 96), (vec!["A01", "C03"], 96), (vec!["H13"], 384), (vec!["P24", "A01"], 384), (vec!["AF48"], 1536)]
+        {
+            assert_eq!(of(None, &wells), expected, "{wells:?}");
+        }
+        assert_eq!((of(Some(24), &["A01", "C03"]), of(Some(384), &["A01"])), (24, 384));
+        assert_eq!((of(Some(24), &["H12"]), of(Some(95), &["A01"])), (96, 96), "a plate without these wells, and one that there is not");
     }
 
     #[test]

@@ -12,7 +12,7 @@
 
 use super::index;
 use super::objects::{self, Objects, Reach, is_address};
-use super::pack::{self, Pack};
+use super::pack::{self, Pack, RecordingFiles};
 use super::{RunRecord, Software, StoreError, disk, durable, run, schema, sums};
 use carved_records::{is_plain_name, sha256_hex};
 use nix::fcntl::{PosixFadviseAdvice, posix_fadvise};
@@ -27,6 +27,9 @@ const SCHEMA: &str = "carved.archive/1";
 /// Folder of the receipts in the run's folder. The copy contains one receipt, [`RECEIPT`].
 const RECEIPTS: &str = "archives";
 const RECEIPT: &str = "archive.json";
+
+/// The metadata that make a run's folder an RO-Crate. They list single files, so a packed copy does not have them.
+pub const CRATE: &str = "ro-crate-metadata.json";
 
 /// The record of a copy: its files and its place.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -80,20 +83,64 @@ fn contents(folder: &Path) -> Result<BTreeMap<PathBuf, String>, StoreError> {
     Ok(files)
 }
 
-/// Verifies a run against the checksums of its recordings.
-fn unaltered(folder: &Path, files: &BTreeMap<PathBuf, String>) -> Result<(), StoreError> {
+/// Compares a run with the checksums of its recordings. Returns the files that they list and that are not there.
+fn compared(folder: &Path, files: &BTreeMap<PathBuf, String>) -> Result<Vec<PathBuf>, StoreError> {
+    let mut missing = Vec::new();
     for list in files.keys().filter(|name| name.file_name().is_some_and(|n| n == sums::FILE)) {
         let at = list.parent().unwrap_or(Path::new(""));
         for (name, expected) in sums::read(&folder.join(list))? {
             let name = at.join(name);
-            let path = folder.join(&name);
             match files.get(&name) {
-                Some(found) => sums::same(&path, &expected, found)?,
-                None => return Err(StoreError::Vanished { path }),
+                Some(found) => sums::same(&folder.join(&name), &expected, found)?,
+                None => missing.push(name),
             }
         }
     }
-    Ok(())
+    Ok(missing)
+}
+
+/// Verifies a run against the checksums of its recordings.
+fn unaltered(folder: &Path, files: &BTreeMap<PathBuf, String>) -> Result<(), StoreError> {
+    match compared(folder, files)?.first() {
+        Some(name) => Err(StoreError::Vanished { path: folder.join(name) }),
+        None => Ok(()),
+    }
+}
+
+/// The files of a run that are there.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RunContents {
+    /// SHA-256 of each file, by its name in the run's folder. The receipts of copies are not among them, because a copy has others.
+    pub files: BTreeMap<PathBuf, String>,
+    /// Files that the checksums of a recording list, that are not there, and that no receipt of a copy has.
+    pub missing: Vec<PathBuf>,
+}
+
+impl RunContents {
+    /// Hashes the files of a run or of its copy, also those inside of packs, and compares them with the checksums of their recordings.
+    ///
+    /// # Errors
+    /// A file cannot be read, or was altered.
+    pub fn of(folder: &Path) -> Result<Self, StoreError> {
+        let mut files = contents(folder)?;
+        files.remove(Path::new(RECEIPT));
+        let mut missing = compared(folder, &files)?;
+        for name in files.keys() {
+            let Some(recording) = pack::packed_in(name) else { continue };
+            let packed = RecordingFiles::of(&folder.join(name))?;
+            for (name, expected) in packed.sums()?.unwrap_or_default() {
+                match packed.read(&name)? {
+                    Some(bytes) => sums::same(&packed.path(&name), &expected, &sha256_hex(&bytes))?,
+                    None => missing.push(Path::new(recording).join(name)),
+                }
+            }
+        }
+        if !missing.is_empty() {
+            let receipts = receipts(folder)?;
+            missing.retain(|name| !receipts.iter().any(|receipt| receipt.files.contains_key(name)));
+        }
+        Ok(Self { files, missing })
+    }
 }
 
 /// The hash of a file as read from the disk, not from the page cache.
@@ -163,8 +210,11 @@ pub(super) fn is_below(name: &Path) -> bool {
 impl Receipt {
     /// The receipt of a copy that is to be made of a run whose files are as they were recorded.
     fn new(from: &Path, record: RunRecord, destination: PathBuf, packing: Packing) -> Result<Self, StoreError> {
-        let files = contents(from)?;
+        let mut files = contents(from)?;
         unaltered(from, &files)?;
+        if packing == Packing::PerWell {
+            files.remove(Path::new(CRATE));
+        }
         let packed = match packing {
             Packing::Files => BTreeSet::new(),
             Packing::PerWell => files.keys().filter_map(|name| pack::recording_of(name)).map(str::to_owned).collect(),
@@ -271,6 +321,11 @@ impl Receipt {
         }
         let recording = name.file_stem().and_then(|stem| stem.to_str());
         pack::pack(from, self.files.iter().filter(|(name, _)| pack::recording_of(name) == recording))
+    }
+
+    /// Whether such a copy never has this file.
+    fn leaves_out(&self, name: &Path) -> bool {
+        !self.packed.is_empty() && name == Path::new(CRATE)
     }
 
     /// Whether the copy of this file is in a pack.
@@ -405,7 +460,7 @@ fn good_copy(folder: &Path, id: &str, taken: &BTreeMap<PathBuf, String>, reach: 
         if taken.is_empty() {
             return Ok(receipt);
         }
-        if let Some((name, _)) = taken.iter().find(|(name, hash)| receipt.files.get(*name) != Some(hash)) {
+        if let Some((name, _)) = taken.iter().find(|(name, hash)| receipt.files.get(*name) != Some(hash) && !receipt.leaves_out(name)) {
             why = Some(format!("{} is not in its copy as it is here; archive it again", name.display()));
             continue;
         }

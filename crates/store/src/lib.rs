@@ -42,7 +42,7 @@ mod sums;
 #[cfg(any(test, feature = "testing"))]
 pub mod testing;
 
-pub use archive::{Packing, Pruned, Receipt, archive, archive_to_objects, cut_short, end_prune, prune, run_names};
+pub use archive::{CRATE, Packing, Pruned, Receipt, RunContents, archive, archive_to_objects, cut_short, end_prune, prune, run_names};
 pub use attempts::set_aside;
 pub use budget::{Budget, bytes_per_specimen, size};
 pub use error::StoreError;

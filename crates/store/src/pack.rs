@@ -136,6 +136,12 @@ pub fn recording_of(name: &Path) -> Option<&str> {
     (parts.next().is_some() && is_well(attempts::well_of(first))).then_some(first)
 }
 
+/// The recording whose files this file of a run holds, if it is a pack.
+pub fn packed_in(name: &Path) -> Option<&str> {
+    let recording = name.to_str()?.strip_suffix(ENDING)?.strip_suffix('.')?;
+    is_well(attempts::well_of(recording)).then_some(recording)
+}
+
 #[derive(Debug)]
 enum Source {
     File(File),

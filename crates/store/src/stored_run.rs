@@ -161,14 +161,6 @@ impl StoredWell {
         }
         Self { measurement: None, measurement_sha256: None, computation: Computation::Missing, ..self }
     }
-
-    /// The files of the recording with their SHA-256, by their names in its folder. None of a recording that was not closed.
-    ///
-    /// # Errors
-    /// Sums that cannot be read.
-    pub fn sums(&self) -> Result<Vec<(String, String)>, StoreError> {
-        Ok(self.files.sums()?.unwrap_or_default())
-    }
 }
 
 impl StoreReader {

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _arrays, _native
+from ._build import Build, build
 from ._camera import Camera
 from ._errors import InputError
 from ._segment import Method as SegmentMethod
@@ -75,6 +76,11 @@ class Model:
         # Without a unit the keys have none either.
         value = self._numbers.get(key, self._numbers.get(key.rsplit("_um", 1)[0]))
         return None if value is None else float(value)
+
+    @property
+    def software(self) -> Build:
+        """What computed the numbers: this module. `report` has no version, so that equal numbers are equal bytes."""
+        return build
 
     @property
     def flags(self) -> list[str]:

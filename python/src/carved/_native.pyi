@@ -8,18 +8,16 @@ import numpy as np
 import numpy.typing as npt
 
 __all__ = [
-    "VERSION",
     "NativeProfile",
     "NativeRecording",
     "Numbers",
+    "build",
     "calibrate",
     "measure_frames",
     "measure_silhouettes",
     "projections",
     "segment",
 ]
-
-VERSION: str
 
 @final
 class Numbers:
@@ -70,6 +68,7 @@ class NativeRecording:
     def frame(self, place: int) -> npt.NDArray[np.uint8]: ...
     def measure(self, asd: int | None, progress: Callable[[int, int], object] | None) -> Numbers: ...
 
+def build() -> tuple[str, str, bool | None]: ...
 def segment(image: npt.NDArray[np.uint8], bayer: bool, settings: str, empty: npt.NDArray[np.uint8] | None) -> NativeProfile: ...
 def measure_frames(
     frames: Sequence[npt.NDArray[np.uint8]],

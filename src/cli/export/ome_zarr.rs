@@ -16,6 +16,7 @@ use anyhow::{Context, bail, ensure};
 use carved_core::frame::PixelFormat;
 use carved_records::PlannedWell;
 use carved_store::{RecordingFiles, RecordingReader, StoreError, StoredRun, durable, frames};
+use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -97,11 +98,8 @@ impl Plate {
     /// A new plate, or the one that an interrupted export of this run left.
     fn open(out: &Path, run: &StoredRun) -> anyhow::Result<Self> {
         let record = run.record();
-        let mut size = [8, 12];
-        for planned in &record.plan.plate_map {
-            let (_, [rows, columns]) = views::place(&planned.well)?;
-            size = [size[0].max(rows), size[1].max(columns)];
-        }
+        let plan = &record.plan;
+        let size = views::size(plan.plate_format, plan.plate_map.iter().map(|planned| planned.well.as_str()));
         let mut plate = Self {
             out: out.to_owned(),
             run: record.id.clone(),
@@ -143,7 +141,7 @@ impl Plate {
             "{}: its pictures are {shape:?} (colours, rows, columns), those of the other wells {expected:?}; export it by itself",
             reader.folder().display()
         );
-        let ([row, column], _) = views::place(&recording.specimen.well)?;
+        let [row, column] = views::place(&recording.specimen.well)?;
         let letters = row_name(row);
         let folder = self.out.join(&letters).join((column + 1).to_string());
         // Spatial scales are um per pixel at the axis of rotation.
@@ -170,27 +168,35 @@ impl Plate {
         group(&self.out, &self.attributes()?)
     }
 
-    /// Writes the arrays of an image, one per size. `pixels` gives a view's planes, `smaller` halves them. Returns whether a view is there.
+    /// Writes the arrays of an image, one per size. `pixels` gives a view's planes, `smaller` halves them. Views are read and compressed in
+    /// parallel. Returns whether a view is there.
     fn arrays(
         &self,
         image: &Path,
         [colours, rows, columns]: [usize; 3],
-        pixels: impl Fn(usize) -> anyhow::Result<Option<Vec<u8>>>,
-        smaller: impl Fn(&[u8], [usize; 2]) -> Vec<u8>,
+        pixels: impl Fn(usize) -> anyhow::Result<Option<Vec<u8>>> + Sync,
+        smaller: impl Fn(&[u8], [usize; 2]) -> Vec<u8> + Sync,
     ) -> anyhow::Result<bool> {
         let sizes: [[usize; 2]; LEVELS] = std::array::from_fn(|level| [columns, rows].map(|n| n.div_ceil(1 << level)));
-        let mut shards: [Shard; LEVELS] = std::array::from_fn(|_| Shard::new(self.planned));
-        let mut is_there = false;
-        for view in 0..self.planned {
-            let Some(mut planes) = pixels(view)? else { continue };
-            is_there = true;
-            for (level, shard) in shards.iter_mut().enumerate() {
+        let compressed = |view: usize| -> anyhow::Result<Option<[Vec<u8>; LEVELS]>> {
+            let Some(mut planes) = pixels(view)? else { return Ok(None) };
+            let mut chunks: [Vec<u8>; LEVELS] = Default::default();
+            for (level, chunk) in chunks.iter_mut().enumerate() {
                 if level > 0 {
                     planes = smaller(&planes, sizes[level - 1]);
                 }
-                shard.add(view, &planes)?;
+                *chunk = zarr::chunk(&planes)?;
+            }
+            Ok(Some(chunks))
+        };
+        let views: Vec<Option<[Vec<u8>; LEVELS]>> = (0..self.planned).into_par_iter().map(compressed).collect::<anyhow::Result<_>>()?;
+        let mut shards: [Shard; LEVELS] = std::array::from_fn(|_| Shard::new(self.planned));
+        for (view, chunks) in views.iter().enumerate().filter_map(|(view, chunks)| Some((view, chunks.as_ref()?))) {
+            for (shard, chunk) in shards.iter_mut().zip(chunks) {
+                shard.add(view, chunk)?;
             }
         }
+        let is_there = views.iter().any(Option::is_some);
         if is_there {
             for (level, (shard, [width, height])) in shards.into_iter().zip(sizes).enumerate() {
                 let folder = image.join(level.to_string());
@@ -205,7 +211,7 @@ impl Plate {
         let [rows, columns] = self.size;
         let mut wells = Vec::new();
         for well in &self.written {
-            let ([row, column], _) = views::place(well)?;
+            let [row, column] = views::place(well)?;
             wells.push(json!({"path": format!("{}/{}", row_name(row), column + 1), "rowIndex": row, "columnIndex": column}));
         }
         let named = |names: Vec<String>| names.into_iter().map(|name| json!({"name": name})).collect::<Vec<_>>();

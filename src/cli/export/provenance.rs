@@ -4,8 +4,10 @@ use super::{read, write};
 use crate::report::methods::Methods;
 use crate::report::rocrate::{FILE, Given, metadata};
 use anyhow::{Context, ensure};
-use carved_store::RecordingFiles;
 use std::path::PathBuf;
+
+/// Missing files that a message names at most.
+const NAMED: usize = 5;
 
 #[derive(Debug, clap::Args)]
 pub struct MethodsArgs {
@@ -19,7 +21,7 @@ pub struct MethodsArgs {
 
 #[derive(Debug, clap::Args)]
 pub struct CrateArgs {
-    /// Folder of a run that has ended (`DATA/runs/RUN`). `ro-crate-metadata.json` is written into it, and makes it a crate.
+    /// Folder of a run that has ended (`DATA/runs/RUN`), or of its copy in an archive. `ro-crate-metadata.json` is written into it, and makes it a crate.
     run: PathBuf,
     /// ORCID of the operator, as in <https://orcid.org/0000-0002-1825-0097>
     #[arg(long, value_name = "URL")]
@@ -49,7 +51,7 @@ pub fn methods(args: &MethodsArgs) -> anyhow::Result<()> {
 /// Makes a run's folder a crate.
 ///
 /// # Errors
-/// A run that has not ended or cannot be read, and a file that cannot be written.
+/// A run that has not ended or cannot be read, a file that was altered, and a file that cannot be written.
 pub fn rocrate(args: &CrateArgs) -> anyhow::Result<()> {
     for (option, value) in [("--orcid", &args.orcid), ("--license", &args.license)] {
         if let Some(value) = value {
@@ -59,16 +61,19 @@ pub fn rocrate(args: &CrateArgs) -> anyhow::Result<()> {
     let runs = read(std::slice::from_ref(&args.run))?;
     let run = runs.first().context("one run is named")?;
     ensure!(run.record().outcome.is_some(), "{}: the run has not ended; wait for its end", args.run.display());
-    for planned in &run.record().plan.plate_map {
-        ensure!(
-            !matches!(run.well(planned)?.files, RecordingFiles::Pack(_)),
-            "{}: its recordings are packed, and a crate lists single files; make the crate in the run's own folder, then archive it",
-            args.run.display()
-        );
-    }
     let given = Given { orcid: args.orcid.clone(), license: args.license.clone() };
     let path = args.run.join(FILE);
-    write(&path, &serde_json::to_vec_pretty(&metadata(run, &given)?).context("the metadata cannot be written as JSON")?)?;
+    let (metadata, missing) = metadata(run, &given)?;
+    write(&path, &serde_json::to_vec_pretty(&metadata).context("the metadata cannot be written as JSON")?)?;
+    if !missing.is_empty() {
+        let some: Vec<String> = missing.iter().take(NAMED).map(|name| name.display().to_string()).collect();
+        let more = if missing.len() > NAMED { ", ..." } else { "" };
+        note!(
+            "carved: {} file(s) that SHA256SUMS lists are missing, and no receipt of an archive has them. The crate does not list them: {}{more}",
+            missing.len(),
+            some.join(", ")
+        );
+    }
     note!("carved: {}", path.display());
     Ok(())
 }

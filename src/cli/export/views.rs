@@ -1,9 +1,9 @@
 //! The views of a recording, as `ome-tiff` and `ome-zarr` write them.
 
-use anyhow::{Context, ensure};
+use anyhow::Context;
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::profile::Picture;
-use carved_records::LedgerEntry;
+use carved_records::{LedgerEntry, PlateFormat, well_place};
 use carved_store::{RecordingReader, StoreError};
 
 /// The newest take of every view, by number, without the view at 360 deg.
@@ -35,18 +35,19 @@ pub(super) fn planar(frame: &RawFrame) -> Vec<u8> {
     (0..3).flat_map(|c| pixels.iter().skip(c).step_by(3).copied()).collect()
 }
 
-/// Row and column of a well from 0, and those of the smallest plate of 96, 384 or 1536 wells that has it.
+/// Row and column of a well from 0.
 ///
 /// # Errors
 /// A name that is no well.
-pub(super) fn place(well: &str) -> anyhow::Result<([usize; 2], [usize; 2])> {
-    let letters = well.bytes().take_while(u8::is_ascii_uppercase).count();
-    let row = well[..letters].bytes().fold(0, |n, letter| 26 * n + usize::from(letter - b'A') + 1);
-    let column: usize = well[letters..].parse().with_context(|| format!("{well:?} is no well; expected A01 to AF48"))?;
-    ensure!(row > 0 && column > 0, "{well:?} is no well; expected A01 to AF48");
-    let plates = [[8, 12], [16, 24], [32, 48]];
-    let plate = plates.into_iter().find(|[rows, columns]| row <= *rows && column <= *columns);
-    Ok(([row - 1, column - 1], plate.with_context(|| format!("{well:?} is beyond AF48, the last well of the largest plate"))?))
+pub(super) fn place(well: &str) -> anyhow::Result<[usize; 2]> {
+    let (row, column) = well_place(well).with_context(|| format!("{well:?} is no well; expected A01 to AF48"))?;
+    Ok([row as usize, column as usize])
+}
+
+/// Rows and columns of the plate that these wells are shown on.
+pub(super) fn size<'w>(stated: Option<u32>, wells: impl Iterator<Item = &'w str> + Clone) -> [usize; 2] {
+    let PlateFormat { rows, columns } = PlateFormat::shown(stated, wells);
+    [rows as usize, columns as usize]
 }
 
 /// The frame of the second camera of a view that has one.
@@ -57,19 +58,4 @@ pub(super) fn second(reader: &RecordingReader, entry: &LedgerEntry) -> Result<Ra
     reader
         .second(entry)?
         .ok_or_else(|| StoreError::MissingFrame { path: reader.folder().join(format!("second/view_{:03}.png", entry.view)) })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_well_lies_on_the_smallest_plate_that_has_it() {
-        assert_eq!(place("A01").unwrap(), ([0, 0], [8, 12]));
-        assert_eq!(place("H13").unwrap(), ([7, 12], [16, 24]));
-        assert_eq!(place("AF48").unwrap(), ([31, 47], [32, 48]));
-        for wrong in ["", "A", "7", "A00", "AG01", "a01"] {
-            assert!(place(wrong).is_err(), "{wrong}");
-        }
-    }
 }

@@ -104,8 +104,8 @@ pub const BEFORE: &[Column] = &[
     col(
         "exposure_id",
         Text,
-        Made(|r| ontology::exposure(&r.well.planned).map(|term| term.id).into()),
-        "of a larva with a compound: chemical treatment, in the Zebrafish Experimental Conditions Ontology (ZECO)",
+        Made(|r| of_animal(r, ontology::exposure)),
+        "of a larva with a compound that is neither simulated nor a negative control, whose compound is the vehicle: chemical treatment, in the Zebrafish Experimental Conditions Ontology (ZECO)",
     ),
 ];
 

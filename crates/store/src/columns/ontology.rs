@@ -3,7 +3,7 @@
 //! Stages are those of the Zebrafish Developmental Stages Ontology, which begin at the hours post fertilisation of Kimmel et al. 1995. The
 //! conditions are those of the Zebrafish Experimental Conditions Ontology.
 
-use carved_records::{PlannedWell, SpecimenKind};
+use carved_records::{Control, PlannedWell, SpecimenKind};
 
 /// A term: its identifier and its name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -41,9 +41,11 @@ pub fn stage(well: &PlannedWell) -> Option<Term> {
     STAGES.iter().rev().find(|(begins, _)| *begins <= hours)?.1
 }
 
-/// The experimental condition. `None` where the plate map names no compound: it may not say everything.
+/// The experimental condition. `None` where the plate map names no compound, because it may not say everything, and for a negative control:
+/// its compound is the vehicle, such as DMSO.
 pub fn exposure(well: &PlannedWell) -> Option<Term> {
-    (well.specimen == SpecimenKind::Larva && well.compound.is_some()).then_some(CHEMICAL_TREATMENT)
+    let is_treated = well.compound.is_some() && well.control != Some(Control::Negative);
+    (well.specimen == SpecimenKind::Larva && is_treated).then_some(CHEMICAL_TREATMENT)
 }
 
 #[cfg(test)]
@@ -59,6 +61,18 @@ mod tests {
             assert_eq!(of(dpf), Some(expected), "{dpf} dpf");
         }
         assert_eq!((of(1.9), of(30.0)), (None, None));
+    }
+
+    #[test]
+    fn a_vehicle_control_is_not_treated() {
+        let of = |control| {
+            let well = PlannedWell { compound: Some("DMSO".into()), control, ..PlannedWell::new("A01", SpecimenKind::Larva, Some(4.0)) };
+            exposure(&well).map(|term| term.id)
+        };
+        assert_eq!(
+            (of(None), of(Some(Control::Positive)), of(Some(Control::Negative))),
+            (Some("ZECO:0000111"), Some("ZECO:0000111"), None)
+        );
     }
 
     #[test]
