@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 import subprocess
@@ -37,7 +38,9 @@ def _commit(source: Path) -> str:
 
 
 def run_tests(context: Context, groups: list[Tests], what: str, ignored: bool = False) -> Observed:
-    """Runs the tests, with `ignored` also those that are run by name only. Each filter must select a test, and each must pass."""
+    """Runs the tests, with `ignored` also those that are run by name only. Each filter must select a test, and each must
+    pass. In a control run the tests are told to break what they check.
+    """
     if shutil.which("cargo") is None:
         raise CannotRun("cargo is not installed, and this row is held by Rust tests")
     observed, passed = Observed(what, program=f"the tests of {_commit(context.source)}"), 0
@@ -53,7 +56,8 @@ def run_tests(context: Context, groups: list[Tests], what: str, ignored: bool = 
             *group.filters,
         ]
         context.say(" ".join(command))
-        done = subprocess.run(command, cwd=context.source, capture_output=True, text=True)
+        environment = {**os.environ, **({"CARVED_CONTROL": "1"} if context.control else {})}
+        done = subprocess.run(command, cwd=context.source, capture_output=True, text=True, env=environment)
         if "test result:" not in done.stdout:
             raise CannotRun(f"the tests could not be built: {done.stderr[-500:]}")
         results = _RESULT.findall(done.stdout)
