@@ -64,6 +64,9 @@ count, and a daemon that does not start is no result. A row whose control was **
 """
 
 
+_GROWN = "what was added to the goal after this run"
+
+
 def _cell(text: str) -> str:
     return text.replace("|", "\\|").replace("\n", " ")
 
@@ -99,6 +102,7 @@ class Results:
             shutil.copy(plot, self._folder / plot.name)
         result = {
             "count": count,
+            "goal": row.goal,
             "done": observed.done,
             "figures": [figure for figure in observed.figures if figure],
             "misses": len(observed.misses),
@@ -146,8 +150,9 @@ class Results:
                 continue
             verdict = f"**missed** ({result['misses']})" if result["misses"] else "met"
             verdict += _share(result["count"], row.sizes[2])
-            if result["not_judged"]:
-                verdict += f"; **not judged**: {_cell('; '.join(result['not_judged']))}"
+            not_judged = [*result["not_judged"], *([_GROWN] if result["goal"] != row.goal else [])]
+            if not_judged:
+                verdict += f"; **not judged**: {_cell('; '.join(not_judged))}"
             size = f"{result['count']} of {row.sizes[2]} {row.unit}" if row.sizes[2] > 1 else "full"
             program = _short(result.get("program", "of an unrecorded commit"))
             where = f"{result['date']}, {result['seconds']} s; {program}; {result['machine']}"

@@ -137,7 +137,8 @@ R4 = Row(
 R7 = Row(
     "R7",
     "camera control stolen, cable pulled, camera silent",
-    "seen within 1.5 s; connects again by itself within 10 s; the view is grabbed again",
+    "a pull, a stolen control and a silent camera are named; a pull is seen within 1.5 s; connects again by itself within 10 s; the "
+    "view is grabbed again",
     (1, 3, 100),
     "pulls",
     "the cable is not pulled",

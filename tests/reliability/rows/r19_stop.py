@@ -109,7 +109,7 @@ def run(context: Context) -> Observed:
 ROW = Row(
     "R19",
     "emergency stop under R13's load",
-    "stop on the wire within 50 ms p99; latching; cleared only by an acknowledgement",
+    "stop on the wire within 50 ms p99; latching; cleared only by an acknowledgement, not by a new run, an unhold or a restart",
     (2, 30, 1000),
     "stops",
     "the daemon is stopped (SIGSTOP) for 0.3 s at each request",
