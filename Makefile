@@ -1,7 +1,7 @@
 # `make run` shows the instrument at work on its emulated rig; `make help` lists the rest.
 
 .DEFAULT_GOAL := help
-.PHONY: help build run test test-rust test-page test-python test-module test-service test-s3 test-slurm qa fuzz tutorial lint bench deb deb-test
+.PHONY: help build run test test-rust test-page test-python test-module test-qa test-service test-s3 test-slurm qa fuzz tutorial lint bench deb deb-test
 .PHONY: offline offline-test wheel web contract deny deps-build deps-web deps-python deps-test deps-slurm deps-bench deps-package deps-machine
 
 CARGO ?= cargo
@@ -30,15 +30,15 @@ run: build ## build, then the emulated rig with its demo plate (ARGS="..." goes 
 # Most integration tests wait for a daemon or for a motor that moves in real time: three at a time per core keep the cores busy.
 test: export RUST_TEST_THREADS ?= $(shell expr 3 '*' $$(nproc))
 
-# The daemon that the page and the Python client are tested against is the one that `cargo test` has built for the integration tests, so that
-# nothing is compiled twice.
-test: deps-build deps-test deps-python $(PAGE) ## unit, integration and doc tests; the page's in headless Chromium; the Python client's and module's; the unit file
-	$(MAKE) --no-print-directory --keep-going test-rust test-page test-python test-module test-service
+# The daemon that the page, the Python client and the rows of reliability are tested against is the one that `cargo test` has built for the
+# integration tests, so that nothing is compiled twice.
+test: deps-build deps-test deps-python $(PAGE) ## unit, integration and doc tests; the page's in headless Chromium; the Python client's and module's; short rows of reliability; the unit file
+	$(MAKE) --no-print-directory --keep-going test-rust test-page test-python test-module test-qa test-service
 
 test-rust:
 	$(CARGO) test --workspace --locked --no-fail-fast
 
-test-page test-python test-module test-service: export CARVED_BIN = $(abspath $(TARGET_DIR))/debug/carved
+test-page test-python test-module test-qa test-service: export CARVED_BIN = $(abspath $(TARGET_DIR))/debug/carved
 
 test-page:
 	cd web && npm run --silent test
@@ -49,6 +49,10 @@ test-python:
 
 test-module:
 	python/check test
+
+# The rows of `make qa` that take seconds in their short form. In that form they judge no time below a second.
+test-qa:
+	python3 -m tests.reliability --binary "$(CARVED_BIN)" --scale short R9 R10 R15 R16 R17 R19 R20
 
 test-service:
 	if [ -x systemd/verify.sh ]; then systemd/verify.sh; fi

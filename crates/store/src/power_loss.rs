@@ -130,6 +130,8 @@ impl Disk {
             }
             Append(path, bytes) => self.content(path).1.extend(bytes),
             Cut(path, length) => self.content(path).1.truncate(*length as usize),
+            // A control run of `make qa` syncs nothing, so that the test must fail.
+            Sync(_) if std::env::var_os("CARVED_CONTROL").is_some() => {}
             Sync(path) => {
                 let content = self.content(path);
                 content.0 = content.1.clone();

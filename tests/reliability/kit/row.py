@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import random
+import re
+import subprocess
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,6 +27,12 @@ class Context:
     """Break something on purpose: the row must report a miss."""
     random: random.Random = field(default_factory=lambda: random.Random(1))
 
+    @property
+    def version(self) -> str:
+        """What the program under test says that it is, with its commit."""
+        done = subprocess.run([self.binary, "--version"], capture_output=True, text=True, timeout=60)
+        return done.stdout.strip() or f"{self.binary.name}, which names no version"
+
     def say(self, text: str) -> None:
         """Tells how far the row is."""
         print(f"  {text}", flush=True)
@@ -41,6 +49,8 @@ class Observed:
     """Every observation that contradicts the goal."""
     not_judged: list[str] = field(default_factory=list)
     """Parts of the goal for which this size is too small."""
+    program: str = ""
+    """What was measured, with its commit. Empty: the program under test alone."""
     machine_load: bool = False
     """Whether the figures are times, which depend on what else the machine does."""
 
@@ -48,6 +58,11 @@ class Observed:
         """Records a miss unless `holds`."""
         if not holds:
             self.misses.append(otherwise)
+
+    def add(self, other: Observed) -> None:
+        """Adds the figures and misses of a part that was run by other means."""
+        self.figures += other.figures
+        self.misses += other.misses
 
     def at_most(self, what: str, found: float | None, limit: float, unit: str) -> None:
         """Adds the figure, and a miss if it is above its limit or if nothing was measured."""
@@ -70,10 +85,22 @@ class Row:
     unit: str
     """What is counted."""
     control: str
-    """What a control run breaks, so that the row must report a miss."""
+    """What a control run breaks."""
+    control_miss: str
+    """Pattern of the miss that the break must cause. No other miss shows that the row can fail."""
     run: Callable[[Context], Observed]
     note: str = ""
-    """What explains a known miss."""
+    """What explains a known miss, or what of the goal is not tested."""
+    known_miss: str | None = None
+    """Pattern of the miss that `note` explains. It is reported, and does not fail the run."""
+
+    def control_misses(self, observed: Observed) -> list[str]:
+        """The misses that the break of a control run has caused."""
+        return [miss for miss in observed.misses if re.search(self.control_miss, miss)]
+
+    def unexplained(self, observed: Observed) -> list[str]:
+        """The misses that are not known."""
+        return [miss for miss in observed.misses if self.known_miss is None or not re.search(self.known_miss, miss)]
 
 
 SCALES = ("short", "default", "full")

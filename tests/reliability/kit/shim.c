@@ -10,8 +10,9 @@
  *                 6  number of changes that have failed
  *                 7  CLOCK_MONOTONIC of the first failure, ns
  *   SHIM_UNDER    the folder whose files are concerned: write, pwrite, fsync, fdatasync, rename, open for writing
- *   SHIM_TTY      a log, to which "ns byte" (CLOCK_MONOTONIC) is appended for each write of up to 4 bytes to a terminal
- *                 that begins with a stop byte of Grbl: feed hold '!', jog cancel 0x85, reset 0x18
+ *   SHIM_TTY      a log, to which "ns byte" (CLOCK_MONOTONIC) is appended for each write to a terminal that is a stop or a
+ *                 move of Grbl: up to 4 bytes that begin with feed hold '!', jog cancel 0x85 or reset 0x18, or a line of
+ *                 G-code, which begins with 'G'
  */
 #define _GNU_SOURCE
 #include <dlfcn.h>
@@ -90,9 +91,10 @@ static int concerns_path(const char *path) {
 }
 
 ssize_t write(int fd, const void *bytes, size_t count) {
-    if (count >= 1 && count <= 4 && tty_log >= 0) {
+    if (count >= 1 && tty_log >= 0) {
         unsigned char byte = *(const unsigned char *)bytes;
-        if ((byte == '!' || byte == 0x18 || byte == 0x85) && isatty(fd)) {
+        int stops = count <= 4 && (byte == '!' || byte == 0x18 || byte == 0x85);
+        if ((stops || byte == 'G') && isatty(fd)) {
             struct timespec t;
             char line[64];
             real_clock_gettime(CLOCK_MONOTONIC, &t);

@@ -72,9 +72,9 @@ class Shim:
         return self._get(_FAILED)
 
     @property
-    def first_failure_s(self) -> float:
+    def first_failure_ns(self) -> int:
         """When the first change of a file failed, by the monotonic clock."""
-        return self._get(_FIRST) / 1e9
+        return self._get(_FIRST)
 
     def panic(self, thread: int) -> None:
         """Makes the thread with this id panic when it next reads the monotonic clock."""
@@ -85,7 +85,14 @@ class Shim:
         """Whether the thread has not read the clock yet."""
         return self._get(_PANIC) != 0
 
+    def _written(self, *bytes_: str) -> list[int]:
+        times = (line.split() for line in self.tty.read_text().splitlines())
+        return [int(t) for t, byte in times if byte in bytes_]
+
     def stops(self, since: int) -> list[int]:
         """When stop bytes were written to the motor's wire, in ns of the monotonic clock, from `since` on."""
-        times = (line.split() for line in self.tty.read_text().splitlines())
-        return [int(t) for t, byte in times if byte in ("21", "18", "85") and int(t) >= since]
+        return [t for t in self._written("21", "18", "85") if t >= since]
+
+    def last_move(self, until: int) -> int | None:
+        """When the last move before `until` was written to the motor's wire, in ns of the monotonic clock."""
+        return max((t for t in self._written("47") if t <= until), default=None)

@@ -498,5 +498,6 @@ ROW = Row(
     (12, 515, 515),
     "kinds",
     "the input is good where the case expects a failure",
+    r"exit code 0: ",
     run,
 )

@@ -243,5 +243,6 @@ ROW = Row(
     (2, 25, 1000),
     "kills",
     "after a kill, the last line of the journal is removed",
+    r"was heard and is not in the journal$",
     run,
 )

@@ -47,5 +47,6 @@ ROW = Row(
     (3, 200, 10_000),
     "flips",
     "the frame is written back without a flip",
+    r"not caught$",
     run,
 )

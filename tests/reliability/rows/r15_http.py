@@ -201,5 +201,6 @@ ROW = Row(
     (200, 5000, 100_000),
     "requests",
     "the daemon is killed half-way",
+    r"^the daemon ended with -9 at",
     run,
 )

@@ -36,5 +36,6 @@ ROW = Row(
     (1, 1, 1),
     "unit",
     "the lines that harden the unit are removed",
+    r"^exposure .* the goal is",
     run,
 )
