@@ -7,6 +7,7 @@ mod commit;
 mod needs;
 
 use needs::Need;
+use std::env;
 use std::path::Path;
 use std::time::SystemTime;
 
