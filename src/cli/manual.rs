@@ -19,7 +19,7 @@ pub struct Args {
     out: PathBuf,
 }
 
-/// What follows the help of a command, as clap_mangen writes it, and as a section of a man page (man-pages(7)).
+/// What follows the help of a command, as `clap_mangen` writes it, and as a section of a man page (man-pages(7)).
 const SECTIONS: [(&str, &str); 2] =
     [(".SH EXTRA\nExit codes: ", ".SH \"EXIT STATUS\"\n"), (".SH EXTRA\nEnvironment:\n", ".SH ENVIRONMENT\n")];
 
@@ -49,7 +49,7 @@ fn write_pages(command: &Command, folder: &Path) -> io::Result<()> {
     for below in command.get_subcommands().filter(|below| !below.is_hide_set()) {
         write_pages(below, folder)?;
     }
-    // The synopsis of clap_mangen has no values of options.
+    // The synopsis of `clap_mangen` has no values of options.
     let usage = command.clone().render_usage().to_string();
     let man = Man::new(command.clone().override_usage(usage.trim_start_matches("Usage: ").to_owned()));
     let mut page = Vec::new();
