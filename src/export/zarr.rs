@@ -18,9 +18,9 @@ pub const METADATA: &str = "zarr.json";
 /// Name of the only shard of an array of [`DIMENSIONS`].
 pub const SHARD: &str = "c/0/0/0/0";
 
-/// Level of gzip. Level 6 takes at least twice as long, for files that are a few per cent smaller: the noise of a camera cannot be
-/// compressed.
-const LEVEL: u32 = 1;
+/// Level of gzip. Colour frames with noise: level 6 takes 3.4 times as long for 2.5 % smaller files, level 1 a third of the time for 20 %
+/// larger ones.
+const LEVEL: u32 = 3;
 
 /// Names of the dimensions of every array: views, colours, rows, columns.
 pub const DIMENSIONS: [&str; 4] = ["t", "c", "y", "x"];

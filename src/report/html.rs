@@ -86,7 +86,7 @@ fn names(groups: &[&WellGroup]) -> Names {
 }
 
 /// What a column of the tables means, in words. Its name where there is no such column.
-fn meaning<'n>(name: &'n str, is_it: impl Fn(&Column) -> bool) -> &'n str {
+fn meaning(name: &str, is_it: impl Fn(&Column) -> bool) -> &str {
     AFTER.iter().find(|column| is_it(column)).map_or(name, |column| column.meaning)
 }
 
@@ -95,8 +95,11 @@ fn quantity_words(name: &str) -> &str {
     meaning(name, |column| column.name == name)
 }
 
-/// A check in words.
+/// A check in words. That of reference larvae has no column of its own: its value is `reference_volume_z`.
 fn check_words(name: &str) -> &str {
+    if name == "reference_z" {
+        return "distance from the mean of reference larvae";
+    }
     meaning(name, |column| matches!(column.source, Source::Check(check, "found") if check == name))
 }
 
@@ -171,7 +174,7 @@ impl Report<'_> {
             let wells: BTreeMap<_, _> = of_run.map(|s| (s.well.clone(), s.on_plate())).collect();
             if !wells.is_empty() {
                 let planned = run.record().plan.plate_map.iter().map(|planned| planned.well.as_str());
-                let format = PlateFormat::shown(run.record().plan.plate_format, planned);
+                let format = PlateFormat::shown(run.record().plan.plate_format, &planned);
                 plates.push((format!("Plate {}, run {id}", run.record().plan.plate_barcode), plots::plate(&wells, format, "10⁶ µm³")?));
             }
         }

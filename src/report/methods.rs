@@ -250,7 +250,7 @@ mod tests {
     fn a_value_is_exact_in_the_table_and_readable_in_the_report() {
         let of = |path: &str, value: Value| Parameter { path: path.into(), value };
         for (parameter, exact, words) in [
-            (of("rig.camera.gamma", 0.004363323129985824.into()), "`0.004363323129985824` rad", "0.00436332 rad"),
+            (of("rig.camera.gamma", 0.004_363_323_129_985_824.into()), "`0.004363323129985824` rad", "0.00436332 rad"),
             (of("rig.camera.width", 1024.into()), "`1024` px", "1024 px"),
             (of("method.voxel_um", 6.93.into()), "`6.93`", "6.93"),
             (of("method.order", "sequential".into()), "`\"sequential\"`", "sequential"),

@@ -393,7 +393,7 @@ mod tests {
             ("A02".to_owned(), number(Some(258.0), true)),
             ("B01".to_owned(), number(None, false)),
         ]);
-        let svg = plate(&wells, PlateFormat::shown(None, wells.keys().map(String::as_str)), "nl").unwrap();
+        let svg = plate(&wells, PlateFormat::shown(None, &wells.keys().map(String::as_str)), "nl").unwrap();
         assert!(svg.starts_with("<svg") && svg.contains("307") && svg.contains("258"), "{svg}");
         assert_eq!(svg.matches("<circle").count(), 2, "one mark, with a border");
     }

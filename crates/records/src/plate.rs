@@ -38,7 +38,7 @@ impl PlateFormat {
 
     /// The plate that these wells are shown on: the one with the stated number of wells if it holds them, or else the smallest of 96, 384
     /// and 1536 wells that does. Few wells say nothing about the plate: smaller plates must be stated.
-    pub fn shown<'w>(stated: Option<u32>, wells: impl Iterator<Item = &'w str> + Clone) -> Self {
+    pub fn shown<'w>(stated: Option<u32>, wells: &(impl Iterator<Item = &'w str> + Clone)) -> Self {
         let holds_all = |format: &Self| wells.clone().all(|well| format.holds(well));
         let usual = [96, 384].into_iter();
         stated.into_iter().chain(usual).filter_map(Self::of_wells).find(holds_all).unwrap_or(Self::LARGEST)
@@ -115,7 +115,7 @@ mod tests {
 
     #[test]
     fn a_plate_that_is_not_stated_has_at_least_96_wells() {
-        let of = |stated, wells: &[&str]| PlateFormat::shown(stated, wells.iter().copied()).wells();
+        let of = |stated, wells: &[&str]| PlateFormat::shown(stated, &wells.iter().copied()).wells();
         for (wells, expected) in
             [(vec!["A01"], 96), (vec!["A01", "C03"], 96), (vec!["H13"], 384), (vec!["P24", "A01"], 384), (vec!["AF48"], 1536)]
         {

@@ -61,7 +61,7 @@ fn subject(recording: &Recording) -> anyhow::Result<Subject> {
     let specimen = &recording.specimen;
     let place = views::place(&specimen.well)?;
     // A recording does not know the plate of its run.
-    let plate = views::size(None, std::iter::once(specimen.well.as_str()));
+    let plate = views::size(None, &std::iter::once(specimen.well.as_str()));
     let mut facts = facts(recording);
     if recording.rig.pixel_format == PixelFormat::BayerRG8 {
         facts.push(("colours", "interpolated from the camera's Bayer mosaic".into()));

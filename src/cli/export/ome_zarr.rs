@@ -99,7 +99,7 @@ impl Plate {
     fn open(out: &Path, run: &StoredRun) -> anyhow::Result<Self> {
         let record = run.record();
         let plan = &record.plan;
-        let size = views::size(plan.plate_format, plan.plate_map.iter().map(|planned| planned.well.as_str()));
+        let size = views::size(plan.plate_format, &plan.plate_map.iter().map(|planned| planned.well.as_str()));
         let mut plate = Self {
             out: out.to_owned(),
             run: record.id.clone(),

@@ -45,7 +45,7 @@ pub(super) fn place(well: &str) -> anyhow::Result<[usize; 2]> {
 }
 
 /// Rows and columns of the plate that these wells are shown on.
-pub(super) fn size<'w>(stated: Option<u32>, wells: impl Iterator<Item = &'w str> + Clone) -> [usize; 2] {
+pub(super) fn size<'w>(stated: Option<u32>, wells: &(impl Iterator<Item = &'w str> + Clone)) -> [usize; 2] {
     let PlateFormat { rows, columns } = PlateFormat::shown(stated, wells);
     [rows as usize, columns as usize]
 }
