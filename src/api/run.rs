@@ -229,7 +229,8 @@ pub struct WellStatus {
     pub field_area_um2: Option<f64>,
     /// Of the fitted sphere, for beads.
     pub diameter_um: Option<f64>,
-    /// Views that count; fewer than planned where some did not belong, or the method ended the turn early.
+    /// Views that count; fewer than planned where some did not belong, or the method ended the turn early. Of a well that was aborted or
+    /// interrupted, the views that are stored: 0 if none was taken, `null` in runs of versions that did not count them.
     #[serde(default)]
     pub views: Option<u32>,
     /// By the method: `views` of so many.

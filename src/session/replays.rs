@@ -164,6 +164,7 @@ impl Replays {
             if let Some(why) = &why {
                 tracing::warn!(run, well, name, why, "not measured again");
             }
+            let why = why.map(|why| without_folder(&why, &folder, &well));
             if let Some(job) = locked(&self.job).as_mut() {
                 job.done += 1;
                 job.failed.extend(why.map(|why| (well, why)));
@@ -189,6 +190,13 @@ impl Replays {
             () = self.session.until(|status| !is_under_way(status)) => Ok(()),
         }
     }
+}
+
+/// The message without the folder of the recording, which says nothing to a client on another computer.
+fn without_folder(message: &str, folder: &Path, well: &str) -> String {
+    let folder = folder.display().to_string();
+    let rest = message.strip_prefix(&folder).and_then(|rest| rest.strip_prefix(": ")).unwrap_or(message);
+    rest.replace(&folder, well)
 }
 
 /// Threads for half of the processors, which give way to all others.
@@ -225,6 +233,14 @@ mod tests {
         }))
         .unwrap();
         publisher.publish(|status| status.run = Some(run));
+    }
+
+    #[test]
+    fn a_well_that_cannot_be_measured_says_why_without_a_path_of_the_server() {
+        let of = |message| without_folder(message, Path::new("/data/runs/r1/A02"), "A02");
+        assert_eq!(of("/data/runs/r1/A02: 13 views are recorded"), "13 views are recorded");
+        assert_eq!(of("cannot read /data/runs/r1/A02/recording.json"), "cannot read A02/recording.json");
+        assert_eq!(of("too few views"), "too few views");
     }
 
     #[test]

@@ -40,6 +40,10 @@ pub fn of(s: &Status) -> String {
                 }
                 Phase::Reconstruct => format!("Well {well}: building the surface."),
                 Phase::Measure => format!("Well {well}: measuring."),
+                Phase::Eject if x.view == 0 => format!("Well {well}: taking the specimen out."),
+                Phase::Eject if x.view < x.views_planned => {
+                    format!("Well {well}: taking the specimen out after view {} of {}.", x.view, x.views_planned)
+                }
                 Phase::Eject => format!("Well {well}: done, taking the specimen out."),
                 Phase::Wash => format!("Well {well}: washing."),
             },
@@ -156,6 +160,22 @@ mod tests {
         assert_eq!(of(&s), "Well A01: its views are taken, 13 of 21 are in the model.");
         s.specimen = s.specimen.map(|x| SpecimenStatus { view: 21, ..x });
         assert_eq!(of(&s), "Well A01: building the surface.");
+    }
+
+    /// The axis may be lost in a turn, and a skipped well has no turn.
+    #[test]
+    fn a_specimen_that_is_taken_out_is_done_only_after_a_full_turn() {
+        let mut s = Driver::first_status(Mode::Simulated, "b".into());
+        s.state = State::Execute;
+        s.hardware.camera.connected = true;
+        for (view, says) in [
+            (0, "Well A01: taking the specimen out."),
+            (8, "Well A01: taking the specimen out after view 8 of 21."),
+            (21, "Well A01: done, taking the specimen out."),
+        ] {
+            s.specimen = Some(SpecimenStatus { view, ..SpecimenStatus::new("A01", Phase::Eject, 21) });
+            assert_eq!(of(&s), says);
+        }
     }
 
     /// People read the headline. It says what a fault means. The fault itself contains the details.

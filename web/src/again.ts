@@ -47,6 +47,7 @@ export class AgainView {
   readonly #file: HTMLInputElement;
   readonly #fileLabel: HTMLElement;
   readonly #button: HTMLButtonElement;
+  readonly #busy: HTMLElement;
   readonly #words: HTMLElement;
   readonly #table: HTMLElement;
   #run: RunStatus | null = null;
@@ -54,6 +55,8 @@ export class AgainView {
   /** The run that was read, as it was then. */
   #readOf = "";
   #drawn = "";
+  #isBusy = false;
+  #isAsking = false;
   #timer: ReturnType<typeof setTimeout> | undefined;
 
   constructor(find: <T extends Element = HTMLElement>(id: string) => T) {
@@ -63,6 +66,7 @@ export class AgainView {
     this.#file = find("again-file");
     this.#fileLabel = find("again-file-label");
     this.#button = find("again-start");
+    this.#busy = find("again-busy");
     this.#words = find("again-words");
     this.#table = find("again-table");
     this.#panel.addEventListener("toggle", () => this.#open());
@@ -73,8 +77,10 @@ export class AgainView {
     });
   }
 
-  /** A run that has ended can be measured again. */
-  update(run: RunStatus | null): void {
+  /** A run that has ended can be measured again. `isBusy`: the instrument has a run under way, and the daemon begins nothing. */
+  update(run: RunStatus | null, isBusy: boolean): void {
+    this.#isBusy = isBusy;
+    this.#enable();
     const ended = run !== null && run.outcome !== null ? run : null;
     if (ended === null || this.#run === null || runKey(ended) !== runKey(this.#run)) {
       this.#found = { progress: null, results: [] };
@@ -126,15 +132,22 @@ export class AgainView {
       return;
     }
     const name = isFile ? file!.name.replace(/\.[^.]*$/, "") : this.#method.value;
-    this.#button.disabled = true;
+    this.#isAsking = true;
+    this.#enable();
     try {
       const settings = isFile ? await file!.text() : null;
       this.#take(run, await measureAgain(run.id, name, { wells: typedWells(this.#wells.value), settings }));
     } catch (error) {
       this.#say("Nothing is measured again", error);
     } finally {
-      this.#button.disabled = false;
+      this.#isAsking = false;
+      this.#enable();
     }
+  }
+
+  #enable(): void {
+    this.#button.disabled = this.#isBusy || this.#isAsking;
+    show(this.#busy, this.#isBusy);
   }
 
   #say(what: string, error: unknown): void {

@@ -39,6 +39,36 @@ export class Refused extends Error {
   }
 }
 
+/** A command without an answer: whether it is carried out is not known. */
+export class Unanswered extends Refused {
+  override name = "Unanswered";
+}
+
+/** How long a command may take that is only accepted, ms. */
+const ACCEPTED_MS = 5000;
+/** How long a request may take for which the daemon computes or asks its devices, ms. */
+const WORK_MS = 60_000;
+
+let noticed: () => void = () => {};
+
+/** `silent` is called when the daemon has not answered a command. */
+export function watchCommands(silent: () => void): void {
+  noticed = silent;
+}
+
+/** Sends a command and waits so long for the answer. */
+async function command(path: string, init: RequestInit, ms = ACCEPTED_MS): Promise<Response> {
+  try {
+    const response = await ask(path, { ...init, signal: AbortSignal.timeout(ms) });
+    if (!response.ok) throw await refusal(response);
+    return response;
+  } catch (error) {
+    const isLate = error instanceof DOMException;
+    if (isLate || (error instanceof Refused && error.code === 0)) noticed();
+    throw isLate ? new Unanswered(0, `no answer came within ${ms / 1000} s`) : error;
+  }
+}
+
 /** The message of the problem+json body, or one made from the status code. */
 async function refusal(response: Response): Promise<Refused> {
   const code = `${response.status} ${response.statusText}`.trim();
@@ -74,20 +104,14 @@ export async function fetchStatus(after: number | null, waitS: number, signal: A
 }
 
 /** Sends a command. The answer only confirms that it was accepted. */
-export async function post(path: string, signal?: AbortSignal): Promise<void> {
-  const response = await ask(path, signal ? { method: "POST", signal } : { method: "POST" });
-  if (!response.ok) throw await refusal(response);
+export async function post(path: string): Promise<void> {
+  const response = await command(path, { method: "POST" });
   await response.body?.cancel();
 }
 
-async function sendJson(method: string, path: string, body: unknown): Promise<Response> {
-  const response = await ask(path, {
-    method,
-    headers: { "Content-Type": "application/json" },
-    body: JSON.stringify(body),
-  });
-  if (!response.ok) throw await refusal(response);
-  return response;
+function sendJson(method: string, path: string, body: unknown, ms?: number): Promise<Response> {
+  const headers = { "Content-Type": "application/json" };
+  return command(path, { method, headers, body: JSON.stringify(body) }, ms);
 }
 
 /** Reports by hand, like a loader, that the specimen of this well is in the capillary or out of it. */
@@ -99,31 +123,26 @@ export async function sayLoaded(run: string, well: string, loaded: boolean): Pro
 
 /** Reports by hand, like a loader, that the announced plate stays in its place. */
 export async function sayNotMoved(): Promise<void> {
-  const response = await ask("/v1/plate/handoff/aborted", { method: "PUT" });
-  if (!response.ok) throw await refusal(response);
+  const response = await command("/v1/plate/handoff/aborted", { method: "PUT" });
   await response.body?.cancel();
 }
 
 export async function startRun(id: string, plan: RunPlan): Promise<void> {
-  const response = await sendJson("PUT", `/v1/runs/${encodeURIComponent(id)}`, plan);
+  const response = await sendJson("PUT", `/v1/runs/${encodeURIComponent(id)}`, plan, WORK_MS);
   await response.body?.cancel();
 }
 
 /** The wells in a plate map's file, as the daemon reads it. A refusal lists every mistake. */
 export async function checkPlateMap(file: File): Promise<PlateMap> {
   const type = /\.json$/i.test(file.name) ? "application/json" : "text/csv";
-  const response = await ask("/v1/plate-maps/check", {
-    method: "POST",
-    headers: { "Content-Type": type },
-    body: await file.arrayBuffer(),
-  });
-  if (!response.ok) throw await refusal(response);
+  const init = { method: "POST", headers: { "Content-Type": type }, body: await file.arrayBuffer() };
+  const response = await command("/v1/plate-maps/check", init, WORK_MS);
   return (await response.json().catch(away)) as PlateMap;
 }
 
 /** Every precondition of a plan, whether it is met or not. */
 export async function preflight(plan: RunPlan): Promise<Check[]> {
-  const response = await sendJson("POST", "/v1/preflight", plan);
+  const response = await sendJson("POST", "/v1/preflight", plan, WORK_MS);
   return ((await response.json().catch(away)) as Preflight).checks;
 }
 
@@ -173,7 +192,7 @@ export async function fetchReplays(run: string): Promise<RunReplays> {
 /** Has wells of a run measured again. `name` names the method and its results. */
 export async function measureAgain(run: string, name: string, body: ReplayRequest): Promise<RunReplays> {
   const path = `/v1/runs/${encodeURIComponent(run)}/replays/${encodeURIComponent(name)}`;
-  return (await (await sendJson("PUT", path, body)).json().catch(away)) as RunReplays;
+  return (await (await sendJson("PUT", path, body, WORK_MS)).json().catch(away)) as RunReplays;
 }
 
 /** The bead gates of the instrument, oldest first. */

@@ -6,10 +6,11 @@ import {
   colourOf,
   COLOURINGS,
   controlsOf,
-  LEAST_CONTROLS,
   rangeOf,
+  scaledWells,
   valueOf,
   valueWords,
+  whyNone,
   type Colour,
   type Colouring,
 } from "./scale.ts";
@@ -47,35 +48,37 @@ export class PlateColouring {
     });
   }
 
-  /** The wells that have a colour by their number. `plan` gives the plate map, or nothing until it is read. */
-  of(wells: readonly WellStatus[], plan: () => readonly PlannedWell[]): ReadonlyMap<string, Coloured> {
+  /** The wells that have a colour by their number. `plan`: the plate map, empty until it is read. */
+  of(wells: readonly WellStatus[], plan: readonly PlannedWell[]): ReadonlyMap<string, Coloured> {
     const by = this.#choice.value as Colouring;
-    const controls = by === "controls" ? controlsOf(wells, plan()) : null;
+    const controls = by === "controls" ? controlsOf(wells, plan) : null;
     const values = new Map<string, number>();
-    for (const well of wells) {
+    const scaled = scaledWells(wells, by);
+    for (const well of scaled) {
       const value = valueOf(well, by, controls);
       if (value !== null) values.set(well.well, value);
     }
     const range = rangeOf([...values.values()], by);
-    this.#explain(by, range === null ? null : [valueWords(range.least, by), valueWords(range.most, by)]);
+    if (range === null) this.#explain(by, whyNone(wells, by), null);
+    else {
+      const without = scaled.length < wells.length ? "Beads and wells" : "Wells";
+      const ends: [string, string] = [valueWords(range.least, by), valueWords(range.most, by)];
+      this.#explain(by, `${without} without this number have no colour.`, ends);
+    }
     if (range === null) return new Map();
     return new Map(
       [...values].map(([well, value]) => [well, { ...colourOf(value, range, by), words: valueWords(value, by) }]),
     );
   }
 
-  #explain(by: Colouring, ends: [string, string] | null): void {
+  /** `ends`: the words at the ends of the scale; null if no well has a colour. */
+  #explain(by: Colouring, words: string, ends: [string, string] | null): void {
     show(this.#legend, by !== "outcome");
-    const now = JSON.stringify([by, ends]);
+    const now = JSON.stringify([by, words, ends]);
     if (by === "outcome" || now === this.#shown) return;
     this.#shown = now;
     if (ends === null) {
-      setText(
-        this.#legend,
-        by === "controls"
-          ? `No colours: fewer than ${LEAST_CONTROLS} negative controls of this plate are measured, or they are all alike.`
-          : "No colours yet: no well has this number.",
-      );
+      setText(this.#legend, words);
       return;
     }
     const bar = element("span", "scale");
@@ -90,7 +93,7 @@ export class PlateColouring {
       element("span", "", ends[0]),
       bar,
       element("span", "", ends[1]),
-      element("span", "scale-none", "Wells without this number have no colour."),
+      element("span", "scale-none", words),
     );
   }
 }

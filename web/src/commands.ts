@@ -1,6 +1,6 @@
 // The commands of an operator to a run and to the instrument: rows of buttons, with a question before irreversible actions.
 
-import { post, Refused, sayLoaded, sayNotMoved } from "./api.ts";
+import { post, Refused, sayLoaded, sayNotMoved, Unanswered } from "./api.ts";
 import { Asker, type Question } from "./ask.ts";
 import { setText, show } from "./dom.ts";
 import {
@@ -33,6 +33,7 @@ interface Command {
   otherwise: string;
 }
 
+const HALT = "Use the instrument's own emergency stop if it must halt now.";
 const never = () => false;
 const always = () => true;
 const steer = (name: string) => (_: Status, run: string) => post(`/v1/runs/${encodeURIComponent(run)}/${name}`);
@@ -106,7 +107,7 @@ const COMMANDS: readonly Command[] = [
     }),
     send: steer("abort"),
     ends: true,
-    otherwise: "Use the instrument's own emergency stop if it must halt now.",
+    otherwise: HALT,
   },
   {
     name: "is-out",
@@ -129,13 +130,13 @@ const COMMANDS: readonly Command[] = [
     label: (s) => `Specimen of ${s.plate.bring ?? ""} is in`,
     underWay: "",
     isUnderWay: never,
-    isShown: (s) => s.plate.bring !== null && s.run !== null,
+    // One step after the other: first the specimen before is taken out.
+    isShown: (s) => s.plate.bring !== null && s.plate.take_out === null && s.run !== null,
     isEnabled: always,
     question: (s) => ({
       title: `Is the specimen of ${s.plate.bring ?? ""} in the capillary?`,
-      words: `Say so where you have brought it by hand: the capillary begins to turn.${
-        s.plate.take_out === null ? "" : ` The specimen of ${s.plate.take_out} is out, then.`
-      } A plate-loader that does this says so itself.`,
+      words:
+        "Say so where you have brought it by hand: the capillary begins to turn. A plate-loader that does this says so itself.",
       no: "Not yet",
     }),
     send: (s, run) => sayLoaded(run, s.plate.bring ?? "", true),
@@ -221,7 +222,7 @@ export class CommandRow {
       await command.send(status, run);
       this.#say(`${label}: accepted.`, (now) => moved(now) && !command.isUnderWay(now));
     } catch (error) {
-      this.#say(`${label} did not get through: ${reason(error)}. ${command.otherwise}`, moved);
+      this.#say(refusal(label, error, command), moved);
     }
     this.update(this.#newest ?? status);
   }
@@ -242,6 +243,13 @@ export class CommandRow {
     setText(this.#answer, words.trim());
     show(this.#answer, true);
   }
+}
+
+/** What to say of a command that failed. One without an answer may still be carried out. */
+function refusal(label: string, error: unknown, { otherwise, ends }: Command): string {
+  if (!(error instanceof Unanswered)) return `${label} did not get through: ${reason(error)}. ${otherwise}`;
+  const advice = ends ? ` ${HALT}` : "";
+  return `${label}: ${error.message}. It may still be carried out.${advice}`;
 }
 
 function reason(error: unknown): string {

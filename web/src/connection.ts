@@ -1,11 +1,11 @@
 // Keeps the page up to date with successive long polls, and shows when they fail.
 //
 //   first ──ok──> poll(after) ──ok──> poll(after) ...
-//     ^              │ error, silence
+//     ^              │ error, silence, a command without an answer
 //     ├── pause <── lost
 //     └── pause <── refused, because too many clients wait: the connection is not lost
 
-import { fetchStatus, Refused } from "./api.ts";
+import { fetchStatus, Refused, watchCommands } from "./api.ts";
 import type { Status } from "./status.ts";
 
 /** Longest duration of a poll at the daemon, s. It is short, so that a pulled cable is noticed soon. */
@@ -39,8 +39,10 @@ export async function keepLive(listener: Listener): Promise<never> {
   listener.link({ kind: "connecting" });
   let after: number | null = null;
   let failures = 0;
+  let patience = new AbortController();
+  watchCommands(() => patience.abort());
   for (;;) {
-    const patience = new AbortController();
+    patience = new AbortController();
     const timer = setTimeout(() => patience.abort(), GRACE_MS + (after === null ? 0 : WAIT_S * 1000));
     try {
       const started = performance.now();

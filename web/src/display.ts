@@ -3,7 +3,7 @@
 //   ?wall in the address ──> wall display: state, count, finish, plate and frame, readable from some metres
 //   theme, notices, sound ──> kept in this browser
 
-import { byId, setText } from "./dom.ts";
+import { byId, setText, show } from "./dom.ts";
 import { callFor, type Call } from "./calls.ts";
 import type { Status } from "./status.ts";
 
@@ -17,6 +17,7 @@ export class Display {
   readonly #notices = byId<HTMLInputElement>("with-notices");
   readonly #sound = byId<HTMLInputElement>("with-sound");
   readonly #words = byId("display-words");
+  readonly #player = new Sound(byId("allow-sound"));
   #before: Status | null = null;
 
   constructor() {
@@ -37,10 +38,12 @@ export class Display {
 
     this.#notices.checked = localStorage.getItem(NOTICES) === "on" && mayNotify() === "granted";
     this.#sound.checked = localStorage.getItem(SOUND) === "on";
+    if (this.#sound.checked) this.#player.on();
     this.#notices.addEventListener("change", () => void this.#allow());
     this.#sound.addEventListener("change", () => {
       localStorage.setItem(SOUND, this.#sound.checked ? "on" : "off");
-      if (this.#sound.checked) beep();
+      if (this.#sound.checked) this.#player.on(() => this.#player.beep());
+      else this.#player.off();
     });
   }
 
@@ -50,7 +53,7 @@ export class Display {
     this.#before = status;
     if (call === null) return;
     if (this.#notices.checked && !notify(call)) this.#refuse();
-    if (this.#sound.checked) beep();
+    this.#player.beep();
   }
 
   /** Notices are offered and permitted, but this browser shows none of a page, as Chrome on Android. */
@@ -95,16 +98,55 @@ function notify({ title, words }: Call): boolean {
   }
 }
 
-/** Two short tones. A browser that wants a click first stays silent. */
-function beep(): void {
-  const audio = new AudioContext();
-  const tone = audio.createOscillator();
-  const volume = audio.createGain();
-  volume.gain.value = 0.2;
-  tone.frequency.setValueAtTime(660, audio.currentTime);
-  tone.frequency.setValueAtTime(880, audio.currentTime + 0.18);
-  tone.connect(volume).connect(audio.destination);
-  tone.start();
-  tone.stop(audio.currentTime + 0.36);
-  tone.addEventListener("ended", () => void audio.close());
+/**
+ * Two short tones. A browser plays nothing before the first click on a page, so the context is made with the page and not with the first
+ * alarm, and a button says while it must be allowed.
+ */
+class Sound {
+  readonly #allow: HTMLElement;
+  #audio: AudioContext | null = null;
+
+  constructor(allow: HTMLElement) {
+    this.#allow = allow;
+    // Any click or key on the page allows it.
+    for (const kind of ["click", "keydown"]) {
+      window.addEventListener(kind, () => this.#resume(), { capture: true });
+    }
+  }
+
+  /** `then` is called once the browser lets it play. */
+  on(then: () => void = () => {}): void {
+    this.#audio = new AudioContext();
+    this.#audio.addEventListener("statechange", () => this.#explain());
+    this.#explain();
+    this.#resume(then);
+  }
+
+  off(): void {
+    void this.#audio?.close();
+    this.#audio = null;
+    this.#explain();
+  }
+
+  beep(): void {
+    const audio = this.#audio;
+    if (audio === null || audio.state !== "running") return;
+    const tone = audio.createOscillator();
+    const volume = audio.createGain();
+    volume.gain.value = 0.2;
+    tone.frequency.setValueAtTime(660, audio.currentTime);
+    tone.frequency.setValueAtTime(880, audio.currentTime + 0.18);
+    tone.connect(volume).connect(audio.destination);
+    tone.start();
+    tone.stop(audio.currentTime + 0.36);
+  }
+
+  #resume(then: () => void = () => {}): void {
+    // Pending until the browser allows it; refused once the context is closed.
+    this.#audio?.resume().then(then, () => {});
+  }
+
+  #explain(): void {
+    show(this.#allow, this.#audio !== null && this.#audio.state !== "running");
+  }
 }

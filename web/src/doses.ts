@@ -36,21 +36,28 @@ export function response({ at_zero: zero, at_infinity: infinity, ec50, hill }: D
 }
 
 const [WIDTH, HEIGHT] = [420, 220];
-const MARGIN = { left: 60, right: 14, top: 12, bottom: 40 };
+const MARGIN = { left: 68, right: 14, top: 12, bottom: 40 };
 
-/** A chart per compound. `size` is the size of the unit that is shown, in that of the statistics. */
-export function doseCharts(of: QuantityStatistics, size: number, unit: string, choose: (well: string) => void): Node[] {
+/** What a chart shows: a quantity by name, its unit, and the size of this unit in that of the statistics. */
+export interface Measure {
+  name: string;
+  unit: string;
+  size: number;
+}
+
+/** A chart per compound. */
+export function doseCharts(of: QuantityStatistics, shown: Measure, choose: (well: string) => void): Node[] {
   return of.responses.map((series) =>
     element(
       "figure",
       "bead-chart",
-      chart(series, size, unit, choose),
+      chart(series, shown, choose),
       element("figcaption", "caption", responseWords(series)),
     ),
   );
 }
 
-function chart(series: DoseSeries, size: number, unit: string, choose: (well: string) => void): SVGElement {
+function chart(series: DoseSeries, { name, unit, size }: Measure, choose: (well: string) => void): SVGElement {
   const { points, curve, concentration_unit: of } = series;
   const positive = points.map((p) => p.dose).filter((dose) => dose > 0);
   const [least, most] = [Math.min(...positive), Math.max(...positive)];
@@ -84,12 +91,11 @@ function chart(series: DoseSeries, size: number, unit: string, choose: (well: st
     );
   }
   made.append(
-    svg(
-      "text",
-      { class: "title", x: (start + right) / 2, y: HEIGHT - 6, "text-anchor": "middle" },
-      `Dose, ${of}; ${unit}`,
-    ),
+    svg("text", { class: "title", x: (start + right) / 2, y: HEIGHT - 6, "text-anchor": "middle" }, `Dose, ${of}`),
   );
+  const middle = (MARGIN.top + bottom) / 2;
+  const upwards = { x: 12, y: middle, transform: `rotate(-90 12 ${middle})`, "text-anchor": "middle" };
+  made.append(svg("text", { class: "title", ...upwards }, `${name}, ${unit}`));
   if (curve !== null) {
     // As far as the axis goes: an EC50 beyond the doses is an extrapolation.
     const within = (dose: number) => x(Math.min(Math.max(dose, least), most));

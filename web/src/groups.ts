@@ -6,10 +6,10 @@ import { element, setText, show, svg } from "./dom.ts";
 import { doseCharts, windowWords } from "./doses.ts";
 import { capitalised, counted, grouped, significant, UM3_PER_NL } from "./format.ts";
 import { Latest } from "./latest.ts";
-import { planWords } from "./planplate.ts";
 import type { Interval, QuantityStatistics, RunStatus, Statistics, WellGroup, WellValue } from "./status.ts";
 import { runKey } from "./stored.ts";
 import { levelDigits, linearTicks } from "./ticks.ts";
+import { planWords } from "./treatment.ts";
 
 export type Quantity = "volume" | "area" | "length";
 
@@ -99,11 +99,11 @@ export class GroupsView {
     const now = JSON.stringify([this.#statistics, this.#refused, quantity, width]);
     if (now === this.#shown) return;
     this.#shown = now;
-    const { unit, column, size } = QUANTITIES[quantity];
+    const { column } = QUANTITIES[quantity];
     const found = this.#statistics?.quantities.find(({ name }) => name === column);
     const groups = larvaGroups(found);
     setText(this.#window, found === undefined ? "" : windowWords(found));
-    this.#doses.replaceChildren(...(found === undefined ? [] : doseCharts(found, size, unit, this.#choose)));
+    this.#doses.replaceChildren(...(found === undefined ? [] : doseCharts(found, QUANTITIES[quantity], this.#choose)));
     setText(this.#words, this.#sentence(groups));
     if (groups.length === 0) {
       this.#chart.replaceChildren();

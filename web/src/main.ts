@@ -33,6 +33,7 @@ import {
   nextStep,
   progress,
   progressLine,
+  runsNow,
   STATES,
   toneOf,
   underWay,
@@ -223,21 +224,18 @@ function run(status: Status, detail: RunDetail | null): void {
   const chosen = chosenWell(status, pinned);
   const well = wells.find((w) => w.well === chosen) ?? null;
   const specimen = underWay(status);
+  const plan = planOf(status.run, detail);
+  const planned = new Map(plan.plate_map.map((one) => [one.well, one]));
   byId("follow").hidden = pinned === null || detail !== null;
-  plate.update(
-    wells,
-    specimen,
-    chosen,
-    colouring.of(wells, () => planOf(status.run, detail).plate_map),
-    planOf(status.run, detail).plate_format ?? null,
-  );
-  results.update(wells, chosen);
+  plate.update(wells, specimen, chosen, colouring.of(wells, plan.plate_map), plan.plate_format ?? null, planned);
+  results.update(wells, chosen, planned);
   attention.update(wells);
   log.update(status.run, status.revision);
   groups.update(status.run);
-  again.update(status.run);
+  again.update(status.run, newest !== null && runsNow(newest));
   byId("save-table").hidden = wells.every((w) => w.outcome === null);
-  card.update(well, specimen, wells, well ? (history.of(well.well).hulls_um3.at(-1) ?? null) : null);
+  const hull_um3 = well ? (history.of(well.well).hulls_um3.at(-1) ?? null) : null;
+  card.update(well, specimen, wells, hull_um3, well ? planned.get(well.well) : undefined);
   chart.update(
     well && {
       well: well.well,

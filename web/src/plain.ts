@@ -79,14 +79,16 @@ export const OUTCOMES: Record<RunOutcome, string> = {
 /** `3 measured (1 of them flagged), 1 skipped`: the count of each kind that is not zero. */
 export function tally(run: RunStatus): string {
   const w = run.wells;
-  // The counts of the daemon have both in one number.
-  const left = run.results.filter(({ outcome }) => outcome === "aborted").length;
+  // The counts of the daemon have these in one number.
+  const aborted = run.results.filter(({ outcome }) => outcome === "aborted");
+  const cut = aborted.filter(({ views }) => (views ?? 0) > 0).length;
   const parts: [number, string][] = [
     [w.succeeded + w.flagged, w.flagged === 0 ? "measured" : `measured (${grouped(w.flagged)} of them flagged)`],
     [w.skipped, "skipped"],
     [w.failed, "failed"],
-    [w.interrupted - left, "interrupted"],
-    [left, "left out"],
+    [w.interrupted - aborted.length, "interrupted"],
+    [cut, "cut short"],
+    [aborted.length - cut, "left out"],
     [w.pending, run.outcome === null ? "waiting" : "not measured"],
   ];
   return parts
@@ -194,8 +196,11 @@ export function diagnosis(status: Status): string {
   const hold = runsNow(status) ? status.run?.hold : null;
   const isByHand = next.button === "is-out" || next.button === "is-in";
   if (!hold) return isByHand ? `${sentence(status)} A plate-loader does this by itself.` : sentence(status);
+  // The cause may be over while the run still waits for somebody.
+  const isOver = hold.code !== "operator" && !status.faults.some((f) => f.code === hold.code || hold.code === "fault");
+  const why = isOver ? "Held by a cause that is over" : "Held because";
   const often = hold.times > 1 ? ` It has held the run ${grouped(hold.times)} times since a well was finished.` : "";
-  return `Held because: ${hold.cause}${often}`;
+  return `${why}: ${hold.cause}${often}`;
 }
 
 /** The headline: the next step where somebody has to take one, else what the instrument is doing. */

@@ -2,9 +2,10 @@
 // letter, so that colour is not the only indication.
 
 import { element, show } from "./dom.ts";
-import { counted, significant } from "./format.ts";
+import { counted } from "./format.ts";
 import { drawPlate } from "./plate.ts";
-import type { PlannedWell, WellCondition } from "./status.ts";
+import type { PlannedWell } from "./status.ts";
+import { planWords } from "./treatment.ts";
 import { formatFor } from "./wells.ts";
 
 /** Wells that are planned alike. */
@@ -24,30 +25,6 @@ const PALETTE = [
   ["#0072b2", "#fff"],
   ["#bbbbbb", "#000"],
 ] as const;
-/** Groups that have a colour and a letter of their own. */
-const NAMED = 26;
-
-/** What is in a well and how it was treated, in a plate map or in a group of wells. */
-type Treatment = Partial<WellCondition>;
-
-/** What is in a well and how it was treated, in words: `larva, 3 dpf, DMSO 0.1 %, negative control`. Pure. */
-export function planWords(well: Treatment): string {
-  const dose =
-    well.concentration == null
-      ? ""
-      : ` ${significant(well.concentration, 3)} ${well.concentration_unit ?? ""}`.trimEnd();
-  return [
-    well.specimen ?? "larva",
-    well.dpf == null ? "" : `${well.dpf} dpf`,
-    well.compound == null ? "" : `${well.compound}${dose}`,
-    well.treatment ?? "",
-    well.strain ?? "",
-    well.control == null ? "" : `${well.control} control`,
-  ]
-    .filter((part) => part !== "")
-    .join(", ");
-}
-
 /** The groups in the order of their first wells. Pure. */
 export function groupsOf(wells: readonly PlannedWell[]): PlanGroup[] {
   const groups = new Map<string, PlanGroup>();
@@ -64,8 +41,14 @@ function painted(made: HTMLElement, group: number): HTMLElement {
   const [background, ink] = PALETTE[group % PALETTE.length]!;
   made.style.background = background;
   made.style.color = ink;
-  made.textContent = group < NAMED ? String.fromCharCode(97 + group) : "…";
+  made.textContent = markOf(group);
   return made;
+}
+
+/** The mark of a group by its number from 0: a to z, aa to zz, aaa and so on. Pure. */
+export function markOf(group: number): string {
+  const letter = String.fromCharCode(97 + (group % 26));
+  return group < 26 ? letter : markOf(Math.floor(group / 26) - 1) + letter;
 }
 
 export class PlanPlate {
@@ -95,13 +78,11 @@ export class PlanPlate {
       cell.title = `${name}: ${groups[group]!.words}; number ${order.get(name)} of the run`;
       return cell;
     });
-    const listed = groups.slice(0, NAMED).map((group, i) => {
+    const listed = groups.map((group, i) => {
       const sample = painted(element("span", "well"), i);
       sample.setAttribute("aria-hidden", "true");
       return element("li", "", sample, `${group.words} (${counted(group.wells.length, "well")})`);
     });
-    const more = groups.slice(NAMED).flatMap((group) => group.wells).length;
-    if (more > 0) listed.push(element("li", "", `${counted(more, "well")} of ${groups.length - NAMED} other kinds`));
     this.#legend.replaceChildren(...listed);
   }
 }

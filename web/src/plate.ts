@@ -2,7 +2,7 @@
 
 import type { Coloured } from "./colouring.ts";
 import { element, setText } from "./dom.ts";
-import type { SpecimenStatus, WellStatus } from "./status.ts";
+import type { PlannedWell, SpecimenStatus, WellStatus } from "./status.ts";
 import {
   CONDITIONS,
   conditionsOf,
@@ -40,9 +40,12 @@ export function drawPlate(table: HTMLElement, format: PlateFormat, cell: (name: 
     }
     rows.push(line);
   }
-  table.dataset["wells"] = String(format.rows * format.columns);
-  // A plate of 1536 wells needs the whole width of the page.
-  table.closest(".columns")?.classList.toggle("columns-of-wide-plate", format.columns > 24);
+  const wells = format.rows * format.columns;
+  table.dataset["wells"] = String(wells);
+  table.style.setProperty("--rows", String(format.rows));
+  table.style.setProperty("--columns", String(format.columns));
+  // A plate of 384 or 1536 wells needs the whole width of the page.
+  table.closest(".columns")?.classList.toggle("columns-of-wide-plate", wells >= 384);
   table.replaceChildren(element("tbody", "", ...rows));
 }
 
@@ -69,6 +72,8 @@ export class PlateView {
     coloured: ReadonlyMap<string, Coloured>,
     /** Number of wells of the plate, where the plan names it. */
     named: number | null,
+    /** The wells in the plan, by name. */
+    planned: ReadonlyMap<string, PlannedWell>,
   ): void {
     const names = wells.map((w) => w.well);
     const layout = `${named} ${names.join(" ")}`;
@@ -76,8 +81,8 @@ export class PlateView {
       this.#layout = layout;
       this.#written.clear();
       this.#buttons.clear();
-      const planned = new Set(names);
-      drawPlate(this.#table, formatFor(names, named), (name) => (planned.has(name) ? this.#button(name) : null));
+      const used = new Set(names);
+      drawPlate(this.#table, formatFor(names, named), (name) => (used.has(name) ? this.#button(name) : null));
     }
     const conditions = conditionsOf(wells, specimen);
     const present = new Set<Condition>(conditions);
@@ -86,7 +91,8 @@ export class PlateView {
       if (!button) continue;
       const condition = conditions[i]!;
       const tabbed = well.well === (chosen ?? names[0]);
-      const now = JSON.stringify([well.reason, condition, coloured.get(well.well), well.well === chosen, tabbed]);
+      const title = spoken(well, condition, planned.get(well.well));
+      const now = JSON.stringify([title, condition, coloured.get(well.well), well.well === chosen, tabbed]);
       if (this.#written.get(well.well) === now) continue;
       this.#written.set(well.well, now);
       button.className = `well well-${condition}`;
@@ -96,7 +102,7 @@ export class PlateView {
       button.style.background = colour?.background ?? "";
       button.style.color = colour?.ink ?? "";
       button.style.borderColor = colour ? "var(--edge)" : "";
-      button.title = spoken(well, condition) + (colour ? `, ${colour.words}` : "");
+      button.title = title + (colour ? `, ${colour.words}` : "");
       button.setAttribute("aria-label", button.title);
       button.setAttribute("aria-pressed", String(well.well === chosen));
       button.tabIndex = tabbed ? 0 : -1;

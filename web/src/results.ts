@@ -3,15 +3,27 @@
 import { element } from "./dom.ts";
 import { capitalised, grouped, significant } from "./format.ts";
 import { flagWords } from "./reasons.ts";
-import type { WellStatus } from "./status.ts";
-import { CONDITIONS, conditionOf, contents } from "./wells.ts";
+import type { PlannedWell, WellStatus } from "./status.ts";
+import { treatmentWords } from "./treatment.ts";
+import { conditionOf, conditionWords, contents } from "./wells.ts";
+
+/** The wells in the plan of their run, by name. */
+export type Planned = ReadonlyMap<string, PlannedWell>;
 
 interface Column {
   name: string;
   /** What it is sorted by. Wells without a value come last. */
-  value: (well: WellStatus) => number | string | null;
-  words: (well: WellStatus) => string;
+  value: (well: WellStatus, planned: Planned) => number | string | null;
+  words: (well: WellStatus, planned: Planned) => string;
 }
+
+/** How a well was treated; empty where the plan names nothing or is not read yet. */
+function treatmentOf(well: WellStatus, planned: Planned): string {
+  const found = planned.get(well.well);
+  return found === undefined ? "" : treatmentWords(found);
+}
+
+const outcome = (well: WellStatus) => conditionWords(well, conditionOf(well, null));
 
 const or = (value: number | null | undefined, words: (value: number) => string) =>
   value === null || value === undefined ? "–" : words(value);
@@ -19,11 +31,8 @@ const or = (value: number | null | undefined, words: (value: number) => string) 
 const COLUMNS: readonly Column[] = [
   { name: "Well", value: (w) => w.well, words: (w) => w.well },
   { name: "Specimen", value: contents, words: (w) => capitalised(contents(w)) },
-  {
-    name: "Outcome",
-    value: (w) => CONDITIONS[conditionOf(w, null)].label,
-    words: (w) => capitalised(CONDITIONS[conditionOf(w, null)].label),
-  },
+  { name: "Treatment", value: (w, planned) => treatmentOf(w, planned) || null, words: treatmentOf },
+  { name: "Outcome", value: outcome, words: (w) => capitalised(outcome(w)) },
   number("Volume, nL", (w) => w.volume_um3, 1e6),
   number("SD, nL", (w) => w.volume_sd_um3, 1e6, 2),
   number("Area, mm²", (w) => w.area_um2, 1e6),
@@ -46,11 +55,16 @@ function distance(name: string, of: (well: WellStatus) => number | null | undefi
 }
 
 /** The wells by a column. Those without a value come last in both directions. Pure. */
-export function sorted(wells: readonly WellStatus[], column: number, descending: boolean): WellStatus[] {
+export function sorted(
+  wells: readonly WellStatus[],
+  column: number,
+  descending: boolean,
+  planned: Planned = new Map(),
+): WellStatus[] {
   const { value } = COLUMNS[column]!;
   const sign = descending ? -1 : 1;
   return [...wells].sort((a, b) => {
-    const [x, y] = [value(a), value(b)];
+    const [x, y] = [value(a, planned), value(b, planned)];
     if (x === null || y === null) return Number(x === null) - Number(y === null);
     if (typeof x === "number" && typeof y === "number") return sign * (x - y);
     return sign * String(x).localeCompare(String(y), "en", { numeric: true });
@@ -64,6 +78,7 @@ export class ResultsTable {
   #column = 0;
   #descending = false;
   #wells: readonly WellStatus[] = [];
+  #planned: Planned = new Map();
   #chosen: string | null = null;
   #shown = "";
 
@@ -73,22 +88,29 @@ export class ResultsTable {
     this.#choose = choose;
   }
 
-  update(wells: readonly WellStatus[], chosen: string | null): void {
+  update(wells: readonly WellStatus[], chosen: string | null, planned: Planned): void {
     this.#panel.hidden = wells.length === 0;
     this.#wells = wells;
+    this.#planned = planned;
     this.#chosen = chosen;
     this.#draw();
   }
 
   #draw(): void {
-    const now = JSON.stringify([this.#wells, this.#chosen, this.#column, this.#descending]);
+    const now = JSON.stringify([
+      this.#wells,
+      [...this.#planned.values()],
+      this.#chosen,
+      this.#column,
+      this.#descending,
+    ]);
     if (now === this.#shown) return;
     this.#shown = now;
     const hadFocus = this.#table.contains(document.activeElement)
       ? (document.activeElement as HTMLElement).dataset["key"]
       : undefined;
     const head = element("tr", "", ...COLUMNS.map((column, i) => this.#heading(column, i)));
-    const rows = sorted(this.#wells, this.#column, this.#descending).map((well) => this.#row(well));
+    const rows = sorted(this.#wells, this.#column, this.#descending, this.#planned).map((well) => this.#row(well));
     this.#table.replaceChildren(element("thead", "", head), element("tbody", "", ...rows));
     if (hadFocus !== undefined) this.#table.querySelector<HTMLElement>(`[data-key="${hadFocus}"]`)?.focus();
   }
@@ -117,7 +139,7 @@ export class ResultsTable {
       "tr",
       "",
       element("td", "", open),
-      ...COLUMNS.slice(1).map((c) => element("td", "", c.words(well))),
+      ...COLUMNS.slice(1).map((c) => element("td", "", c.words(well, this.#planned))),
     );
     if (well.well === this.#chosen) row.setAttribute("aria-current", "true");
     return row;

@@ -22,6 +22,9 @@ type Data = Record<string, unknown>;
 const text = (value: unknown) => (typeof value === "string" ? value : "");
 const sentence = (value: string) => capitalised(value.replace(/\.?$/, "."));
 
+/** Sentences, each once. */
+const said = (values: unknown[]) => [...new Set(values.map(text).filter(Boolean).map(sentence))].join(" ");
+
 const FOUND: Record<string, string> = {
   larva: "a larva",
   bead: "a bead",
@@ -76,8 +79,7 @@ const WORDS: Record<string, (data: Data, well: string) => Entry> = {
   "specimen.recovered": (_, well) => news(`${well}: its numbers were computed from the stored frames.`),
   "specimen.done": done,
   // An early journal has no meaning of a fault.
-  "fault.raised": (d) =>
-    trouble([d["meaning"], d["message"]].map(text).filter(Boolean).map(sentence).join(" ") || "A fault was raised."),
+  "fault.raised": (d) => trouble(said([d["meaning"], d["message"]]) || "A fault was raised."),
   "fault.acknowledged": (d) => news(`The fault ${words(text(d["code"]))} was acknowledged.`),
   "fault.cleared": (d) => news(sentence(`a fault is over${d["why"] ? `: ${text(d["why"])}` : ""}`)),
   "daemon.stopping": () => trouble("The program was told to end while the run was open."),

@@ -2,13 +2,13 @@
 //
 //   well ── valueOf ──> number ── colourOf, within the range of the run ──> background and ink
 //
-// Volume and area have the scale cividis, distances from a mean the scale RdBu. Both are made for readers who do not distinguish red and
-// green. The ends of a distance are at 3 standard deviations.
+// Volume, area and quality have the scale cividis, distances from a mean the scale RdBu. Both are made for readers who do not distinguish red
+// and green. The ends of a distance are at 3 standard deviations. The ends of volume and area are those of the larvae.
 
-import { grouped, significant, UM3_PER_NL } from "./format.ts";
+import { counted, grouped, significant, UM3_PER_NL } from "./format.ts";
 import type { PlannedWell, WellStatus } from "./status.ts";
 
-export type Colouring = "outcome" | "volume" | "area" | "z_volume" | "z_area" | "controls";
+export type Colouring = "outcome" | "volume" | "area" | "z_volume" | "z_area" | "controls" | "flags" | "residual";
 
 /** What each colouring shows, as the operator chooses it. */
 export const COLOURINGS: Record<Colouring, string> = {
@@ -18,7 +18,12 @@ export const COLOURINGS: Record<Colouring, string> = {
   z_volume: "Volume against references, SD",
   z_area: "Area against references, SD",
   controls: "Volume against this plate's controls, SD",
+  flags: "Quality: number of flags",
+  residual: "Quality: residual of the outlines, px",
 };
+
+/** Colourings by a distance from a mean. The others run from the least to the most. */
+const DISTANCES: readonly Colouring[] = ["z_volume", "z_area", "controls"];
 
 const SEQUENTIAL = ["#00224e", "#35456c", "#666970", "#948e77", "#c8b866", "#fee838"];
 const DIVERGING = ["#2166ac", "#92c5de", "#f7f7f7", "#f4a582", "#b2182b"];
@@ -43,6 +48,28 @@ export function controlsOf(wells: readonly WellStatus[], plan: readonly PlannedW
   return sd > 0 ? { mean, sd, n: volumes.length } : null;
 }
 
+/** The wells that have a colour. A bead among larvae has none: it would make their differences invisible. */
+export function scaledWells(wells: readonly WellStatus[], by: Colouring): readonly WellStatus[] {
+  if (by !== "volume" && by !== "area") return wells;
+  const larvae = wells.filter((w) => w.specimen === "larva");
+  return larvae.length > 0 ? larvae : wells;
+}
+
+/** Why no well has a colour. */
+export function whyNone(wells: readonly WellStatus[], by: Colouring): string {
+  const measured = wells.filter((w) => w.volume_um3 !== null);
+  if (measured.length === 0) return "No colours yet: no well is measured.";
+  if (by === "controls") {
+    return `No colours: fewer than ${LEAST_CONTROLS} negative controls of this plate are measured, or they are all alike.`;
+  }
+  if (by !== "z_volume" && by !== "z_area") return "No colours yet: no well has this number.";
+  const places = measured.flatMap((w) => w.reference?.[by === "z_volume" ? "volume" : "area"] ?? []);
+  const reasons = [...new Set(places.map(({ words }) => words.replace(/^\w+: /, "")))];
+  return reasons.length > 0
+    ? `No colours: ${reasons.join("; ")}.`
+    : "No colours: no measured well is a larva of known age with references.";
+}
+
 /** The number that a well is coloured by; null if it has none. */
 export function valueOf(well: WellStatus, by: Colouring, controls: Spread | null): number | null {
   switch (by) {
@@ -58,6 +85,10 @@ export function valueOf(well: WellStatus, by: Colouring, controls: Spread | null
       return well.reference?.area.z ?? null;
     case "controls":
       return controls === null || well.volume_um3 === null ? null : (well.volume_um3 - controls.mean) / controls.sd;
+    case "flags":
+      return well.outcome === "succeeded" ? well.flags.length : null;
+    case "residual":
+      return well.residual_px;
   }
 }
 
@@ -65,6 +96,8 @@ export function valueOf(well: WellStatus, by: Colouring, controls: Spread | null
 export function valueWords(value: number, by: Colouring): string {
   if (by === "volume") return `${significant(value)} nL`;
   if (by === "area") return `${significant(value)} mm²`;
+  if (by === "flags") return value === 0 ? "no flag" : counted(value, "flag");
+  if (by === "residual") return `${grouped(value, 2)} px`;
   return `${value > 0 ? "+" : ""}${grouped(value, 1)} SD`;
 }
 
@@ -76,7 +109,8 @@ export interface Range {
 /** The ends of the scale; null without a number. */
 export function rangeOf(values: readonly number[], by: Colouring): Range | null {
   if (values.length === 0) return null;
-  if (by !== "volume" && by !== "area") return { least: -FAR_SD, most: FAR_SD };
+  if (DISTANCES.includes(by)) return { least: -FAR_SD, most: FAR_SD };
+  if (by === "flags") return { least: 0, most: Math.max(1, ...values) };
   return { least: Math.min(...values), most: Math.max(...values) };
 }
 
@@ -93,7 +127,7 @@ export function colourOf(value: number, range: Range, by: Colouring): Colour {
 
 /** The colour at a share of the scale, 0 to 1. */
 export function colourAt(share: number, by: Colouring): Colour {
-  const stops = by === "volume" || by === "area" ? SEQUENTIAL : DIVERGING;
+  const stops = DISTANCES.includes(by) ? DIVERGING : SEQUENTIAL;
   const at = share * (stops.length - 1);
   const low = Math.min(stops.length - 2, Math.floor(at));
   const [from, to] = [channels(stops[low]!), channels(stops[low + 1]!)];

@@ -46,8 +46,9 @@ export function viewWords(record: StoredViewRecord | undefined): string {
   return residual == null ? "counts" : `${grouped(residual, 2)} px`;
 }
 
-/** What the views say together. Pure. */
-export function stripWords(records: readonly StoredViewRecord[]): string {
+/** What the views say together. `taken`: the number of views, of which a well that was not measured has no records. Pure. */
+export function stripWords(records: readonly StoredViewRecord[], taken = records.length): string {
+  if (records.length === 0) return `${counted(taken, "view")}, not measured.`;
   const used = records.filter((v) => v.used);
   const out = records.length - used.length;
   const said = [`${counted(records.length, "view")}, ${out === 0 ? "all of them count" : `${out} left out`}.`];
@@ -162,7 +163,7 @@ export class ViewStrip {
     const most = Math.max(...residuals, 1e-9);
     this.#items = links.map((link, place) => this.#item(link, place, records.get(viewNumber(link) ?? -1), most));
     this.#list.replaceChildren(...this.#items.map(({ button }) => element("li", "", button)));
-    setText(this.#words, stripWords([...records.values()]));
+    setText(this.#words, stripWords([...records.values()], links.length));
     show(this.#panel, true);
     this.mark(this.#shown);
     // Pictures of a strip that nobody looks at are not read.

@@ -13,8 +13,9 @@ import {
 } from "./format.ts";
 import { flagWords, reasonWords } from "./reasons.ts";
 import { PHASES } from "./plain.ts";
-import type { SpecimenStatus, VolumeWait, WellStatus } from "./status.ts";
-import { CONDITIONS, conditionOf, contents, places, type Condition } from "./wells.ts";
+import type { PlannedWell, SpecimenStatus, VolumeWait, WellStatus } from "./status.ts";
+import { treatmentWords } from "./treatment.ts";
+import { CONDITIONS, conditionOf, conditionWords, contents, places, type Condition } from "./wells.ts";
 
 export class WellCard {
   readonly #heading: HTMLElement;
@@ -26,12 +27,13 @@ export class WellCard {
     this.#body = body;
   }
 
-  /** `hull_um3`: the volume of the live hull after the last view. */
+  /** `hull_um3`: the volume of the live hull after the last view. `planned`: the well in the plan, once that is read. */
   update(
     well: WellStatus | null,
     specimen: SpecimenStatus | null,
     wells: readonly WellStatus[],
     hull_um3: number | null,
+    planned: PlannedWell | undefined,
   ): void {
     const own = specimen?.well === well?.well ? specimen : null;
     const condition = well && conditionOf(well, specimen, wells);
@@ -47,6 +49,7 @@ export class WellCard {
       own?.converged,
       own?.volume_wait,
       hull_um3,
+      planned,
     ]);
     if (now === this.#shown) return;
     this.#shown = now;
@@ -56,7 +59,7 @@ export class WellCard {
       return;
     }
     this.#heading.textContent = `Well ${well.well}`;
-    const list = element("dl", "facts", ...facts(well, own, condition, hull_um3));
+    const list = element("dl", "facts", ...facts(well, own, condition, hull_um3, planned));
     list.dataset["well"] = well.well;
     this.#body.replaceChildren(list);
   }
@@ -67,9 +70,12 @@ function facts(
   specimen: SpecimenStatus | null,
   condition: Condition,
   hull_um3: number | null,
+  planned: PlannedWell | undefined,
 ): HTMLElement[] {
+  const treatment = planned === undefined ? "" : treatmentWords(planned);
   const rows = [
     ...fact("Specimen", capitalised(contents(well))),
+    ...(treatment === "" ? [] : fact("Treatment", treatment)),
     ...fact("Outcome", outcome(well, specimen, condition)),
   ];
   if (well.reason !== null) rows.push(...fact("Reason", capitalised(reasonWords(well.reason))));
@@ -151,10 +157,10 @@ function place({ text, doubts }: { text: string; doubts: string }): HTMLElement 
 }
 
 function outcome(well: WellStatus, specimen: SpecimenStatus | null, condition: Condition): Node {
-  const { sign, label } = CONDITIONS[condition];
+  const { sign } = CONDITIONS[condition];
   const mark = element("span", `well well-${condition}`, sign);
   mark.setAttribute("aria-hidden", "true");
-  const text = condition === "active" && specimen ? PHASES[specimen.phase] : label;
+  const text = condition === "active" && specimen ? PHASES[specimen.phase] : conditionWords(well, condition);
   const made = element("span", "outcome", mark, capitalised(text));
   made.dataset["outcome"] = well.outcome ?? "";
   return made;

@@ -1,8 +1,9 @@
 // The position of a well on its plate, and its condition.
 
-import { capitalised } from "./format.ts";
+import { capitalised, counted } from "./format.ts";
 import { reasonWords } from "./reasons.ts";
-import type { SpecimenStatus, WellStatus } from "./status.ts";
+import type { PlannedWell, SpecimenStatus, WellStatus } from "./status.ts";
+import { treatmentWords } from "./treatment.ts";
 
 export interface PlateFormat {
   rows: number;
@@ -50,7 +51,16 @@ export function formatFor(wells: readonly string[], named: number | null = null)
 }
 
 export type Condition =
-  "pending" | "active" | "measuring" | "succeeded" | "flagged" | "skipped" | "failed" | "interrupted" | "aborted";
+  | "pending"
+  | "active"
+  | "measuring"
+  | "succeeded"
+  | "flagged"
+  | "skipped"
+  | "failed"
+  | "interrupted"
+  | "cut"
+  | "aborted";
 
 /** A sign and words for each condition, so that colour is not the only indication. */
 export const CONDITIONS: Record<Condition, { sign: string; label: string }> = {
@@ -62,8 +72,18 @@ export const CONDITIONS: Record<Condition, { sign: string; label: string }> = {
   skipped: { sign: "–", label: "skipped" },
   failed: { sign: "✕", label: "failed" },
   interrupted: { sign: "‖", label: "interrupted and given up" },
+  cut: { sign: "◐", label: "cut short when the run was ended" },
   aborted: { sign: "■", label: "left out when the run was ended" },
 };
+
+/** The condition of one well in words, with the views of a well that was cut short. */
+export function conditionWords(well: WellStatus, condition: Condition): string {
+  const views = well.views ?? 0;
+  if (condition === "cut") return `cut short after ${counted(views, "view")}`;
+  if (condition === "aborted" && well.views === 0) return "left out before its first view";
+  if (condition === "interrupted" && views > 0) return `interrupted and given up after ${counted(views, "view")}`;
+  return CONDITIONS[condition].label;
+}
 
 /** `wells` are those of the run, in the order of measurement. */
 export function conditionOf(
@@ -78,6 +98,8 @@ export function conditionOf(
       return isBefore(well.well, specimen?.well, wells) ? "measuring" : "pending";
     case "succeeded":
       return well.flags.length > 0 ? "flagged" : "succeeded";
+    case "aborted":
+      return (well.views ?? 0) > 0 ? "cut" : "aborted";
     default:
       return well.outcome;
   }
@@ -108,8 +130,11 @@ export function places(well: WellStatus): { text: string; doubts: string }[] {
   }));
 }
 
-/** One line for a screen reader and the tooltip. */
-export function spoken(well: WellStatus, condition: Condition): string {
+/** One line for a screen reader and the tooltip. `planned`: the well in the plan, once that is read. */
+export function spoken(well: WellStatus, condition: Condition, planned?: PlannedWell): string {
   const reason = well.reason === null ? "" : `: ${reasonWords(well.reason)}`;
-  return `${well.well}, ${contents(well)}, ${CONDITIONS[condition].label}${reason}`;
+  const treatment = planned === undefined ? "" : treatmentWords(planned);
+  return [well.well, contents(well), treatment, `${conditionWords(well, condition)}${reason}`]
+    .filter((part) => part !== "")
+    .join(", ");
 }

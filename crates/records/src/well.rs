@@ -32,7 +32,8 @@ pub struct WellStatus {
     pub field_area_um2: Option<f64>,
     /// Diameter of the fitted sphere, for beads.
     pub diameter_um: Option<f64>,
-    /// Number of views that count. It is below the planned number if views did not fit or the method ended the turn early.
+    /// Number of views that count. It is below the planned number if views did not fit or the method ended the turn early. For a well that
+    /// was aborted or interrupted, it is the number of views that are stored.
     #[serde(default)]
     pub views: Option<u32>,
     /// Number of views by the method.
@@ -78,6 +79,12 @@ impl WellStatus {
     pub fn end(&mut self, outcome: SpecimenOutcome, reason: Option<&str>) {
         self.outcome = Some(outcome);
         self.reason = reason.map(str::to_owned);
+    }
+
+    /// Ends a well without a number before its turn was complete. `views`: how many of its views are stored.
+    pub fn end_early(&mut self, outcome: SpecimenOutcome, reason: &str, views: u32) {
+        self.end(outcome, Some(reason));
+        self.views = Some(views);
     }
 }
 

@@ -15,7 +15,7 @@ use super::super::{State, gate};
 use super::interrupt::{Course, Fate, interruptions};
 use super::recovery::{Continuation, Made};
 use super::run::{AfterWork, Request, RunInProgress, Work};
-use super::sealing::seal_well;
+use super::sealing::{seal_well, views_stored};
 use super::snapshot::{self, run_status};
 use super::station::Station;
 use super::{Departure, Life, faults, missing, resume};
@@ -262,8 +262,11 @@ pub(super) fn interrupt_specimens(d: &mut Station, reason: &str, fate: Fate) {
         if interruption.course == Course::LacksNumbers {
             continue;
         }
-        if interruption.course == Course::GivenUp && run.give_up(well, reason) {
-            seal_well(d.outbox.store(), &run.record().id, well);
+        if interruption.course == Course::GivenUp {
+            let (store, id) = (d.outbox.store(), run.record().id.clone());
+            if run.give_up(well, reason, views_stored(store, &id, well)) {
+                seal_well(store, &id, well);
+            }
         }
         let interrupted = SpecimenInterrupted { reason: reason.to_owned(), policy, kept: interruption.course == Course::Kept };
         d.event(Some(well), EventData::SpecimenInterrupted(interrupted));
@@ -277,7 +280,8 @@ pub(super) fn interrupt_specimens(d: &mut Station, reason: &str, fate: Fate) {
 /// Ends a well whose specimen cannot be measured any more.
 pub(super) fn give_up(d: &mut Station, well: &str, reason: &str) {
     let Some(run) = &mut d.run else { return };
-    if !run.give_up(well, reason) {
+    let views = views_stored(d.outbox.store(), &run.record().id, well);
+    if !run.give_up(well, reason, views) {
         return;
     }
     let (record, policy) = (run.record().clone(), run.record().method.policy.interrupted);
@@ -352,7 +356,8 @@ fn close(d: &mut Station) {
 /// Ends a run that was stopped or aborted, or that ends with the daemon.
 pub(super) fn end_now(d: &mut Station) {
     let Some(run) = &d.run else { return };
-    let (asked, record) = (run.request(), run.ended());
+    let (asked, store, id) = (run.request(), d.outbox.store(), &run.record().id);
+    let record = run.ended(|well| views_stored(store, id, well));
     d.close_folder(&record.id);
     d.save(record.clone());
     d.event(None, ended(&record));

@@ -183,10 +183,11 @@ impl RunInProgress {
         result
     }
 
-    /// Ends a well whose specimen cannot be measured any more. Returns `false` if the well has an outcome already.
-    pub fn give_up(&mut self, well: &str, reason: &str) -> bool {
+    /// Ends a well whose specimen cannot be measured any more, with the number of its stored views. Returns `false` if the well has an
+    /// outcome already.
+    pub fn give_up(&mut self, well: &str, reason: &str, views: u32) -> bool {
         let slot = self.record.wells.iter_mut().find(|w| w.well == well && w.outcome.is_none());
-        slot.map(|slot| slot.end(SpecimenOutcome::Interrupted, Some(reason))).is_some()
+        slot.map(|slot| slot.end_early(SpecimenOutcome::Interrupted, reason, views)).is_some()
     }
 
     /// The record of the run after its last well.
@@ -196,8 +197,8 @@ impl RunInProgress {
         record
     }
 
-    /// The record of a run that ends before its last well, as requested.
-    pub fn ended(&self) -> RunRecord {
+    /// The record of a run that ends before its last well, as requested. `views`: the number of stored views of a well.
+    pub fn ended(&self, views: impl Fn(&str) -> u32) -> RunRecord {
         let mut record = self.record.clone();
         let (left, reason) = match self.request {
             Request::Abort => (SpecimenOutcome::Aborted, "the run was aborted"),
@@ -205,7 +206,7 @@ impl RunInProgress {
             _ => (SpecimenOutcome::Interrupted, "the daemon was stopped"),
         };
         for well in record.wells.iter_mut().filter(|w| w.outcome.is_none()) {
-            well.end(left, Some(reason));
+            well.end_early(left, reason, views(&well.well));
         }
         record.end(match self.request {
             Request::Abort => RunOutcome::Aborted,
@@ -389,9 +390,10 @@ pub(super) mod tests {
         let accepted = VecDeque::from([r.record().plan.plate_map[1].clone()]);
         let left = |r: &RunInProgress| r.wells_left(&accepted).into_iter().map(|w| w.well).collect::<Vec<_>>();
         assert_eq!(left(&r), ["A01", "A03"]);
-        assert!(r.give_up("A01", "it is lost") && !r.give_up("A01", "twice"));
+        assert!(r.give_up("A01", "it is lost", 13) && !r.give_up("A01", "twice", 0));
         assert_eq!((left(&r), r.next_well()), (vec!["A03".to_owned()], Some("A02")));
-        assert_eq!(r.record().wells[0].reason.as_deref(), Some("it is lost"));
+        let given_up = &r.record().wells[0];
+        assert_eq!((given_up.reason.as_deref(), given_up.views), (Some("it is lost"), Some(13)));
     }
 
     #[test]
@@ -401,13 +403,14 @@ pub(super) mod tests {
             (Request::Stop, RunOutcome::Partial, SpecimenOutcome::Aborted),
             (Request::ShutDown, RunOutcome::Interrupted, SpecimenOutcome::Interrupted),
         ] {
-            let mut r = run(&["A01", "A02"]);
+            let mut r = run(&["A01", "A02", "A03"]);
             let mut done = r.record().wells[0].clone();
             done.end(SpecimenOutcome::Succeeded, None);
             r.enter(done);
             r.ask(request);
-            let ended = r.ended();
+            let ended = r.ended(|well| if well == "A02" { 8 } else { 0 });
             assert_eq!((ended.outcome, ended.wells[1].outcome), (Some(outcome), Some(of_well)));
+            assert_eq!(ended.wells.iter().map(|w| w.views).collect::<Vec<_>>(), [None, Some(8), Some(0)]);
             assert_eq!(ended.wells[0].outcome, Some(SpecimenOutcome::Succeeded));
         }
     }

@@ -1,6 +1,7 @@
-//! Checksums of wells whose recordings were not closed: the daemon ended while it wrote them, or their numbers were given up.
+//! What is kept of wells whose recordings were not closed: the daemon ended while it wrote them, or their numbers were given up. Their views
+//! are counted, and their files get checksums.
 
-use carved_store::{Store, StoreError};
+use carved_store::{RecordingReader, Store, StoreError};
 use std::path::Path;
 use std::sync::mpsc::channel;
 use std::time::Duration;
@@ -38,4 +39,10 @@ pub(super) fn seal_well(store: &Store, run: &str, well: &str) {
 /// Seals every well of a run that ends.
 pub(super) fn seal_run(store: &Store, run: &str) {
     within(&store.run_folder(run), carved_store::seal_run);
+}
+
+/// Number of views that are stored of a well of the current run, without retakes and the closure view. 0 if there is no recording that can
+/// be read.
+pub(super) fn views_stored(store: &Store, run: &str, well: &str) -> u32 {
+    RecordingReader::open(&store.run_folder(run).join(well)).map_or(0, |reader| reader.recording().ledger.carved().count() as u32)
 }

@@ -77,7 +77,7 @@ test("the emergency stop works over a question and wherever the page is scrolled
 
 test("who exchanges specimens by hand reads each step, and its button is the largest", async (t) => {
   const { daemon, page, complaints } = await opened(t, 20, ["--sampler", "loader"]);
-  await daemon.send("PUT", "/v1/runs/hand-1", plan([larva("A01"), larva("A02")]));
+  await daemon.send("PUT", "/v1/runs/hand-1", plan(["A01", "A02", "A03"].map(larva)));
   await page
     .locator("#sentence", { hasText: /^By hand: put the specimen of A01 into the capillary, then confirm\.$/ })
     .waitFor();
@@ -92,11 +92,31 @@ test("who exchanges specimens by hand reads each step, and its button is the lar
     .locator("#sentence", { hasText: /^By hand: take the specimen of A01 out of the capillary, then confirm\.$/ })
     .waitFor();
   assert.equal((await bySize(page))[0], "is-out");
+  assert.equal(await page.locator("#is-in").isVisible(), false, "one step after the other");
   await page.locator("#is-out").click();
   await page.locator("#ask-yes").click();
   await page
     .locator("#sentence", { hasText: /^By hand: put the specimen of A02 into the capillary, then confirm\.$/ })
     .waitFor();
   assert.equal((await daemon.status()).plate.take_out, null);
+
+  // Aborted while A02 is inside: ring, card and pictures are of A02, whose stored views are shown, and A03 was never begun.
+  await page.locator("#is-in").click();
+  await page.locator("#ask-yes").click();
+  await daemon.follow((s) => s.specimen?.well === "A02" && s.specimen.view > 2);
+  await page.locator("#abort").click();
+  await page.locator("#ask-yes").click();
+  const { run } = await daemon.follow((s) => s.run?.outcome === "aborted");
+  const [, cut, left] = run!.results;
+  assert.ok(cut!.views! > 2 && cut!.views! < 21 && left!.views === 0, JSON.stringify([cut, left]));
+  await page.locator('#plate [data-well="A02"][aria-pressed="true"][data-condition="cut"]').waitFor();
+  await page.locator("#frame-heading", { hasText: /^Frame of A02$/ }).waitFor();
+  await page.locator("#frame-whose", { hasText: new RegExp(`^view 1 of ${cut!.views}$`) }).waitFor();
+  await page.locator("#well-body", { hasText: `Cut short after ${cut!.views} views` }).waitFor();
+  await page.locator("#well-files a").first().waitFor();
+  assert.equal(await page.locator("#views-list button").count(), cut!.views);
+  await shoot(page, "control-cut-short");
+  await page.locator('#plate [data-well="A03"]').click();
+  await page.locator("#frame-empty", { hasText: /^Well A03: left out before its first view\.$/ }).waitFor();
   assert.deepEqual(complaints, []);
 });

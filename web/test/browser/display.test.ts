@@ -33,7 +33,17 @@ const running = status({
 });
 const plan = {
   ...{ plate_barcode: "P-1", method: "standard", operator: "Kim" },
-  plate_map: ["A01", "A02", "A03"].map((name) => ({ well: name, control: "negative" })),
+  plate_map: [
+    {
+      well: "A01",
+      compound: "DMSO",
+      concentration: 0.1,
+      concentration_unit: "%",
+      strain: "ABxTL",
+      control: "negative",
+    },
+    ...["A02", "A03"].map((name) => ({ well: name, control: "negative" })),
+  ],
 };
 const held = {
   ...running,
@@ -132,6 +142,17 @@ test("an old run is found, opened with all that a live one shows, and closed; th
   await wellButton("B01").click();
   await until("well-body", /199\.0 ± 1\.4/);
   assert.equal(await text("plate-name"), "P-9");
+  // The daemon measures nothing again while it has a run.
+  await page.getByText("Measure again by another method").click();
+  const again = page.getByRole("button", { name: "Measure again" });
+  await until("again-busy", /^A run is under way: measure again when it is over\.$/);
+  assert.equal(await again.isDisabled(), true);
+  const over = { ...running.run!, outcome: "succeeded" as const };
+  server.publish({ ...running, state: "Complete", specimen: null, run: over });
+  await page.locator("#again-busy").waitFor({ state: "hidden" });
+  assert.equal(await again.isDisabled(), false);
+  server.publish(running);
+  await page.locator("#again-busy").waitFor();
   assert.match(await text("sentence"), /^Taking view 10 of 22 of the larva in A05$/, "what the instrument does stays");
   assert.equal(await page.locator("#abort").isVisible(), true);
   assert.equal(await page.locator("#plate").getAttribute("data-wells"), "24", "the plate that the plan names");
@@ -260,6 +281,7 @@ test("groups of the plate map: the daemon's statistics as dots, means and a tabl
   assert.ok(Math.abs((await at(".groups-mean", 0, "y1")) - dot - 3.5) < 0.1);
   const [low, high] = [await at(".groups-mean", 1, "y1"), await at(".groups-mean", 1, "y2")];
   assert.ok(Math.abs((low + high) / 2 - dot - 3.5) < 0.1 && low > high);
+  assert.deepEqual(await page.locator("#groups-doses .title").allTextContents(), ["Dose, uM", "Volume, nL"]);
   await until("groups-window", /^Z' of the controls: 0\.55 \(2 positive, 3 negative\)\.$/);
   assert.equal(await page.locator("#groups-doses svg .groups-dot").count(), 4);
   // The interval of the EC50 from 3 to 8 lies between the doses of its wells, 3 and 10.
@@ -379,7 +401,19 @@ test("plates of 6 to 1536 wells fit a desktop and a telephone", async () => {
       const table = (await page.locator("#plate").boundingBox())!;
       if (width === 1920) assert.ok(table.height < height, `the plate of ${wells} wells is ${table.height} px high`);
       const well = (await wellButton(last).boundingBox())!;
-      assert.ok(well.width >= 9 && well.height >= 9, `${width} px: a well is ${well.width} x ${well.height} px`);
+      const least = wells === 1536 ? 15 : 20;
+      assert.ok(Math.min(well.width, well.height) >= least, `${width} px: a well is ${well.width} x ${well.height} px`);
+      // The number of each column is within its column.
+      const gap = await page.locator("#plate th[scope=col]").evaluateAll((heads) =>
+        Math.min(
+          ...heads.map((head) => {
+            const text = document.createRange();
+            text.selectNodeContents(head);
+            return head.getBoundingClientRect().width - text.getBoundingClientRect().width;
+          }),
+        ),
+      );
+      assert.ok(gap >= 2, `${wells} wells, ${width} px: ${gap} px between the numbers of columns`);
       await wellButton(last).click();
       await until("well-heading", new RegExp(`^Well ${last}$`));
       await shoot(page, `plate-${wells}-${width}`);
@@ -396,6 +430,21 @@ test("the plate is coloured by volume, by references and by its own controls, wi
   assert.match((await wellButton("A01").getAttribute("aria-label")) ?? "", /measured, 240\.0 nL$/);
   await until("scale-legend", /240\.0 nL\s*310\.0 nL\s*Wells without this number have no colour/);
   const pending = await paintOf("A05");
+  // A bead would make larvae alike.
+  const bead = well("A06", { specimen: "bead", dpf: null, outcome: "succeeded", volume_um3: 65e6, flags: ["drift"] });
+  server.publish({ ...running, run: run([...results, bead]) });
+  await until("scale-legend", /240\.0 nL\s*310\.0 nL\s*Beads and wells without this number have no colour/);
+  assert.equal(await paintOf("A01"), "rgb(0, 34, 78)", "the least of the larvae");
+  await page.getByLabel("Colour by").selectOption({ label: "Quality: number of flags" });
+  await until("scale-legend", /no flag\s*1 flag/);
+  assert.deepEqual(await Promise.all(["A01", "A06"].map(paintOf)), ["rgb(0, 34, 78)", "rgb(254, 232, 56)"]);
+  await page.getByLabel("Colour by").selectOption({ label: "Area against references, SD" });
+  const arealess = { ...placed.area, words: "area: no reference of 5 dpf", z: null };
+  const older = larva("A01", 240e6, 0);
+  server.publish({ ...running, run: run([{ ...older, reference: { ...older.reference!, area: arealess } }]) });
+  await until("scale-legend", /^No colours: no reference of 5 dpf\.$/);
+  server.publish(running);
+  await wellButton("A05").waitFor();
   await page.getByLabel("Colour by").selectOption({ label: "Volume against references, SD" });
   await until("scale-legend", /−3\.0 SD\s*\+3\.0 SD/);
   assert.equal(await paintOf("A02"), "rgb(247, 247, 247)", "the middle");
@@ -416,6 +465,19 @@ test("the table of wells sorts by each column, and leads to its wells", async ()
   await page.getByText("Wells as a table").click();
   const wells = () => page.locator("#results-table tbody tr td:first-child").allInnerTexts();
   assert.deepEqual(await wells(), ["A01", "A02", "A03", "A04", "A05"]);
+  // The treatment of the plate map, in the table, on the plate and in the card.
+  const treatment = () => page.locator("#results-table tbody tr td:nth-child(3)").allInnerTexts();
+  await page.locator("#results-table td", { hasText: "DMSO" }).waitFor();
+  assert.deepEqual(await treatment(), [
+    "DMSO 0.100 %, ABxTL, negative control",
+    ...Array(2).fill("negative control"),
+    "",
+    "",
+  ]);
+  const label = await wellButton("A01").getAttribute("aria-label");
+  assert.match(label ?? "", /^A01, larva, 3 dpf, DMSO 0\.100 %, ABxTL, negative control, measured/);
+  await wellButton("A01").click();
+  await until("well-body", /Treatment\s*DMSO 0\.100 %, ABxTL, negative control/);
   const volume = page.getByRole("button", { name: "Volume, nL" });
   await volume.click();
   await volume.click();
@@ -436,6 +498,16 @@ test("from two metres: colour over the whole width, wells done and the time of t
     const px = await page.locator(`#${id}`).evaluate((e) => parseFloat(getComputedStyle(e).fontSize));
     assert.ok(px >= 40, `${id} has ${px} px`);
   }
+  for (const at of ["", "?wall"]) {
+    await page.setViewportSize({ width: 390, height: 844 });
+    await page.goto(`${server.url}/${at}`);
+    await until("count", /^4 \/ 5$/);
+    const px = await page.locator("#count").evaluate((e) => parseFloat(getComputedStyle(e).fontSize));
+    assert.ok(px >= 40, `a telephone at /${at} has ${px} px`);
+  }
+  await page.setViewportSize({ width: 1440, height: 960 });
+  await page.goto(server.url);
+  await until("count", /^4 \/ 5$/);
   const band = await page.locator(".now-band").boundingBox();
   assert.ok(band && band.width > 0.9 * 1440, `the band is ${band?.width} px wide`);
   const colour = () => page.locator(".now-band").evaluate((e) => getComputedStyle(e).backgroundColor);
@@ -463,6 +535,49 @@ test("the wall display shows state, count and plate, keeps the emergency stop an
     server.taken.map((t) => t.command),
     ["POST /v1/emergency-stop"],
   );
+});
+
+test("the wall display fits its screen with 6 to 1536 wells, running and held", async () => {
+  for (const [i, [wells, last, rows]] of (
+    [
+      [6, "B03", 2],
+      [96, "H12", 8],
+      [384, "P24", 16],
+      [1536, "AF48", 32],
+    ] as const
+  ).entries()) {
+    const id = `wall-${i}`;
+    const own = { ...plan, plate_format: wells, plate_map: [{ well: last }] };
+    server.answers[`/v1/runs/${id}`] = { ...detail, id, plan: own };
+    const of = run([larva("A01", 240e6, 0), larva(last, 250e6, 0)], { id });
+    for (const status of [running, held]) {
+      server.publish({ ...status, run: of });
+      await page.goto(`${server.url}/?wall`);
+      await page.locator(`#plate[data-wells="${wells}"]`).waitFor();
+      for (const [width, height] of [
+        [1440, 900],
+        [1920, 1080],
+        [3840, 2160],
+      ] as const) {
+        await page.setViewportSize({ width, height });
+        const at = `${status.state}, ${wells} wells, ${width} x ${height}`;
+        const whole = await page.evaluate(() => {
+          const { scrollWidth, scrollHeight } = document.documentElement;
+          return { width: scrollWidth, height: scrollHeight };
+        });
+        assert.ok(whole.height <= height && whole.width <= width, `${at}: ${JSON.stringify(whole)}`);
+        const table = (await page.locator("#plate").boundingBox())!;
+        const box = (await page.locator(".plate-box:has(#plate)").boundingBox())!;
+        assert.ok(table.width <= box.width + 1 && table.height <= box.height + 1, `${at}: ${JSON.stringify(table)}`);
+        // It is as wide as its box, or nearly as high: less the row of the numbers, and a pixel per row that is rounded.
+        const used = Math.max(table.width / box.width, table.height / box.height);
+        assert.ok(used > (0.85 * rows) / (rows + 1), `${at}: the plate uses ${used} of its box`);
+        const legend = (await page.locator("#legend").boundingBox())!;
+        assert.ok(legend.y + legend.height <= height, `${at}: the legend is beyond the lower edge`);
+        await shoot(page, `wall-${wells}-${width}-${status.state}`);
+      }
+    }
+  }
 });
 
 test("notices and sound are off by default, and come once for each need", async () => {
@@ -496,12 +611,33 @@ test("notices and sound are off by default, and come once for each need", async 
   await page.getByText("Display", { exact: true }).click();
   await page.getByLabel("Notices when somebody is needed").check();
   await page.getByLabel("Sound with them").check();
-  assert.deepEqual((await said()).splice(0), ["sound"], "how it sounds");
+  // The browser lets it play a moment after the click.
+  await page.waitForFunction(() => (window as unknown as { said: string[] }).said.length > 0);
+  assert.deepEqual(await said(), ["sound"], "how it sounds");
   server.publish(held);
   await until("state", /^Held$/i);
   server.publish({ ...held, uptime_s: 999 });
   await until("rig", /16 min/);
   assert.deepEqual((await said()).slice(1), ["carved: Held: Check the camera's cable.", "sound"]);
+});
+
+test("a sound that the browser does not let play yet is said to wait for a click, also on the wall display", async () => {
+  await page.addInitScript(() => localStorage.setItem("carved.sound", "on"));
+  await page.goto(`${server.url}/?wall`);
+  await until("state", /^Running$/i);
+  await until("allow-sound", /^Click once to allow the sound$/);
+  await shoot(page, "wall-sound");
+  // An alarm meanwhile is not played later.
+  server.publish(held);
+  await until("state", /^Held$/i);
+  await page.locator("#count").click();
+  await page.locator("#allow-sound").waitFor({ state: "hidden" });
+  // Chromium says that it wants a click.
+  complaints.splice(
+    0,
+    complaints.length,
+    ...complaints.filter((c) => !/AudioContext was not allowed to start/.test(c)),
+  );
 });
 
 test("a browser that shows no notices of a page keeps its page up to date and says so", async () => {

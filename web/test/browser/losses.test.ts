@@ -39,7 +39,7 @@ async function cameraLost(t: Ends): Promise<void> {
   await page.locator("#sentence", { hasText: /When the camera answers, let the run go on\.$/ }).waitFor();
   await daemon.follow((s) => s.faults.length === 0);
   await page.locator("#sentence", { hasText: /^Let the run go on when you are ready\.$/ }).waitFor();
-  await page.locator("#diagnosis", { hasText: /^Held because: The camera does not answer/ }).waitFor();
+  await page.locator("#diagnosis", { hasText: /^Held by a cause that is over: The camera does not answer/ }).waitFor();
   assert.equal((await bySize(page))[0], "unhold", "the one thing to do is the largest button");
   await shoot(page, "control-camera-back");
   await page.locator("#unhold").click();

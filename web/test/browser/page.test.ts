@@ -465,6 +465,8 @@ test("who exchanges specimens by hand says so on the page", async () => {
   const waiting = { ...running(0), state: "Suspended" as const, plate };
   server.publish(waiting);
   await page.goto(server.url);
+  await page.getByRole("button", { name: "Specimen of A01 is out" }).waitFor();
+  assert.equal(await page.locator("#is-in").isVisible(), false, "one step after the other");
   await page.getByRole("button", { name: "Specimen of A01 is out" }).click();
   await until("ask-title", /^Is the specimen of A01 out of the capillary\?$/);
   // The loader was quicker: the question is over, and is no answer to the next.
@@ -719,6 +721,28 @@ test("abort asks once, says what it did, and takes no for an answer", async () =
   assert.equal(await page.locator("#answer").isVisible(), false, "what was accepted has happened");
   assert.equal(await page.locator("#now").getAttribute("data-tone"), "alarm");
   await shoot(page, "aborted");
+});
+
+test("a daemon that hangs: a command says that no answer came, and the link is lost at once", async () => {
+  server.publish(running(9));
+  await page.goto(server.url);
+  await until("link", /^Live$/);
+  await page.evaluate(() => {
+    const links: string[] = [];
+    Object.assign(window, { links });
+    const link = document.getElementById("link")!;
+    new MutationObserver(() => links.push(link.dataset["link"] ?? "")).observe(link, { attributes: true });
+  });
+  // Its status still comes, so that only the command can say that it hangs.
+  server.isSilent = true;
+  await page.getByRole("button", { name: "Hold", exact: true }).click();
+  await until("answer", /^Hold: no answer came within 5 s\. It may still be carried out\.$/);
+  await page.getByRole("button", { name: "Abort run" }).click();
+  await page.locator("dialog").getByRole("button", { name: "Abort run" }).click();
+  await until("answer", /^Abort run: no answer came within 5 s\. .* Use the instrument's own emergency stop/);
+  await until("link", /^Live$/);
+  const links = await page.evaluate(() => (window as unknown as { links: string[] }).links);
+  assert.ok(links.filter((link) => link === "lost").length >= 2, links.join());
 });
 
 test("hold, go on, and stop after the well, each offered where it applies", async () => {

@@ -52,6 +52,8 @@ export class FixtureServer {
   readonly read: string[] = [];
   /** Answer to a command in place of 200: a problem in words, with what is wrong. */
   refusal: { code?: string; detail: string; errors?: object[] } | null = null;
+  /** Whether commands get no answer, as from a daemon that hangs. */
+  isSilent = false;
   /** Bodies of what is read, and of what commands answer, by path. */
   readonly answers: Record<string, unknown> = {};
   /** What cannot be read, by path, and why: answered 500. */
@@ -129,6 +131,7 @@ export class FixtureServer {
     } else if (request.method === "POST" || request.method === "PUT") {
       const chunks: Buffer[] = [];
       for await (const chunk of request) chunks.push(chunk as Buffer);
+      if (this.isSilent) return;
       if (this.refusal !== null) {
         this.#json(response, 409, { title: "Conflict", ...this.refusal });
         return;

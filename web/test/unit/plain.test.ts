@@ -92,14 +92,16 @@ test("the headline is the next step, and why stands below it", () => {
   assert.equal(headline(heldBy({})), hold.next_action);
   assert.equal(
     diagnosis(heldBy({})),
-    "Held because: The axis' controller does not answer any more. It has held the run 4 times since a well was finished.",
+    "Held by a cause that is over: The axis' controller does not answer any more. It has held the run 4 times since a well was finished.",
   );
-  const lost = fault({ seq: 3, operator_required: true, ends_by_itself: true });
+  const lost = fault({ seq: 3, code: "rotation_lost", operator_required: true, ends_by_itself: true });
   const stands = heldBy({ times: 1, next_action: "Check its cable.", next_command: null, fault_seq: 3 }, [lost]);
   assert.deepEqual(nextStep(stands), { words: "Check its cable.", button: null, fault: 3 });
   assert.equal(canGoOn(stands), false, "while the cause stands");
   assert.equal(canGoOn(heldBy({})), true);
   assert.equal(diagnosis(stands), "Held because: The axis' controller does not answer any more.");
+  const asked = heldBy({ code: "operator", cause: "An operator asked for it.", times: 1 });
+  assert.equal(diagnosis(asked), "Held because: An operator asked for it.");
   assert.equal(nextStep(heldBy({ next_action: null, next_command: null })), null, "it goes on by itself");
   // Without a run a fault asks for somebody; what ends by itself has no button.
   const idle = (one: Partial<Fault>) => nextStep(status({ faults: [fault({ operator_required: true, ...one })] }));

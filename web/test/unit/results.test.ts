@@ -15,9 +15,21 @@ test("wells without a number come last in both directions", () => {
     well("A03", { volume_um3: 1e6 }),
   ];
   const names = (column: number, descending: boolean) => sorted(wells, column, descending).map((w) => w.well);
-  assert.deepEqual(names(3, false), ["A03", "A02", "A10", "A01"]);
-  assert.deepEqual(names(3, true), ["A10", "A02", "A03", "A01"]);
+  assert.deepEqual(names(4, false), ["A03", "A02", "A10", "A01"]);
+  assert.deepEqual(names(4, true), ["A10", "A02", "A03", "A01"]);
   assert.deepEqual(names(0, false), ["A01", "A02", "A03", "A10"]);
+});
+
+test("wells are sorted by their treatment, those without one last", () => {
+  const planned = new Map([
+    ["A01", { well: "A01", compound: "DMSO" }],
+    ["A03", { well: "A03", compound: "BPA", concentration: 10, concentration_unit: "uM" as const }],
+  ]);
+  const wells = ["A01", "A02", "A03"].map((name) => well(name));
+  assert.deepEqual(
+    sorted(wells, 2, false, planned).map((w) => w.well),
+    ["A03", "A01", "A02"],
+  );
 });
 
 test("a person is called once for each need, and at the end of a run", () => {
@@ -159,6 +171,7 @@ const EVENTS: [kind: string, data: unknown, words: string][] = [
     "trouble: The camera does not answer. No frame for 1.5 s.",
   ],
   ["fault.raised", { message: "no frame for 1.5 s" }, "trouble: No frame for 1.5 s."],
+  ["fault.raised", { meaning: "The disk is full.", message: "the disk is full" }, "trouble: The disk is full."],
   ["fault.acknowledged", { seq: 7, code: "camera_silent" }, "news: The fault camera silent was acknowledged."],
   ["fault.cleared", { seq: [7], why: "it answers" }, "news: A fault is over: it answers."],
   ["fault.cleared", { seq: [7], why: "" }, "news: A fault is over."],

@@ -1,7 +1,17 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { colourAt, colourOf, contrast, controlsOf, rangeOf, valueOf, valueWords } from "../../src/scale.ts";
-import { well } from "../support/statuses.ts";
+import {
+  colourAt,
+  colourOf,
+  contrast,
+  controlsOf,
+  rangeOf,
+  scaledWells,
+  valueOf,
+  valueWords,
+  whyNone,
+} from "../../src/scale.ts";
+import { placed, well } from "../support/statuses.ts";
 
 const measured = (name: string, volume_um3: number) => well(name, { outcome: "succeeded", volume_um3 });
 
@@ -28,8 +38,40 @@ test("the ends of a scale: the least and the most volume, or three standard devi
   assert.deepEqual(colourOf(7, { least: 7, most: 7 }, "volume"), colourAt(0.5, "volume"), "one number alone");
 });
 
+test("beads among larvae have no part in the scale of volumes, and beads alone have one", () => {
+  const bead = well("A02", { specimen: "bead", outcome: "succeeded", volume_um3: 65e6, residual_px: 0.2 });
+  const wells = [measured("A01", 240e6), bead];
+  const names = (by: Parameters<typeof scaledWells>[1], of = wells) => scaledWells(of, by).map((w) => w.well);
+  assert.deepEqual([names("volume"), names("area"), names("residual")], [["A01"], ["A01"], ["A01", "A02"]]);
+  assert.deepEqual(names("volume", [bead]), ["A02"]);
+});
+
+test("quality colours a well by its flags or its residual", () => {
+  const flagged = well("A01", { outcome: "succeeded", flags: ["residual", "drift"], residual_px: 0.31 });
+  assert.deepEqual([valueOf(flagged, "flags", null), valueOf(flagged, "residual", null)], [2, 0.31]);
+  assert.equal(valueOf(well("A02"), "flags", null), null, "a well that is not measured is not without flags");
+  assert.deepEqual(
+    [0, 1, 2].map((n) => valueWords(n, "flags")),
+    ["no flag", "1 flag", "2 flags"],
+  );
+  assert.equal(valueWords(0.31, "residual"), "0.31 px");
+  assert.deepEqual(rangeOf([0, 0], "flags"), { least: 0, most: 1 });
+  assert.deepEqual(rangeOf([0.2, 0.9], "residual"), { least: 0.2, most: 0.9 });
+});
+
+test("a plate without colours says why", () => {
+  const larva = well("A01", { outcome: "succeeded", volume_um3: 1, reference: placed });
+  assert.equal(whyNone([larva], "z_volume"), "No colours: no reference of 3 dpf.");
+  assert.equal(whyNone([well("A01")], "z_volume"), "No colours yet: no well is measured.");
+  assert.match(
+    whyNone([{ ...larva, reference: null }], "z_area"),
+    /^No colours: no measured well is a larva of known age/,
+  );
+  assert.match(whyNone([larva], "controls"), /^No colours: fewer than 3 negative controls/);
+});
+
 test("signs can be read on every colour of both scales", () => {
-  for (const by of ["volume", "z_volume"] as const) {
+  for (const by of ["volume", "z_volume", "flags"] as const) {
     for (let share = 0; share <= 1; share += 0.01) {
       const { background, ink } = colourAt(share, by);
       const rgb = background.match(/\d+/g)!.map(Number);

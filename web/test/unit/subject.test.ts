@@ -9,7 +9,7 @@ import { run, specimen, status, well } from "../support/statuses.ts";
 const results = [
   well("A01", { outcome: "succeeded", volume_um3: 1 }),
   well("A02"),
-  well("A03", { outcome: "aborted" }),
+  well("A03", { outcome: "aborted", views: 0 }),
   well("A04"),
 ];
 const half = status({ state: "Execute", run: run(results), specimen: specimen("A02", [1]) });
@@ -35,8 +35,29 @@ test("pictures are the run's newest, or those of the well that was chosen", () =
     "beside the numbers that are shown, those of no other well",
   );
   const nothing = { ...over, run: run([well("A01", { outcome: "skipped" })], { outcome: "succeeded" as const }) };
-  assert.deepEqual(subjectOf(nothing, null), live);
+  assert.deepEqual(subjectOf(nothing, null), subjectOf(half, "A01"), "the frame that judged it");
   assert.equal(subjectOf(status(), null).kind, "none");
+});
+
+test("a well that was cut short shows its views, and one without a view says so", () => {
+  const wells = [
+    well("A01", { outcome: "succeeded", volume_um3: 1 }),
+    well("A02", { outcome: "aborted", views: 13, reason: "the run was aborted" }),
+    well("A03", { outcome: "aborted", views: 0, reason: "the run was aborted" }),
+    well("A04", { outcome: "interrupted", views: 2 }),
+    well("A05", { outcome: "aborted" }),
+  ];
+  const over = { ...half, state: "Aborted" as const, run: run(wells, { outcome: "aborted" }), specimen: null };
+  const kinds = wells.map((w) => subjectOf(over, w.well).kind);
+  assert.deepEqual(kinds, ["stored", "stored", "none", "stored", "stored"], "early versions counted no views");
+  assert.deepEqual(subjectOf(over, "A03"), { kind: "none", words: "Well A03: left out before its first view." });
+  // With hand exchange the specimen stays inside: the pictures are those of the well in the ring.
+  const left = { ...over, specimen: specimen("A02", [1]) };
+  assert.equal(chosenWell(left, null), "A02");
+  assert.deepEqual(subjectOf(left, null), subjectOf(over, "A02"));
+  // Without a number the ring is on the well that has views.
+  const first = { ...over, run: run(wells.slice(1, 3), { outcome: "aborted" }) };
+  assert.equal(chosenWell(first, null), "A02");
 });
 
 test("the well to show: the operator's, or the one under way, or the last that was measured", () => {

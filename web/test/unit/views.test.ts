@@ -90,6 +90,7 @@ test("a view says its distance, or why it does not count; the strip names the wo
   const all = [view(0, 0), view(1, 1, { residual_px: 0.1 }), view(2, 2, { residual_px: 0.9 })];
   assert.match(stripWords(all), /^3 views, all of them count\. .* 0\.20 px \(median\), 0\.90 px in view 3\.$/);
   assert.match(stripWords([...all, view(3, 3, { used: false })]), /^4 views, 1 left out\./);
+  assert.equal(stripWords([], 7), "7 views, not measured.", "a turn that was cut short");
 });
 
 test("a larva stands where its estimator has references, and says its share in words", () => {

@@ -1,8 +1,8 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { groupsOf } from "../../src/planplate.ts";
+import { groupsOf, markOf } from "../../src/planplate.ts";
 import { templateOf } from "../../src/template.ts";
-import { conditionOf, conditionsOf, formatFor, place, places, spoken, wellName } from "../../src/wells.ts";
+import { conditionOf, CONDITIONS, conditionsOf, formatFor, place, places, spoken, wellName } from "../../src/wells.ts";
 import { placed, specimen, well } from "../support/statuses.ts";
 
 test("names and places are each other's inverse on the largest plate", () => {
@@ -69,6 +69,23 @@ test("wells that are planned alike are one group, in words", () => {
   );
 });
 
+test("every kind of a plate has a mark of its own", () => {
+  assert.deepEqual([0, 25, 26, 27, 51, 52, 701, 702].map(markOf), ["a", "z", "aa", "ab", "az", "ba", "zz", "aaa"]);
+  assert.equal(new Set(Array.from({ length: 1536 }, (_, i) => markOf(i))).size, 1536);
+});
+
+test("a well that was cut short and one that was never begun have another sign and other words", () => {
+  const cut = well("B02", { outcome: "aborted", views: 13 });
+  assert.equal(spoken(cut, conditionOf(cut, null)), "B02, larva, 3 dpf, cut short after 13 views");
+  const left = well("B02", { outcome: "aborted", views: 0 });
+  assert.equal(spoken(left, conditionOf(left, null)), "B02, larva, 3 dpf, left out before its first view");
+  assert.notEqual(CONDITIONS[conditionOf(cut, null)].sign, CONDITIONS[conditionOf(left, null)].sign);
+  const old = well("B02", { outcome: "aborted" });
+  assert.equal(spoken(old, conditionOf(old, null)), "B02, larva, 3 dpf, left out when the run was ended");
+  const given = well("B02", { outcome: "interrupted", views: 1 });
+  assert.equal(spoken(given, conditionOf(given, null)), "B02, larva, 3 dpf, interrupted and given up after 1 view");
+});
+
 test("a well's condition follows its outcome, its flags and the specimen under way", () => {
   const own = specimen("B02", [1]);
   assert.equal(conditionOf(well("B02"), null), "pending");
@@ -94,6 +111,18 @@ test("a well's condition follows its outcome, its flags and the specimen under w
   assert.equal(
     spoken(well("B02", { outcome: "skipped", reason: "two_specimens" }), "skipped"),
     "B02, larva, 3 dpf, skipped: two specimens",
+  );
+  const planned = {
+    well: "B02",
+    compound: "BPA",
+    concentration: 10,
+    concentration_unit: "uM" as const,
+    strain: "ABxTL",
+  };
+  assert.equal(
+    spoken(well("B02"), "pending", planned),
+    "B02, larva, 3 dpf, BPA 10.0 uM, ABxTL, not measured yet",
+    "how it was treated",
   );
 });
 
