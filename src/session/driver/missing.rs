@@ -1,6 +1,7 @@
 //! Numbers that are missing: those of specimens that were released before their numbers were on disk.
 
-use super::recovery::{self, Attempt, Continuation, Recovered};
+use super::recovery::{self, Attempt, Continuation};
+use super::released::Recovered;
 use super::sealing::seal_well;
 use super::snapshot::run_status;
 use super::station::Station;

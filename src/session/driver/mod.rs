@@ -7,8 +7,9 @@
 //!  numbers ────────────────────┤                    │
 //!  look, preflight ────────────┘   asks its parts   └──► a worker for the wells that are left
 //! ```
-//! Each part owns its state. Its decisions are tested without threads and without a disk. The exception is the `Outbox`, whose task is to
-//! write to the disk.
+//! Each part owns its state. Its decisions are tested without threads and without a disk. What reads or writes the disk has its own files:
+//! `outbox` (events and records), `released` (recordings without numbers), `sealing` (checksums), `start` (what a start reads) and `room`
+//! (free space).
 //!
 //! | part | what it owns or decides |
 //! |---|---|
@@ -49,6 +50,7 @@ mod outbox;
 mod plates;
 mod progress;
 mod recovery;
+mod released;
 mod reports;
 mod requests;
 mod restart;

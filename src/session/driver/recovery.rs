@@ -1,5 +1,5 @@
-//! Computes the numbers of specimens that were accepted and released, but whose numbers are missing after a crash or a fault. The larva has
-//! left the capillary, and its frames are on disk. A background thread computes the numbers from these frames.
+//! Computes the numbers of specimens that were accepted and released, but whose numbers are missing after a crash or a fault. A background
+//! thread computes them from the frames on disk ([`StoredNumbers`]), with a time limit and a limited number of attempts.
 //!
 //! ```text
 //! take_up, proceed, end_run ──► recover ──► frames ─ numbers ─ files ──► recovered ──► the well's outcome ──┬─► the next such well
@@ -10,13 +10,10 @@
 //! Each attempt is written to the journal before it begins, if the disk accepts it. This limits the number of attempts if the daemon
 //! crashes in each of them.
 
-use super::super::numbers;
 use super::super::worker::{self, Overrun};
-use carved_core::surface::Mesh;
-use carved_offline::recording::{Computed, compute};
-use carved_records::LedgerEntry;
+use super::released::{Recovered, StoredNumbers};
 use carved_records::{Phase, PlannedWell, SpecimenOutcome, WellStatus, WellTimes};
-use carved_store::{MeasurementFile, RecordingReader, RecordingWriter, RunRecord, StoreError};
+use carved_store::StoreError;
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -27,12 +24,6 @@ use tokio::time::{Instant, timeout_at};
 
 /// Maximum number of attempts for one specimen. The daemon crashed in each of them.
 const ATTEMPTS: u32 = 3;
-
-/// The result of a well, computed from its frames, and the time that this took.
-pub(super) struct Recovered {
-    pub result: WellStatus,
-    pub times: WellTimes,
-}
 
 /// How the computation of a well's numbers ended.
 pub(super) enum Made {
@@ -63,13 +54,6 @@ pub(super) fn attempt(run: &Path, planned: &PlannedWell, tried: u32) -> Attempt 
     }
     let why = format!("the daemon has ended in each of {ATTEMPTS} attempts to make its numbers from its frames");
     Attempt::GiveUp(Box::new(without_numbers(run, planned, &why)))
-}
-
-/// The wells without outcome whose specimens were accepted. These specimens are not requested again. `run`: the run's folder.
-pub(super) fn accepted(run: &Path, record: &RunRecord) -> VecDeque<PlannedWell> {
-    let open = record.plan.plate_map.iter().zip(&record.wells).filter(|(_, w)| w.outcome.is_none());
-    let is_accepted = |planned: &PlannedWell| RecordingReader::open(&run.join(&planned.well)).is_ok_and(|r| r.is_accepted());
-    open.map(|(planned, _)| planned).filter(|planned| is_accepted(planned)).cloned().collect()
 }
 
 impl Numbers {
@@ -197,60 +181,6 @@ impl Recovery {
         }
         let path = self.wells.front().map_or_else(|| self.run.clone(), |planned| self.run.join(&planned.well));
         Made::Done(Box::new(Err(StoreError::Unclosed { path, waited_s: worker::CLOSING.as_secs_f64() })))
-    }
-}
-
-/// The result of a specimen, computed from its frames, before anything is written.
-struct StoredNumbers {
-    result: WellStatus,
-    reader: RecordingReader,
-    numbers: Option<Box<(Mesh, MeasurementFile)>>,
-    times: WellTimes,
-    /// The recording was closed before the crash. Only the run's record lacks its numbers.
-    closed: bool,
-}
-
-impl StoredNumbers {
-    /// Computes the numbers of an accepted specimen in the same way as a live run.
-    ///
-    /// # Errors
-    /// The recording cannot be read. If the frames give no number, the well fails and this returns `Ok`.
-    fn of_frames(folder: &Path, planned: &PlannedWell) -> Result<Self, StoreError> {
-        let began = std::time::Instant::now();
-        let reader = RecordingReader::open(folder)?;
-        let mut found = Self { result: WellStatus::pending(planned), numbers: None, times: WellTimes::default(), closed: false, reader };
-        let asd = found.reader.recording().method.asd;
-        if let Some(file) = found.reader.closed_numbers() {
-            numbers::tell(&mut found.result, &file, asd);
-            return Ok(Self { closed: true, ..found });
-        }
-        let entries: Vec<&LedgerEntry> = found.reader.recording().ledger.counted().collect();
-        match compute(&found.reader, &found.reader.recording().method, &entries, |_, _| Ok(())) {
-            Ok(Computed { mesh, file, .. }) => {
-                numbers::tell(&mut found.result, &file, asd);
-                found.numbers = Some(Box::new((mesh, file)));
-            }
-            Err(error) => found.result.end(SpecimenOutcome::Failed, Some(&error.to_string())),
-        }
-        found.times.phase(Phase::Measure, began.elapsed());
-        Ok(found)
-    }
-
-    /// Writes the files that a live run writes.
-    ///
-    /// # Errors
-    /// A file cannot be written.
-    fn keep(self) -> Result<Recovered, StoreError> {
-        let Self { result, reader, numbers: made, times, closed } = self;
-        if !closed {
-            let mut writer = RecordingWriter::resume(&reader);
-            if let Some((mesh, file)) = made.as_deref() {
-                numbers::keep(&mut writer, mesh, file)?;
-            }
-            worker::add_timings(&mut writer, &times)?;
-            writer.close()?;
-        }
-        Ok(Recovered { result, times })
     }
 }
 

@@ -8,7 +8,7 @@ use super::super::{SpecimenStatus, Status, fault, gate};
 use super::devices::Devices;
 use super::loader::Loader;
 use super::outbox::Outbox;
-use super::recovery;
+use super::released;
 use super::room::{self, DiskRoom};
 use super::run::{Request, RunInProgress};
 use super::sealing::seal_run;
@@ -123,7 +123,7 @@ impl Station {
     /// The wells of the current run of which only the numbers are missing.
     pub fn accepted(&self) -> VecDeque<PlannedWell> {
         let run = self.run.as_ref().map(RunInProgress::record);
-        run.map_or_else(VecDeque::new, |record| recovery::accepted(&self.outbox.store().run_folder(&record.id), record))
+        run.map_or_else(VecDeque::new, |record| released::accepted(&self.outbox.store().run_folder(&record.id), record))
     }
 
     /// Whether the run measures larvae without a valid bead gate.

@@ -90,7 +90,8 @@ impl Capillary {
         self.brought = Some(well.to_owned());
     }
 
-    /// After a restart it is unknown whether a driven sampler had brought the specimen that was begun last. It is assumed to be inside.
+    /// After a restart it is unknown whether a driven sampler had brought the specimen that was begun last and not worked on yet. It is
+    /// assumed to be inside.
     pub(super) fn assume(&mut self, begun: Option<&String>) {
         if self.brought.is_none() || self.brought != self.inside {
             self.inside = begun.cloned().or(self.inside.take());

@@ -140,7 +140,8 @@ impl RunState {
                 match interrupted.loaded_by {
                     // A specimen that was only awaited is requested again.
                     Some(LoadedBy::Loader) => self.begun.retain(|well| self.worked_on.contains(well)),
-                    Some(LoadedBy::Sampler) => self.capillary.assume(self.begun.last()),
+                    // Of a specimen that was worked on, its phases say whether it is inside.
+                    Some(LoadedBy::Sampler) => self.capillary.assume(self.begun.last().filter(|well| !self.worked_on.contains(*well))),
                     None => {}
                 }
             }
@@ -271,13 +272,18 @@ mod tests {
         assert!(begun(&[&next[..], &[done("A01")]].concat()).is_empty());
     }
 
-    /// A driven sampler may have brought the specimen that was begun last.
+    /// A driven sampler may have brought the specimen that was begun last, if no later phase of it is known.
     #[test]
     fn after_a_restart_a_sampler_is_taken_to_have_brought_what_was_begun_last() {
         let restarted = |events: &[EventBody]| inside(&[events, &[restart(LoadedBy::Sampler)]].concat());
         assert_eq!(restarted(&[phase("A01", Phase::Load, false)]).as_deref(), Some("A01"));
         assert_eq!(restarted(&[phase("A01", Phase::Eject, true), done("A01")]).as_deref(), Some("A01"));
         assert_eq!(restarted(&[phase("A01", Phase::Revolve, true), done("A01"), phase("A01", Phase::Wash, false)]), None);
+        // A01 was ejected, and only its numbers are missing. The sampler may have brought A02, and still has over a second restart.
+        let measured = [phase("A01", Phase::Measure, true), phase("A01", Phase::Wash, false)];
+        assert_eq!(restarted(&measured), None);
+        let next = [&measured[..], &[phase("A02", Phase::Load, false), restart(LoadedBy::Sampler), interrupted("A02", false)]].concat();
+        assert_eq!(restarted(&next).as_deref(), Some("A02"));
         let kept = [phase("A01", Phase::Revolve, true), interrupted("A01", true)];
         let state = after(&[&kept[..], &[restart(LoadedBy::Sampler)]].concat());
         assert_eq!((state.capillary().inside(), state.capillary().brought()), (Some("A01"), Some("A01")));

@@ -1,15 +1,23 @@
 //! In every sequence of steps, the live state equals the state that is read from the journal, and a restart gets the same state. The disk
-//! may fail, and the process may die, at any operation within a step.
+//! may fail, a device may be lost, and the process may die, at any operation within a step. Accepted specimens have a recording, so that
+//! their numbers can be computed from their frames.
 
 use super::super::*;
-use super::bench::{Bench, RUN, bench, journalled, on_this_thread, plan, scratch};
+use super::bench::{Arm, Bench, RUN, bench_of, instrument, journalled, on_this_thread, plan, scratch};
+use super::rebuilt::{Before, follows_from_the_state};
 use crate::session::handle::Towards;
 use crate::session::worker::{Progress, RunEnd, RunError};
-use carved_devices::DeviceError;
+use crate::session::{Live, RotationStatus};
+use carved_devices::testing::FakeAxis;
+use carved_devices::{DeviceError, StreamCounters};
 use carved_records::{Event, EventData, Handoff, HandoffEnd, HandoffIntent, InstrumentState, LiveEstimate, Phase, SpecimenOutcome};
-use carved_store::testing::trace as disk_trace;
+use carved_store::RecordingWriter;
+use carved_store::testing::{recording as a_recording, trace as disk_trace};
 use futures::FutureExt;
 use proptest::prelude::*;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 const WELLS: [&str; 3] = ["A01", "A02", "A03"];
 const PHASES: [Phase; 8] =
@@ -22,13 +30,24 @@ enum Step {
     Ready,
     Awaits(usize),
     Enters(usize, usize, bool),
+    /// The worker has judged the detection frame, or could not.
+    Detected(usize, bool),
+    TriedAgain(usize),
     View(usize),
+    /// The worker has accepted the turn, and the specimen may be released.
+    Accepts(usize),
+    Measured(usize),
+    Hardware,
     Done(usize),
+    /// The numbers of a released specimen are computed from its frames.
+    Recovered,
     WorkerEnds(u8),
     Steer(u8),
     Loader(usize, bool),
     Plate(u8),
     Fault(u8),
+    /// The axis answers from now on, or no more. The next heartbeat between runs finds out.
+    AxisAnswers(bool),
     Acknowledge(u64),
     /// The disk fails from this operation on.
     DiskFails(usize),
@@ -49,13 +68,20 @@ fn step() -> impl Strategy<Value = Step> {
         1 => Just(Step::Ready),
         3 => well.clone().prop_map(Step::Awaits),
         6 => (well.clone(), 0..PHASES.len(), any::<bool>()).prop_map(|(w, p, inside)| Step::Enters(w, p, inside)),
+        1 => (well.clone(), any::<bool>()).prop_map(|(w, judged)| Step::Detected(w, judged)),
+        1 => well.clone().prop_map(Step::TriedAgain),
         1 => well.clone().prop_map(Step::View),
+        2 => well.clone().prop_map(Step::Accepts),
+        1 => well.clone().prop_map(Step::Measured),
+        1 => Just(Step::Hardware),
         2 => well.clone().prop_map(Step::Done),
+        2 => Just(Step::Recovered),
         2 => (0..6_u8).prop_map(Step::WorkerEnds),
         3 => (0..4_u8).prop_map(Step::Steer),
         4 => (well, any::<bool>()).prop_map(|(w, loaded)| Step::Loader(w, loaded)),
         2 => (0..4_u8).prop_map(Step::Plate),
         1 => (0..4_u8).prop_map(Step::Fault),
+        1 => any::<bool>().prop_map(Step::AxisAnswers),
         2 => (1..6_u64).prop_map(Step::Acknowledge),
         2 => (0..12_usize).prop_map(Step::DiskFails),
         2 => Just(Step::DiskHasRoom),
@@ -77,18 +103,49 @@ fn error(which: u8) -> RunError {
     }
 }
 
-async fn takes(b: &mut Bench, step: &Step) {
+/// The worker accepts the turn of a well. It has no views, so none is missing. A disk that refuses this ends the worker with an error.
+fn accepts(b: &Bench, well: usize) -> Result<(), StoreError> {
+    let planned = &b.d.run.as_ref().unwrap().record().plan.plate_map[well];
+    let mut recording = a_recording(RUN, planned);
+    recording.ended_after_views = Some(0);
+    RecordingWriter::create(&b.d.outbox.store().run_folder(RUN).join(&planned.well), recording, None)?.accept()
+}
+
+/// Waits for the numbers that are being computed. `false` if there are none.
+async fn recovers(b: &mut Bench) -> bool {
+    let Some(run) = b.d.run.as_mut().filter(|run| run.numbers().are_being_made()) else { return false };
+    let made = run.numbers_mut().made().await;
+    course::recovered(&mut b.d, made);
+    true
+}
+
+/// The thread that computes numbers ends with the process: it must not write later. What it has computed is lost.
+async fn thread_ends(b: &mut Bench) {
+    if let Some(run) = b.d.run.as_mut().filter(|run| run.numbers().are_being_made()) {
+        let _lost = run.numbers_mut().made().await;
+    }
+}
+
+async fn takes(b: &mut Bench, axis_answers: &AtomicBool, step: &Step) {
     let open = |b: &Bench, well: usize| {
-        let wells = b.d.run.as_ref().map(|run| run.record().wells.clone()).unwrap_or_default();
-        wells.iter().any(|w| w.well == WELLS[well] && w.outcome.is_none())
+        let Some(run) = &b.d.run else { return false };
+        let is_open = run.record().wells.iter().any(|w| w.well == WELLS[well] && w.outcome.is_none());
+        is_open && run.numbers().wells().all(|recovered| recovered != WELLS[well])
     };
     match *step {
         Step::Put => drop(b.put_run(&plan(&WELLS))),
         Step::Ready if b.works() => drop(b.tell(Progress::Ready)),
         Step::Awaits(well) if b.works() && open(b, well) => drop(b.tell(Progress::WaitingForLoader { well: WELLS[well].into() })),
         Step::Enters(well, phase, inside) if b.works() => drop(b.phase(WELLS[well], PHASES[phase], inside)),
+        Step::Detected(well, judged) if b.works() => {
+            let found = judged.then(a_larva);
+            b.tell(Progress::Detected { well: WELLS[well].into(), found, live: Live::default() });
+        }
+        Step::TriedAgain(well) if b.works() => {
+            b.tell(Progress::TriedAgain { well: WELLS[well].into(), attempt: 1, why: "it moved".into() });
+        }
         Step::View(well) if b.works() => {
-            let (well, live) = (WELLS[well].to_owned(), crate::session::Live::default());
+            let (well, live) = (WELLS[well].to_owned(), Live::default());
             let estimate = LiveEstimate::default();
             b.tell(Progress::View {
                 well,
@@ -102,7 +159,19 @@ async fn takes(b: &mut Bench, step: &Step) {
                 live,
             });
         }
+        Step::Accepts(well) if b.works() && open(b, well) => {
+            b.phase(WELLS[well], Phase::Reconstruct, true);
+            drop(accepts(b, well));
+        }
+        Step::Measured(well) if b.works() => {
+            b.tell(Progress::Measured { well: WELLS[well].into(), glb: None, end: LiveEstimate::default() });
+        }
+        Step::Hardware if b.works() => {
+            let (rotation, counters) = (RotationStatus::default(), StreamCounters::default());
+            b.tell(Progress::Hardware { rotation, translation: None, outputs: Vec::new(), counters, second: None });
+        }
         Step::Done(well) if b.works() && open(b, well) => drop(b.done(WELLS[well])),
+        Step::Recovered => drop(recovers(b).await),
         Step::WorkerEnds(how) if b.works() => {
             let end = match how {
                 0 => RunEnd::Paused,
@@ -122,6 +191,7 @@ async fn takes(b: &mut Bench, step: &Step) {
             _ => requests::end_handoff(&mut b.d, HandoffEnd::Aborted),
         }),
         Step::Fault(which) => b.d.raise(&error(which)),
+        Step::AxisAnswers(answers) => axis_answers.store(answers, Ordering::SeqCst),
         Step::Acknowledge(seq) => drop(requests::acknowledge(&mut b.d, seq)),
         Step::DiskFails(at) => disk_trace::fill(at, || ()),
         Step::DiskHasRoom => disk_trace::make_room(),
@@ -132,14 +202,35 @@ async fn takes(b: &mut Bench, step: &Step) {
             requests::emergency_pressed(&mut b.d);
         }
         Step::ShutDown(leaves_run) => {
+            if leaves_run {
+                thread_ends(b).await;
+            }
             course::shut_down(&mut b.d, if leaves_run { Departure::LeavesRun } else { Departure::EndsRun });
             if b.works() {
                 b.ends(RunEnd::Cancelled).await;
             }
+            while recovers(b).await {}
             drop(b.d.final_report());
         }
         _ => {}
     }
+}
+
+fn a_larva() -> carved_core::profile::Detection {
+    serde_json::from_value(serde_json::json!({
+        "kind": "larva", "confidence": 1.0, "clipped_left": 0.0, "clipped_right": 0.0, "dead": 0.0,
+        "likelihoods": {"larva": 1.0, "bead": 0.0, "empty": 0.0, "two": 0.0, "bubble": 0.0, "debris": 0.0},
+        "head": {"side": "left", "confidence": 1.0}
+    }))
+    .unwrap()
+}
+
+/// A driver on this folder. `axis_answers`: whether its axis answers a check.
+fn bench(root: &Path, loaded_from_outside: bool, axis_answers: &Arc<AtomicBool>) -> Bench {
+    let answers = Arc::clone(axis_answers);
+    let gone = || DeviceError::Gone { device: "rotation axis", why: "the cable".into() };
+    let axis = FakeAxis::new().answering(move || if answers.load(Ordering::SeqCst) { Ok(()) } else { Err(gone()) });
+    bench_of(root, instrument(axis, Arm { waits: loaded_from_outside, brings_again: true, ..Arm::default() }))
 }
 
 /// The state that follows from the journal and from the events that wait for the disk.
@@ -170,8 +261,8 @@ fn compare_outcomes(b: &Bench, events: &[Event], may_lead: bool, when: &str) {
 
 fn check(loaded_from_outside: bool, steps: &[Step]) {
     on_this_thread(async {
-        let dir = scratch();
-        let mut b = bench(dir.path(), loaded_from_outside);
+        let (dir, axis_answers) = (scratch(), Arc::new(AtomicBool::new(true)));
+        let mut b = bench(dir.path(), loaded_from_outside, &axis_answers);
         let (mut written, mut is_dying, mut has_died) = (journalled(dir.path()), false, false);
         disk_trace::begin(None);
         for (at, step) in steps.iter().enumerate() {
@@ -183,24 +274,30 @@ fn check(loaded_from_outside: bool, steps: &[Step]) {
                 }
                 // It would replace the death.
                 Step::DiskFails(_) | Step::DiskHasRoom if is_dying => {}
-                _ => takes(&mut b, step).await,
+                _ => takes(&mut b, &axis_answers, step).await,
             }
             let dies = is_dying && disk_trace::was_full();
             if dies || matches!(step, Step::Crash | Step::ShutDown(_)) {
                 // What the disk did not accept is lost with the process. If it accepted everything, nothing is.
                 let mut before = (b.d.outbox.waiting() == 0 && !dies).then(|| b.d.state().clone());
+                let run_before = Before::of(&b).filter(|_| before.is_some());
                 if before.is_some() {
                     written = journalled(dir.path());
                 }
+                thread_ends(&mut b).await;
                 drop(b);
                 disk_trace::begin(None);
                 (is_dying, has_died) = (false, has_died || dies || before.is_none());
-                b = bench(dir.path(), loaded_from_outside);
+                b = bench(dir.path(), loaded_from_outside, &axis_answers);
                 let after = journalled(dir.path());
                 assert_eq!(after[..written.len()], written, "a start changed what is written, {when}");
                 if let Some(before) = &mut before {
                     after[written.len()..].iter().for_each(|event| before.apply(&event.body));
                     assert_eq!(b.d.state(), before, "the start forgot something, {when}");
+                }
+                follows_from_the_state(&b, &when);
+                if let Some(run_before) = &run_before {
+                    run_before.compare(&b, &when);
                 }
             }
             written = journalled(dir.path());

@@ -1,0 +1,104 @@
+//! What a start computes from the state of a run, and no event holds: the request, and which specimens are moved. It must be what the live
+//! run had.
+
+use super::super::run::Request;
+use super::super::*;
+use super::bench::{Bench, RUN};
+use carved_records::{EndRequest, RunOutcome, SpecimenOutcome};
+
+/// What the live run has before the process dies.
+#[derive(Debug)]
+pub struct Before {
+    request: Request,
+    /// Whether a worker has the instrument. It dies with the process, and leaves the specimen inside.
+    works: bool,
+    take_out: Option<String>,
+    eject_first: Option<String>,
+}
+
+impl Before {
+    /// `None` without a run.
+    pub fn of(b: &Bench) -> Option<Self> {
+        let run = b.d.run.as_ref()?;
+        let handling = run.handling();
+        Some(Self {
+            request: run.request(),
+            works: run.works(),
+            take_out: handling.take_out().map(str::to_owned),
+            eject_first: handling.eject_first().map(str::to_owned),
+        })
+    }
+
+    /// Compares the live run with the one that a start has taken up. Everything was on disk.
+    pub fn compare(&self, b: &Bench, when: &str) {
+        let asked = match self.request {
+            Request::Stop => Some(EndRequest::Stop),
+            Request::Abort => Some(EndRequest::Abort),
+            _ => None,
+        };
+        let Some(run) = &b.d.run else {
+            let record = b.d.outbox.store().run(RUN).unwrap().unwrap();
+            assert_eq!(record.outcome, Some(outcome(asked, &record)), "it ended in another way, {when}");
+            return;
+        };
+        assert_eq!(run.request(), request(asked), "{when}");
+        if !self.works && !run.works() {
+            let handling = run.handling();
+            for (before, after) in [(&self.take_out, handling.take_out()), (&self.eject_first, handling.eject_first())] {
+                assert!(before.is_none() || before.as_deref() == after, "{before:?} is not asked for any more: {handling:?}, {when}");
+            }
+        }
+    }
+}
+
+fn request(asked: Option<EndRequest>) -> Request {
+    match asked {
+        Some(EndRequest::Stop) => Request::Stop,
+        Some(EndRequest::Abort) => Request::Abort,
+        None => Request::Nothing,
+    }
+}
+
+/// How a start ends a run that is over, or that was asked to end.
+fn outcome(asked: Option<EndRequest>, record: &carved_store::RunRecord) -> RunOutcome {
+    let is_cut_short = record.wells.iter().any(|well| matches!(well.outcome, None | Some(SpecimenOutcome::Aborted)));
+    match asked {
+        Some(EndRequest::Abort) => RunOutcome::Aborted,
+        Some(EndRequest::Stop) => RunOutcome::of_stopped(&record.wells),
+        None => {
+            assert!(!is_cut_short, "nobody asked for an end: {:?}", record.wells);
+            RunOutcome::of_wells(&record.wells)
+        }
+    }
+}
+
+/// Compares a run that a start has taken up with the state that follows from its events.
+pub fn follows_from_the_state(b: &Bench, when: &str) {
+    let Some(run) = &b.d.run else { return };
+    let known = b.d.state().run.as_ref().unwrap();
+    assert_eq!(run.request(), request(known.end_request()), "{when}");
+
+    // A specimen that nobody brought for this run is in the way.
+    let (capillary, handling) = (b.d.capillary(), run.handling());
+    let in_the_way = capillary.inside().filter(|inside| capillary.brought() != Some(inside));
+    let moved = if b.d.loader.fills_capillary() {
+        (in_the_way, None)
+    } else {
+        // A worker takes this request over.
+        (None, in_the_way.filter(|_| !run.works()))
+    };
+    assert_eq!((handling.take_out(), handling.eject_first()), moved, "{when}");
+    assert_eq!(handling.awaited(), None, "the worker has not asked for a specimen yet, {when}");
+    assert!(!run.works() || handling.take_out().is_none(), "it works over a specimen that is to be taken out, {when}");
+
+    // It waits for a person, or because its cause has come back too often.
+    let needs_a_person = known.is_held_by_operator() || b.d.nothing_stands_in_the_way().is_err();
+    let status = b.status();
+    if status.state == State::Held {
+        assert!(needs_a_person || !resume::is_automatic(run, Some(known)), "nothing holds it, {when}");
+        assert!(!status.run.unwrap().goes_on_by_itself, "{when}");
+    } else {
+        assert!(!needs_a_person || known.end_request().is_some(), "it goes on without a person, {when}");
+    }
+    assert!(!run.may_go_on() || known.is_held_by_operator(), "it may go on and has not, {when}");
+}
