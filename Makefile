@@ -1,7 +1,7 @@
 # `make run` shows the instrument at work on its emulated rig; `make help` lists the rest.
 
 .DEFAULT_GOAL := help
-.PHONY: help build run test test-rust test-page test-python test-module test-service test-s3 test-slurm qa fuzz tutorial lint bench deb deb-test
+.PHONY: help build run test test-rust test-page test-python test-module test-service test-features test-slurm qa fuzz tutorial lint bench deb deb-test
 .PHONY: offline offline-test wheel web contract deny deps-build deps-web deps-python deps-test deps-slurm deps-bench deps-package deps-machine
 
 CARGO ?= cargo
@@ -64,8 +64,8 @@ fuzz: deps-build ## searches for inputs at which a parser panics, hangs or takes
 tutorial: build deps-python ## follows docs/tutorial.md as written, and compares every output with the page
 	python3 tests/docs/follow_tutorial.py "$(abspath $(TARGET_DIR))/release/carved"
 
-test-s3: deps-build deps-python ## archives in an object store, on the S3 of moto (builds carved with the feature s3)
-	$(CARGO) test --locked --features s3 --test commands object_store:: -- --ignored
+test-features: deps-build deps-python ## what is not in the default build: Parquet tables, and archives in an object store, on the S3 of moto
+	$(CARGO) test --locked --features s3,parquet --lib --test commands -- --include-ignored object_store:: parquet
 
 test-slurm: deps-build deps-slurm ## examples/slurm on a Slurm of this machine, which is installed where missing (as root, takes minutes)
 	$(CARGO) test --locked --test commands slurm:: -- --ignored --nocapture
