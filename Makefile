@@ -77,10 +77,10 @@ lint: deps-build deps-python $(NODE_MODULES) ## formatting, clippy with and with
 	$(CARGO) clippy --workspace --all-targets --locked --no-default-features --features simulate -- -D warnings
 	$(CARGO) clippy -p carved --locked --no-default-features --features s3 -- -D warnings
 	$(CARGO) clippy -p carved-core --all-targets --locked --no-default-features -- -D warnings
-	@if [ -d "$$(rustc --print target-libdir --target $(WASM))" ]; then \
+	@if [ -d "$$(rustc --print target-libdir --target $(WASM))" ] || why=$$(timeout 120 rustup target add $(WASM) 2>&1); then \
 		set -x; $(CARGO) check -p carved-core --locked --no-default-features --target $(WASM); \
 	else \
-		echo "carved-core is not checked for $(WASM): its standard library is not installed (rustup target add $(WASM))"; \
+		echo "carved-core is not checked for $(WASM): rustup target add $(WASM) failed: $$why"; \
 	fi
 	cd web && npm run --silent check
 	clients/python/check lint
