@@ -1,8 +1,9 @@
 # `make run` shows the instrument at work on its emulated rig; `make help` lists the rest.
 
 .DEFAULT_GOAL := help
-.PHONY: help build run test test-rust test-page test-python test-module test-qa test-service test-s3 test-slurm qa fuzz tutorial lint bench deb deb-test
-.PHONY: offline offline-test wheel web contract deny deps-build deps-web deps-python deps-test deps-slurm deps-bench deps-package deps-machine
+.PHONY: help build run test test-rust test-page test-python test-module test-qa test-service test-features test-slurm qa fuzz tutorial lint bench deb
+.PHONY: deb-test offline offline-test wheel web contract deny deps-build deps-web deps-python deps-test deps-slurm deps-bench deps-package
+.PHONY: deps-machine
 
 CARGO ?= cargo
 # Arguments for `carved simulate`: make run ARGS="--listen 127.0.0.1:8085"
@@ -55,7 +56,7 @@ test-qa:
 	python3 -m tests.reliability --binary "$(CARVED_BIN)" --scale short R9 R10 R15 R16 R17 R19 R20
 
 test-service:
-	if [ -x systemd/verify.sh ]; then systemd/verify.sh; fi
+	systemd/verify.sh
 
 # ROW="R1 R13" selects rows, SCALE=full their size; CONTROL=1 breaks what each row names, so that every row must report a miss.
 qa: build deps-python deps-test ## attacks the release program from outside, row by row: docs/reliability.md (ROW=R13 SCALE=full CONTROL=1)
@@ -68,8 +69,8 @@ fuzz: deps-build ## searches for inputs at which a parser panics, hangs or takes
 tutorial: build deps-python ## follows docs/tutorial.md as written, and compares every output with the page
 	python3 tests/docs/follow_tutorial.py "$(abspath $(TARGET_DIR))/release/carved"
 
-test-s3: deps-build deps-python ## archives in an object store, on the S3 of moto (builds carved with the feature s3)
-	$(CARGO) test --locked --features s3 --test commands object_store:: -- --ignored
+test-features: deps-build deps-python ## what is not in the default build: Parquet tables, and archives in an object store, on the S3 of moto
+	$(CARGO) test --locked --features s3,parquet --lib --test commands -- --include-ignored object_store:: parquet
 
 test-slurm: deps-build deps-slurm ## examples/slurm on a Slurm of this machine, which is installed where missing (as root, takes minutes)
 	$(CARGO) test --locked --test commands slurm:: -- --ignored --nocapture
@@ -81,10 +82,10 @@ lint: deps-build deps-python $(NODE_MODULES) ## formatting, clippy with and with
 	$(CARGO) clippy --workspace --all-targets --locked --no-default-features --features simulate -- -D warnings
 	$(CARGO) clippy -p carved --locked --no-default-features --features s3 -- -D warnings
 	$(CARGO) clippy -p carved-core --all-targets --locked --no-default-features -- -D warnings
-	@if [ -d "$$(rustc --print target-libdir --target $(WASM))" ]; then \
+	@if [ -d "$$(rustc --print target-libdir --target $(WASM))" ] || why=$$(timeout 120 rustup target add $(WASM) 2>&1); then \
 		set -x; $(CARGO) check -p carved-core --locked --no-default-features --target $(WASM); \
 	else \
-		echo "carved-core is not checked for $(WASM): its standard library is not installed (rustup target add $(WASM))"; \
+		echo "carved-core is not checked for $(WASM): rustup target add $(WASM) failed: $$why"; \
 	fi
 	cd web && npm run --silent check
 	clients/python/check lint

@@ -1,13 +1,18 @@
 //! carved measures zebrafish larvae in 3D while they turn in the capillary of a VAST BioImager.
 //!
 //! This crate is the daemon and its commands. The science is `carved-core`, the types of records and messages are `carved-records`, the
-//! devices are `carved-devices`, and the data folder is `carved-store`. `hardware-sim` is the emulated rig:
+//! devices are `carved-devices`, and the data folder is `carved-store`. `carved-offline` computes numbers without the instrument,
+//! `carved-pictures` draws frames and models, and `carved-files` opens files. `hardware-sim` is the emulated rig:
 //!
 //! ```text
-//! carved-core <- carved-records <- carved-devices, carved-store <- config, api, export <- session <- http, cli
+//! carved-core <- carved-records <- carved-devices, carved-store <- carved-offline
+//! carved-core <- carved-pictures      carved-files <- carved-devices, carved-store
+//!
+//! these crates <- config, api, export, tables <- notify <- session <- http <- cli
+//!                             export, tables <- report <- cli
 //! ```
-//! An arrow points to what is used. Cargo's manifests enforce the arrows between the crates, `tests/house.rs` those between the modules of this one. Only
-//! `session` runs specimens.
+//! An arrow points to what is used. Cargo's manifests enforce the arrows between the crates, `tests/house.rs` those between the modules
+//! of this one. Only `session` runs specimens.
 
 pub mod api;
 pub mod cli;

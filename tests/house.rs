@@ -38,6 +38,26 @@ const MAY_DEPEND_ON: &[(&str, &[&str])] = &[
     ("hardware-sim", &[]),
 ];
 
+/// The modules of the science. Each may use those before it, and the macro `ranges!`.
+const ORDER_OF_SCIENCE: [&str; 16] = [
+    "range",
+    "units",
+    "frame",
+    "statistics",
+    "parallel",
+    "assay",
+    "geometry",
+    "profile",
+    "carver",
+    "calibration",
+    "fins",
+    "surface",
+    "measure",
+    "quality",
+    "reconstruction",
+    "pipeline",
+];
+
 const NOT_IN_SCIENCE: &[&str] =
     &["tokio", "std::fs", "std::net", "std::thread", "std::time", "Instant::now", "SystemTime", "jiff", "axum", "tracing", "println!"];
 
@@ -58,8 +78,9 @@ fn sources(under: &Path, found: &mut Vec<PathBuf>) {
     }
 }
 
-fn module_sources(module: &str) -> Vec<PathBuf> {
-    let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+/// The files of a module of a crate, without tests. `crates/core` names the science, `.` the daemon.
+fn module_sources(of: &str, module: &str) -> Vec<PathBuf> {
+    let src = Path::new(env!("CARGO_MANIFEST_DIR")).join(of).join("src");
     let mut found = Vec::new();
     sources(&src.join(format!("{module}.rs")), &mut found);
     sources(&src.join(module), &mut found);
@@ -83,7 +104,7 @@ fn used(code: &str) -> BTreeSet<String> {
 fn modules_use_only_what_stands_to_their_left() {
     let mut breaches = Vec::new();
     for (module, allowed) in MAY_USE {
-        for file in module_sources(module) {
+        for file in module_sources(".", module) {
             for name in used(&code(&file)) {
                 if name != *module && !allowed.contains(&name.as_str()) {
                     breaches.push(format!("{}: uses crate::{name}", file.display()));
@@ -94,10 +115,26 @@ fn modules_use_only_what_stands_to_their_left() {
     assert!(breaches.is_empty(), "{}", breaches.join("\n"));
 }
 
+#[test]
+fn modules_of_the_science_use_only_what_stands_before_them() {
+    let mut breaches = Vec::new();
+    for (at, module) in ORDER_OF_SCIENCE.iter().enumerate() {
+        for file in module_sources("crates/core", module) {
+            for name in used(&code(&file)) {
+                if name != "ranges" && !ORDER_OF_SCIENCE[..=at].contains(&name.as_str()) {
+                    breaches.push(format!("{}: uses crate::{name}", file.display()));
+                }
+            }
+        }
+    }
+    assert!(breaches.is_empty(), "{}", breaches.join("\n"));
+    assert_eq!(modules_of("crates/core"), BTreeSet::from(ORDER_OF_SCIENCE.map(str::to_owned)));
+}
+
 /// The status is polled, so it must not read the disk. Only the routes of results, and of events older than the memory holds, may do so.
 #[test]
 fn only_results_and_old_events_read_the_store() {
-    let reads: Vec<String> = module_sources("http")
+    let reads: Vec<String> = module_sources(".", "http")
         .into_iter()
         .filter(|file| code(file).contains("app.reader"))
         .map(|file| file.file_name().unwrap().to_string_lossy().into_owned())
@@ -105,7 +142,7 @@ fn only_results_and_old_events_read_the_store() {
     assert_eq!(reads.iter().map(String::as_str).collect::<BTreeSet<_>>(), BTreeSet::from(["events.rs", "results.rs"]));
 }
 
-/// The driver's parts decide and know nothing of each other. The files that carry out what they decide call each other in one direction.
+/// The files that carry out what the driver's parts decide call each other in one direction. No part names `station`, so none can act.
 #[test]
 fn what_carries_out_the_decisions_of_the_driver_calls_in_one_direction() {
     let driver = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/session/driver");
@@ -157,12 +194,17 @@ fn what_is_written_does_not_describe_the_api() {
 
 #[test]
 fn the_table_names_every_module() {
-    let lib = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("src/lib.rs")).unwrap();
-    let modules: BTreeSet<_> = lib.lines().filter_map(|l| l.strip_prefix("pub mod ")).map(|l| l.trim_end_matches(';')).collect();
-    let mut table: BTreeSet<_> = MAY_USE.iter().map(|(m, _)| *m).collect();
+    let mut table: BTreeSet<_> = MAY_USE.iter().map(|(m, _)| (*m).to_owned()).collect();
     // The commands assemble everything, so they may use every module.
-    table.insert("cli");
-    assert_eq!(modules, table);
+    table.insert("cli".to_owned());
+    assert_eq!(modules_of("."), table);
+}
+
+/// The modules that the root of a crate declares.
+fn modules_of(of: &str) -> BTreeSet<String> {
+    let lib = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(of).join("src/lib.rs")).unwrap();
+    let declared = lib.lines().filter_map(|line| line.strip_prefix("pub ").unwrap_or(line).strip_prefix("mod "));
+    declared.map(|name| name.trim_end_matches(';').to_owned()).collect()
 }
 
 #[test]

@@ -150,7 +150,7 @@ def test_recordings(recording: pathlib.Path, tmp_path: pathlib.Path) -> None:
     with pytest.raises(carved.RecordingError, match="nothing"):
         carved.read(tmp_path / "nothing")
     opened = carved.read(recording)
-    with pytest.raises(carved.InputError, match="possible are 3, 4, 6, 8, 12, 24"):
+    with pytest.raises(carved.InputError, match="Possible numbers: 3, 4, 6, 8, 12, 24"):
         opened.measure(5)
     with pytest.raises(IndexError):
         opened.frame(24)

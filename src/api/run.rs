@@ -27,9 +27,9 @@ pub struct RunPlan {
     #[schema(min_items = 1)]
     pub plate_map: Vec<PlannedWell>,
     /// What the lab keeps with the plate, as MIHCSME has it; stored with the run and not read.
-    #[serde(default, skip_serializing_if = "records::plate_map::Metadata::is_empty")]
+    #[serde(default, skip_serializing_if = "records::Metadata::is_empty")]
     #[schema(value_type = Object)]
-    pub metadata: records::plate_map::Metadata,
+    pub metadata: records::Metadata,
 }
 
 impl From<records::RunPlan> for RunPlan {
@@ -157,7 +157,7 @@ pub struct PlateMap {
     pub plate_map: Vec<PlannedWell>,
     /// The `metadata` of a run's plan: MIHCSME as it came, or `columns` with the cells of a CSV that carved does not read.
     #[schema(value_type = Object)]
-    pub metadata: records::plate_map::Metadata,
+    pub metadata: records::Metadata,
     /// What was read otherwise than it stands there, each with its place.
     pub notes: Vec<String>,
 }

@@ -142,7 +142,7 @@ pub struct RunStatus {
     /// An operator has held it: it does not go on by itself, whatever else held it.
     #[serde(default)]
     pub held_by_operator: bool,
-    /// Held, it continues without anybody's word: at once, after a start of the daemon, or once what is lost is back.
+    /// A held run continues without a request: at once, after a start of the daemon, or when a lost device is back.
     #[serde(default)]
     pub goes_on_by_itself: bool,
     /// `null` where the run is not held.
@@ -158,9 +158,9 @@ pub struct SpecimenStatus {
     /// Views taken so far.
     pub view: u32,
     pub views_planned: u32,
-    /// The best estimate so far: by support functions of the slices, what few views make of a hull taken off. Told some twelve times a turn,
-    /// where no view waits; `null` until seven views look from all around (no gap wider than 150 deg, so 210 deg of a turn in sequence),
-    /// and where slices do not tell it. Once the specimen is measured, the measurement's.
+    /// Current estimate of the volume, by support functions of the slices: corrected for the small number of views. Updated about twelve
+    /// times a turn, when no view waits. `null` until 7 views have no gap over 150 deg (210 deg of a turn in sequence), and where the slices
+    /// do not determine it. After the measurement, its volume.
     pub volume_um3: Option<f64>,
     /// Standard deviation of `volume_um3`: `null` where that is.
     pub volume_sd_um3: Option<f64>,

@@ -22,7 +22,7 @@ pub enum Refusal {
     InvalidHandoff(Vec<FieldError>),
     #[error("run {id} exists with another plan; name the new run otherwise")]
     OtherPlan { id: String },
-    #[error("run {id} was measured before and is in the data folder no more; name the new run otherwise")]
+    #[error("run {id} was measured before and is no longer in the data folder. Choose another run id")]
     Pruned { id: String },
     #[error("the instrument is in state {state:?}; this command is accepted in {accepted_in:?}")]
     WrongState { state: State, accepted_in: Vec<State> },
@@ -34,7 +34,7 @@ pub enum Refusal {
     CapillaryFull { run: String, well: String },
     #[error("no run {id}; {}", newest.as_ref().map_or("there is none yet".to_owned(), |n| format!("the newest is {n}")))]
     UnknownRun { id: String, newest: Option<String> },
-    #[error("nothing is to be said of the specimen of well {well} in run {run} now: {instead}")]
+    #[error("the instrument expects no message about well {well} of run {run} now: {instead}")]
     UnexpectedWell { run: String, well: String, instead: String },
     #[error("nothing can run: {why}")]
     DeviceLost { why: String },
@@ -45,7 +45,7 @@ pub enum Refusal {
     FaultStands { seq: u64, code: String, message: String },
     #[error("there has been no fault {seq}; the newest is {newest}")]
     UnknownFault { seq: u64, newest: u64 },
-    #[error("plate {expected} is meant, not {found}")]
+    #[error("plate {expected} is inside; the plan names plate {found}")]
     OtherBarcode { expected: String, found: String },
     #[error("plate {inside} is still inside: {}", first(*.intent, inside, found))]
     PlateInside { intent: HandoffIntent, inside: String, found: String },
@@ -61,7 +61,7 @@ pub enum Refusal {
     OverBudget { why: String },
     #[error("the instrument is being checked; ask again when that is done")]
     Busy,
-    #[error("the store did not take it: {why}")]
+    #[error("the disk refused the write: {why}")]
     Store { why: String, full: bool },
     #[error("the instrument is shutting down")]
     ShuttingDown,

@@ -8,8 +8,8 @@
 //! ```
 
 use super::{csv, ontology, specimens};
-use carved_records::plate_map::{Metadata, kept_columns};
-use carved_records::{Mode, PlannedWell, SpecimenKind};
+use carved_records::plate_map::kept_columns;
+use carved_records::{Metadata, Mode, PlannedWell, SpecimenKind};
 use carved_store::{StoreError, StoredRun};
 use serde_json::{Map, Value, json};
 use std::collections::BTreeSet;

@@ -86,7 +86,7 @@ fn a_beads_frames_become_a_recording_that_measures() {
     // One recording fails; the others are measured.
     let missing = dir.path().join("missing");
     let output = run(&["measure", "--asd", "5", text(&missing), text(&out)]);
-    assert!(!output.status.success() && stderr(&output).contains("possible are 3, 4, 6, 8, 12, 24"), "{}", stderr(&output));
+    assert!(!output.status.success() && stderr(&output).contains("Possible numbers: 3, 4, 6, 8, 12, 24"), "{}", stderr(&output));
     let output = run(&["measure", "--asd", "3", text(&missing), text(&out)]);
     let printed: Vec<Value> = output.stdout.split(|b| *b == b'\n').filter_map(|l| serde_json::from_slice(l).ok()).collect();
     assert!(!output.status.success() && stderr(&output).contains("1 recording(s) could not be measured"), "{}", stderr(&output));

@@ -1,4 +1,4 @@
-//! `carved archive --to s3://...` and `prune` on the S3 of moto: `make test-s3`.
+//! `carved archive --to s3://...` and `prune` on the S3 of moto: `make test-features`.
 
 use crate::common::{carved, json, stderr, stored::stored, until, venv};
 use carved_records::RunOutcome;
@@ -95,7 +95,7 @@ fn run(data: &Path) -> PathBuf {
 }
 
 #[test]
-#[ignore = "starts an S3 server, which is installed from PyPI: make test-s3"]
+#[ignore = "starts an S3 server, which is installed from PyPI: make test-features"]
 fn a_copy_is_read_back_goes_on_after_an_interruption_and_is_verified_again_before_a_prune() {
     let s3 = S3::start();
     let dir = tempfile::tempdir().unwrap();
@@ -132,7 +132,7 @@ fn a_copy_is_read_back_goes_on_after_an_interruption_and_is_verified_again_befor
 }
 
 #[test]
-#[ignore = "starts an S3 server, which is installed from PyPI: make test-s3"]
+#[ignore = "starts an S3 server, which is installed from PyPI: make test-features"]
 fn a_packed_copy_has_an_object_per_well_and_is_verified_inside() {
     let s3 = S3::start();
     let dir = tempfile::tempdir().unwrap();
@@ -164,7 +164,7 @@ fn a_packed_copy_has_an_object_per_well_and_is_verified_inside() {
 }
 
 #[test]
-#[ignore = "starts an S3 server, which is installed from PyPI: make test-s3"]
+#[ignore = "starts an S3 server, which is installed from PyPI: make test-features"]
 fn what_is_missing_is_named_with_the_way_out() {
     let s3 = S3::start();
     let dir = tempfile::tempdir().unwrap();

@@ -318,12 +318,12 @@ fn the_reference_page_lists_the_columns() {
 }
 
 /// Tables for the readers: more rows than polars looks at before it decides on types, and columns with gaps.
-fn for_readers(folder: &Path) -> Value {
+fn for_readers(folder: &Path, with_parquet: bool) -> Value {
     let data = folder.join("data");
     let runs = [plate(&data, "r1", "P-17", 120), plate(&data, "r2", "P-2", 4)];
     let (out, shape) = (folder.join("table.csv"), folder.join("shape.csv"));
     done(&carved().args(["export", "table"]).args(&runs).arg("--out").arg(&out).arg("--shape").arg(&shape).output().unwrap());
-    if cfg!(feature = "parquet") {
+    if with_parquet {
         done(&carved().args(["export", "table"]).args(&runs).arg("--out").arg(folder.join("table.parquet")).output().unwrap());
     }
     let numbers = example("larva.json");
@@ -345,12 +345,25 @@ fn for_readers(folder: &Path) -> Value {
 #[test]
 #[cfg_attr(not(has_python), ignore = "no Python 3 with venv: apt-get install python3-venv")]
 fn pandas_polars_and_duckdb_open_the_tables_without_options() {
+    open_the_tables(false);
+}
+
+#[test]
+#[cfg_attr(
+    not(all(has_python, feature = "parquet")),
+    ignore = "needs Python 3 with venv, and a carved with the feature parquet: make test-features"
+)]
+fn pandas_polars_and_duckdb_open_parquet_too() {
+    open_the_tables(true);
+}
+
+fn open_the_tables(with_parquet: bool) {
     let python = match venv::python("readers", "duckdb, pandas, polars, pyarrow", "tests/readers/requirements.txt") {
         Ok(python) => python,
         Err(why) => return strict::cannot_run(&format!("pandas, polars and DuckDB cannot be installed: {why}")),
     };
     let dir = tempfile::tempdir().unwrap();
-    let expected = for_readers(dir.path());
+    let expected = for_readers(dir.path(), with_parquet);
     std::fs::write(dir.path().join("expected.json"), expected.to_string()).unwrap();
     let program = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/readers/read_tables.py");
     let output = Command::new(python).arg(program).arg(dir.path()).output().unwrap();
@@ -361,7 +374,7 @@ fn pandas_polars_and_duckdb_open_the_tables_without_options() {
 #[cfg_attr(not(has_rscript), ignore = "no Rscript: apt-get install r-base-core")]
 fn r_opens_the_tables_without_options() {
     let dir = tempfile::tempdir().unwrap();
-    let expected = for_readers(dir.path());
+    let expected = for_readers(dir.path(), false);
     let mut text = "column,kind,value\n".to_owned();
     for (column, value) in expected["first"].as_object().unwrap() {
         let kind = expected["kinds"][column].as_str().unwrap();

@@ -6,12 +6,13 @@ commands  every `carved ...` command line of the sh blocks: {"at": "docs/tutoria
 spans     every `carved ...` in running text, in the same form. A span may leave out what the command requires.
 options   every `--option ...` in running text, in the same form
 mistakes  what this program itself finds: an sh block that no shell can read, Python and TOML that cannot be parsed,
-          a name that carved_client does not have, a relative link to a file or a heading that does not exist, and a
-          request that docs/openapi.json does not have
+          a name that carved_client does not have, a relative link to a file or a heading that does not exist, the path
+          of a source file that does not exist, and a request that docs/openapi.json does not have
 """
 
 import ast
 import json
+import os
 import re
 import shlex
 import sys
@@ -23,6 +24,10 @@ from links import SPAN, dead, split
 ROOT = Path(__file__).resolve().parents[2]
 CLIENT = ROOT / "clients/python/src/carved_client"
 REQUEST = re.compile(r"(GET|PUT|POST|DELETE) (/[^\s?]*)")
+# The path of a source file or of a folder of sources, from the root or from a folder that the page has named.
+SOURCE = re.compile(r"[\w-]+(/[\w.-]+)+\.(rs|py|ts|mjs|sh)|(src|crates|hardware-sim|tests|web)/([\w.-]+/)*")
+# Part of a path that stands for any name.
+PLACEHOLDER = re.compile(r"[A-Z]{2}")
 OPERATORS = ";&|()<>"
 # Words before a command that are not its name.
 LEADING = {"do", "then", "else", "sudo", "exec", "time", "!"}
@@ -113,6 +118,16 @@ def check_python(at, text):
             mistakes.append(f"{at}: CarvedClient has no {node.attr}")
 
 
+def sources():
+    """Paths of the files and folders of the project, each after a slash."""
+    found = []
+    for folder, folders, files in os.walk(ROOT):
+        folders[:] = [name for name in folders if name not in ("target", "node_modules", ".git", ".venv")]
+        path = "/" + Path(folder).relative_to(ROOT).as_posix()
+        found += [f"{path}/{name}" for name in files] + [f"{path}/"]
+    return found
+
+
 def routes():
     """Patterns of every method and path of the contract. A page may name a parameter otherwise, or give a value."""
     paths = json.loads((ROOT / "docs/openapi.json").read_text())["paths"]
@@ -122,7 +137,7 @@ def routes():
 
 def main():
     """Read all pages and print what they have."""
-    known = routes()
+    known, files = routes(), sources()
     found = {"commands": [], "spans": [], "options": [], "mistakes": mistakes}
     for page in pages():
         name = page.relative_to(ROOT)
@@ -151,6 +166,9 @@ def main():
                 request = REQUEST.match(span[2])
                 if request and not known.fullmatch(request[0]):
                     mistakes.append(f"{name}:{line}: docs/openapi.json has no {request[0]}")
+                is_source = SOURCE.fullmatch(span[2]) and not PLACEHOLDER.search(span[2])
+                if is_source and not any(file.endswith(f"/{span[2]}") for file in files):
+                    mistakes.append(f"{name}:{line}: there is no {span[2]}")
                 kind = {"carved": "spans", "--": "options"}.get(re.match(r"(carved(?= )|--|)", span[2])[0])
                 if kind is None:
                     continue

@@ -126,7 +126,7 @@ export function places(well: WellStatus): { text: string; doubts: string }[] {
   if (well.reference === null) return [];
   return [well.reference.volume, well.reference.area].map(({ words, mismatches }) => ({
     text: `${capitalised(words)}.`,
-    doubts: mismatches.length === 0 ? "" : `Not the same or not known: ${mismatches.join("; ")}.`,
+    doubts: mismatches.length === 0 ? "" : `Compare with care: ${mismatches.join("; ")}.`,
   }));
 }
 

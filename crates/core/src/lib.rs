@@ -2,11 +2,11 @@
 //! with its standard uncertainty.
 //!
 //! ```text
-//! units, frame, range, statistics
+//! units, frame, range, statistics ──> assay
 //!        │
 //!    geometry ──> profile ──> carver ──> calibration ──> fins ──> surface ──> measure ──> quality ──> reconstruction ──> pipeline
 //! ```
-//! Each module uses only modules to its left.
+//! Each module uses only modules to its left or above (`tests/house.rs` of the workspace checks this).
 //!
 //! The crate takes values and returns values. It uses no async runtime, files, network or clock, so the same input gives the
 //! same bytes wherever it runs.

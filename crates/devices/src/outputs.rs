@@ -28,7 +28,7 @@ pub enum OutputUse {
     Manual,
 }
 
-/// One table of the outputs of a driver, whose pins are of type `P`.
+/// The outputs of this controller, one table each.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[cfg_attr(

@@ -130,6 +130,7 @@ impl LoaderInterlock {
     }
 
     /// Whether the message that this well is loaded has arrived and was not taken yet.
+    #[cfg(feature = "testing")]
     pub fn has_loaded(&self, well: &str) -> bool {
         matches!(&*self.0.0.lock().unwrap_or_else(PoisonError::into_inner), Some(LoaderMessage::Loaded(loaded)) if loaded == well)
     }

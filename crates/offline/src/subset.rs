@@ -6,7 +6,7 @@ use carved_records::{LedgerEntry, Method};
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum SubsetError {
     /// The number does not divide that of the captured views.
-    #[error("{asd} views (asd): {captured} views were captured, of which {asd} do not stand evenly around the turn; possible are {}", .possible.iter().map(u32::to_string).collect::<Vec<_>>().join(", "))]
+    #[error("{asd} of {captured} views (asd) cannot be evenly spaced. Possible numbers: {}", .possible.iter().map(u32::to_string).collect::<Vec<_>>().join(", "))]
     NoDivisor {
         /// Views captured.
         captured: u32,
@@ -123,7 +123,7 @@ mod tests {
     fn what_is_no_even_subset_is_refused_with_the_ways_out() {
         let entries = turn((0..12).map(|i| f64::from(i) * 30.0), false);
         for asd in [0, 1, 2, 5, 24] {
-            assert!(views(&entries, 12, asd).unwrap_err().contains("possible are 3, 4, 6, 12"));
+            assert!(views(&entries, 12, asd).unwrap_err().contains("Possible numbers: 3, 4, 6, 12"));
         }
         let half = turn((0..12).map(|i| f64::from(i) * 15.0), false);
         assert!(views(&half, 12, 4).unwrap_err().contains("no even subset"));

@@ -46,7 +46,7 @@ pub use ledger::{Ledger, LedgerEntry, LedgerError, SecondEntry};
 pub use light::Light;
 pub use method::{CameraTooNear, Method, ViewOrder};
 pub use outcome::{Mode, Phase, RunOutcome, SchedulerAction, SpecimenOutcome};
-pub use plan::{Control, FieldError, PlannedWell, RunPlan, SpecimenKind, Versioned, is_plain_name};
+pub use plan::{Control, FieldError, Metadata, PlannedWell, RunPlan, SpecimenKind, Versioned, is_plain_name};
 pub use plate::{PlateFormat, is_well, name as well_name, place as well_place};
 pub use policy::{BeadGate, Clipped, Deadlines, Interrupted, Policy, Resume};
 pub use reference::{PlaceStatus, ReferenceStatus};

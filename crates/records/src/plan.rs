@@ -1,6 +1,5 @@
 //! The plan of a run, as a client sends it. The whole plan is checked before anything moves.
 
-use crate::plate_map::Metadata;
 use crate::{ConcentrationUnit, PlateFormat, is_well};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
@@ -13,6 +12,9 @@ pub enum SpecimenKind {
     Larva,
     Bead,
 }
+
+/// Metadata that carved stores beside the wells and does not evaluate: a JSON object.
+pub type Metadata = serde_json::Map<String, serde_json::Value>;
 
 /// Body of `PUT /v1/runs/{run_id}`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

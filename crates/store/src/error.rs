@@ -38,7 +38,7 @@ pub enum StoreError {
     Unfinished { path: PathBuf, expected: u32, found: usize },
     #[error("{}: it was written and is gone: somebody took it out of the record while the run was going", path.display())]
     Vanished { path: PathBuf },
-    #[error("{}: it was not closed within {waited_s:.0} s: the disk hangs. Look after it; what is there of the record is kept", path.display())]
+    #[error("{}: it was not closed within {waited_s:.0} s: the disk hangs. Check the disk. Files already written are kept", path.display())]
     Unclosed { path: PathBuf, waited_s: f64 },
     #[error(
         "{}: the uuid of the instrument cannot be read: {why}. Nothing was changed. Restore the file from a backup, or write \

@@ -181,7 +181,7 @@ pub fn all(folder: &Path, rig: &str, mode: Mode) -> Result<Vec<GateFile>, StoreE
     Ok(gates)
 }
 
-/// The gates of every rig and mode in the folder, the oldest first. A file that cannot be read is told in the log, and is none.
+/// The gates of every rig and mode in the folder, the oldest first. A file that cannot be read is logged and skipped.
 ///
 /// # Errors
 /// A folder that is there and cannot be listed.

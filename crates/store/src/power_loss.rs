@@ -39,7 +39,7 @@ pub(super) fn entry(view: u32) -> LedgerEntry {
 
 /// What was acknowledged to clients.
 #[derive(Debug, Clone, Default, PartialEq)]
-struct Told {
+struct Acknowledged {
     events: usize,
     run: bool,
     outcome: Option<RunOutcome>,
@@ -57,14 +57,14 @@ fn event_data(kind: &str) -> EventData {
 }
 
 /// A run of one specimen. Calls `told` after each acknowledgement.
-fn life(root: &Path, mut told: impl FnMut(&Told)) -> Result<(), StoreError> {
+fn life(root: &Path, mut told: impl FnMut(&Acknowledged)) -> Result<(), StoreError> {
     let (store, mut journal, _) = Claim::on(root).and_then(Store::open)?;
-    let mut now = Told::default();
+    let mut now = Acknowledged::default();
     let mut record = record("r1");
     store.save_run(&record)?;
     now.run = true;
     told(&now);
-    let mut event = |now: &mut Told, kind: &str| {
+    let mut event = |now: &mut Acknowledged, kind: &str| {
         journal.append(Some("r1"), Some("A01"), event_data(kind))?;
         now.events += 1;
         Ok::<(), StoreError>(())
@@ -172,7 +172,7 @@ impl Disk {
 }
 
 /// Opens the store on what is left, and checks that everything acknowledged is there.
-fn check(root: &Path, told: &Told, when: &str) {
+fn check(root: &Path, told: &Acknowledged, when: &str) {
     let (store, journal, events) = Claim::on(root).and_then(Store::open).unwrap_or_else(|e| panic!("{when}: {e}"));
     let ids: Vec<u64> = events.iter().filter(|e| e.body.data.kind() != "run.unreadable").map(|e| e.id).collect();
     assert!(ids.len() >= told.events && ids.iter().zip(1..).all(|(id, n)| *id == n), "{when}: {ids:?}, told {told:?}");
@@ -205,7 +205,7 @@ fn check(root: &Path, told: &Told, when: &str) {
 fn what_was_acknowledged_outlives_a_power_loss_after_any_operation() {
     let dir = scratch();
     let root = dir.path().join("data");
-    let mut acknowledged = vec![(0, Told::default())];
+    let mut acknowledged = vec![(0, Acknowledged::default())];
     trace::begin(None);
     life(&root, |told| acknowledged.push((trace::count(), told.clone()))).unwrap();
     let ops = trace::end();

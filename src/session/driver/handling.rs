@@ -25,7 +25,7 @@ pub(super) enum Waited {
     /// For this specimen.
     ForIt,
     /// For the removal of the previous specimen.
-    ForTheFormer,
+    ForRemoval,
     /// For nothing.
     No,
 }
@@ -68,7 +68,7 @@ impl Handling {
     pub fn brought(&mut self) -> Waited {
         match (self.awaited.take(), self.take_out.take()) {
             (Some(_), _) => Waited::ForIt,
-            (None, Some(_)) => Waited::ForTheFormer,
+            (None, Some(_)) => Waited::ForRemoval,
             (None, None) => Waited::No,
         }
     }
@@ -102,7 +102,7 @@ mod tests {
         handling.await_specimen("A02");
         assert_eq!((handling.brought(), handling.awaited(), handling.take_out()), (Waited::ForIt, None, None));
         handling.remove("A01", true);
-        assert_eq!((handling.brought(), handling.take_out()), (Waited::ForTheFormer, None));
+        assert_eq!((handling.brought(), handling.take_out()), (Waited::ForRemoval, None));
     }
 
     #[test]

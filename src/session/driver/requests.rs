@@ -134,7 +134,7 @@ fn loaded(d: &mut Station, run: &str, well: &str) -> Result<(), Refusal> {
             d.loader.say_loaded(well);
             d.go(Trigger::Loaded);
         }
-        Some(Waited::ForTheFormer) if status.state == State::Suspended => {
+        Some(Waited::ForRemoval) if status.state == State::Suspended => {
             d.go(Trigger::Loaded);
             course::proceed(d);
         }
@@ -158,7 +158,7 @@ fn unloaded(d: &mut Station, run: &str, well: &str) -> Result<(), Refusal> {
     let was_kept = d.capillary().brought() == Some(well);
     d.outbox.promise(run_of_event(d, run), Some(well), EventData::WellUnloaded)?;
     if was_kept && !d.loader.brings_again() {
-        course::give_up(d, well, "somebody took its specimen out, and the sampler brings none twice");
+        course::give_up(d, well, "the specimen was removed, and this sampler cannot bring it again");
     }
     let waited = d.run.as_mut().is_some_and(|run| run.handling_mut().taken_out(well));
     let at_rest = d.run.is_none();

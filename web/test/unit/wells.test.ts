@@ -133,7 +133,7 @@ test("a larva's place is said per number, with what of it does not match", () =>
     {
       text: "Area 0.8 SD below the mean of 12 larvae of 3 dpf.",
       doubts:
-        "Not the same or not known: voxel edge: 6.93 um, the reference's not stated; mode: simulated, the reference's hardware.",
+        "Compare with care: voxel edge: 6.93 um, the reference's not stated; mode: simulated, the reference's hardware.",
     },
   ]);
 });

@@ -12,5 +12,5 @@ mod summary;
 mod window;
 
 pub use dose::{DoseRefusal, DoseResponse, Parameter};
-pub use summary::{Summary, median};
+pub use summary::Summary;
 pub use window::{Window, WindowRefusal};

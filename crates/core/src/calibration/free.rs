@@ -120,7 +120,7 @@ impl Parameter {
             Self::S => "the volume left is flat in it. Leave it at 0",
             Self::Phi => "it shifts the image as uy does. Leave it at 90 deg and free uy",
             Self::Alpha => {
-                "5 deg to either side change the volume left by less than 0.7 %, always the same way: searches let go went to 45 deg"
+                "5 deg to either side change the volume left by less than 0.7 %, always the same way: unbounded searches ran to 45 deg"
             }
             Self::Omega => {
                 "one angle 20 deg off changes the volume left by 0.2 to 3 %, and all views turned into one direction leave 108 to 140 % more: the largest volume is nonsense. The ledger knows better"

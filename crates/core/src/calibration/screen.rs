@@ -115,7 +115,9 @@ pub enum Bad {
     #[error("blank: no pixel of it is inside")]
     Blank,
     /// Its edges are far from the model of the other views.
-    #[error("its profile is {found:.1} px off the other views' model, theirs {usual:.1} px: it leaks, or shows something else")]
+    #[error(
+        "its profile differs from the model of the other views by {found:.1} px (usual: {usual:.1} px): it leaks, or shows something else"
+    )]
     Residual {
         /// Its residual, px.
         found: f64,

@@ -30,7 +30,7 @@ pub struct Moving {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum MovingError {
     /// Too few pictures.
-    #[error("{found} pictures; what moves is told from what stands still by {LEAST_PICTURES} or more")]
+    #[error("at least {LEAST_PICTURES} pictures are needed to find moving spots; found {found}")]
     Few {
         /// Pictures given.
         found: usize,

@@ -83,7 +83,7 @@ macro_rules! codes {
 
 codes! {
     CAMERA_LOST = "camera_lost", Camera, PauseInstrument, operator: true, recoverable: true,
-        "The camera does not answer, or the control of it was lost, for longer than a run waits.",
+        "Camera lost. It does not answer, or the control of it was lost, for longer than a run waits.",
         "Check the camera's power and network cable.";
     CAMERA_TAKEN = "camera_taken", Camera, PauseInstrument, operator: true, recoverable: true,
         "Another program controls the camera.",
@@ -125,7 +125,7 @@ codes! {
         "The axis' controller does not answer any more.",
         "Check the controller's power and cable.";
     ROTATION_SUSPECT = "rotation_suspect", Motion, Retry, operator: false, recoverable: true,
-        "It is not certain any more where the axis stands; it was stopped. A stock VAST that may be out of step asks for a person.",
+        "The position of the axis is uncertain. The axis was stopped. A stock VAST that may be out of step asks for a person.",
         "End the list of a stock VAST that steps through one.";
     ROTATION_ALARM = "rotation_alarm", Motion, EscalateOperator, operator: true, recoverable: true,
         "The controller is in alarm: a limit switch, a stall, motors that came apart, an encoder's or driver's error.",
@@ -161,10 +161,10 @@ codes! {
         "Loading, ejecting or washing took longer than the method's policy allows.",
         "Look whether a specimen is stuck, or who should have brought it. If it is only slow, allow the phase more time in the method's policy.";
     STORE_FAILED = "store_failed", Storage, PauseInstrument, operator: true, recoverable: true,
-        "Something could not be written to disk. The plate is not called removable.",
+        "Something could not be written to disk. `plate.removable` stays false: do not remove the plate.",
         "Check that the data folder is there, belongs to the daemon and can be written.";
     DISK_FULL = "disk_full", Storage, PauseInstrument, operator: true, recoverable: true,
-        "The disk that holds the data is full. The plate is not called removable.",
+        "The disk that holds the data is full. `plate.removable` stays false: do not remove the plate.",
         "Make room on the data disk.";
     EMERGENCY_STOP = "emergency_stop", Safety, EscalateOperator, operator: true, recoverable: true,
         "Somebody pressed the emergency stop. The motors stand, a run that was under way is aborted, and nothing starts.",

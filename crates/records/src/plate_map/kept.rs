@@ -1,7 +1,8 @@
 //! What a lab says of single wells beside carved's own columns: cells of a CSV that carved does not read, and conditions of MIHCSME.
 
 use super::mihcsme::{self, column_of};
-use super::{Metadata, json, well_of};
+use super::{json, well_of};
+use crate::Metadata;
 use serde_json::Value;
 use std::collections::BTreeMap;
 

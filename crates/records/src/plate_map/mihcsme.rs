@@ -10,7 +10,8 @@
 
 use super::cell::{Cell, Column, Row};
 use super::number::Decimal;
-use super::{Metadata, Mistake, Place, Reading, json};
+use super::{Mistake, Place, Reading, json};
+use crate::Metadata;
 use serde_json::{Map, Value};
 use std::collections::BTreeSet;
 

@@ -21,12 +21,9 @@ pub use kept::{KeptColumns, kept_columns};
 pub use table::{UNCLOSED_QUOTE, unclosed_quote};
 
 use super::plan::off_plate;
-use super::{FieldError, PlannedWell, PlateFormat};
+use super::{FieldError, Metadata, PlannedWell, PlateFormat};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-
-/// Metadata that carved stores beside the wells and does not evaluate: a JSON object.
-pub type Metadata = serde_json::Map<String, serde_json::Value>;
 
 /// The format of a plate map.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

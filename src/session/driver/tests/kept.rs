@@ -224,7 +224,7 @@ fn a_kept_specimen_that_is_out_ends_its_well_where_the_sampler_brings_none_twice
         b.loaded("A02", false).unwrap();
         assert_eq!((b.inside_by_status(), b.outcomes()), (None, vec![SUCCEEDED, INTERRUPTED, None]));
         let why = b.status().run.unwrap().results[1].reason.clone().unwrap();
-        assert!(why.contains("took its specimen out"), "{why}");
+        assert!(why.contains("cannot bring it again"), "{why}");
         assert!(b.is_sealed("A02"));
         assert_eq!(b.interruptions(), [true, false]);
         b.goes_on();

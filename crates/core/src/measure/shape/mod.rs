@@ -61,7 +61,7 @@ pub(crate) enum Refusal {
         "the slices across the body axis hold {share:.3} of the volume instead of 1: the body is bent or branched so much that they do not follow it"
     )]
     Volume { share: f64 },
-    #[error("the body axis is not told, which the harmonics go around")]
+    #[error("the harmonics need a body axis, and none was found")]
     NoAxis,
     #[error(
         "{rays} of {of} rays across the body axis meet the surface several times or never: its slices are not star-shaped around their centres"

@@ -24,18 +24,18 @@ pub(super) fn words(gate: &BeadGate, settings: &GateSettings) -> Vec<String> {
         let (off_um, held_um) = ((s.mean_um - s.nominal_um).abs(), s.detectable_um.max(settings.repeat_um));
         let percent = 100.0 * held_um / s.nominal_um;
         let surely = if s.t_score > s.critical && off_um <= settings.repeat_um {
-            format!(" (off by {off_um:.2} um for certain, which is less than the same bead may differ by: repeat_um, {} um)", settings.repeat_um)
+            format!(". This is certain, and less than one bead may differ from itself (repeat_um, {} um)", settings.repeat_um)
         } else {
             String::new()
         };
         format!(
-            "t score {:.2} of {:.2}{surely}: {n} beads show a mean that is off by {held_um:.2} um ({percent:.2} %) in four of five such sets; a \
-             smaller bias passes unseen. The scale is told by a certified bead or a micrometer",
+            "the mean diameter is {off_um:.2} um off (t score {:.2}, limit {:.2}){surely}. {n} beads can miss a bias of less than {held_um:.2} um \
+             ({percent:.2} %). To calibrate the scale, use a certified bead or a micrometer",
             s.t_score, s.critical
         )
     }));
     if gate.numbers.repeat_um.is_none() {
-        said.push("no bead was measured twice: repeatability is not told. Measure one of them a second time".into());
+        said.push("repeatability is unknown: measure one bead twice".into());
     }
     said
 }

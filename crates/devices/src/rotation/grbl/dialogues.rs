@@ -2,22 +2,14 @@
 
 use super::*;
 use crate::cancel::CancelToken;
+use crate::rotation::scripted::Scripted;
 use proptest::prelude::*;
-use serialport::{SerialPort, TTYPort};
 use std::collections::BTreeMap;
-use std::io::{ErrorKind, Read, Write};
-use std::sync::mpsc::{Receiver, Sender, channel};
-use std::thread::JoinHandle;
-use std::time::Duration;
 
 const GREETING: &str = "\r\nGrbl 1.1h ['$' for help]\r\n";
 const VERSION: &str = "[VER:1.1h.20190830:]\r\n[OPT:V,15,128]\r\nok\r\n";
 const SETTINGS: &str = "$1=255\r\n$10=1\r\n$13=0\r\n$22=1\r\n$23=0\r\n$27=0.720\r\n$100=1.389\r\n$110=3600.000\r\n$120=200.000\r\nok\r\n";
 const RESET: &str = "\x18";
-/// Closes the controller's side of the pty.
-const HANG_UP: &str = "hang up";
-/// Far longer than any dialogue here takes, so that a broken driver fails and does not hang.
-const PATIENCE: Duration = Duration::from_secs(20);
 
 type Step<'a> = (&'a str, String);
 
@@ -66,91 +58,26 @@ fn settings(port: &str) -> GrblSettings {
     }
 }
 
-/// A controller that knows only its script.
-struct Scripted {
-    name: String,
-    // Keeps the pty alive until the driver has opened it.
-    slave: TTYPort,
-    reached: Receiver<usize>,
-    thread: JoinHandle<Result<(), String>>,
+/// A controller that knows only its script. At the end of the script it hangs up.
+fn play(script: Vec<Step<'static>>) -> Scripted {
+    let is_real_time = |expected: &str| ["?", "!", RESET, "\u{87}"].contains(&expected);
+    let sent = |expected: &str| match expected.chars().next() {
+        Some(byte) if is_real_time(expected) => vec![byte as u8],
+        _ => format!("{expected}\n").into_bytes(),
+    };
+    Scripted::play(script.into_iter().map(|(expected, reply)| (sent(expected), reply.into_bytes())).collect())
 }
 
-impl Scripted {
-    fn play(script: Vec<Step<'static>>) -> Self {
-        let (mut master, slave) = TTYPort::pair().unwrap();
-        master.set_timeout(Duration::from_millis(50)).unwrap();
-        let (reach, reached) = channel();
-        let name = slave.name().unwrap();
-        let thread = std::thread::spawn(move || run(master, script, &reach));
-        Self { name, slave, reached, thread }
-    }
-
-    fn open(&self) -> Result<Grbl, DeviceError> {
-        Grbl::open(settings(&self.name))
-    }
-
-    fn await_step(&self, number: usize) {
-        while self.reached.recv_timeout(PATIENCE).unwrap() < number {}
-    }
-
-    /// Both sides are done: the script was followed to its end.
-    fn followed(self, grbl: Grbl) {
-        self.thread.join().unwrap().unwrap();
-        drop((grbl, self.slave));
-    }
-}
-
-fn run(mut master: TTYPort, script: Vec<Step>, reach: &Sender<usize>) -> Result<(), String> {
-    let mut heard = Vec::new();
-    for (number, (expected, reply)) in script.into_iter().enumerate() {
-        let said = hear(&mut master, &mut heard).map_err(|e| format!("step {number}: {e}, expected {expected:?}"))?;
-        if said != expected {
-            return Err(format!("step {number}: expected {expected:?}, heard {said:?}"));
-        }
-        if reply == HANG_UP {
-            return Ok(());
-        }
-        master.write_all(reply.as_bytes()).map_err(|e| e.to_string())?;
-        // Nobody need listen.
-        let _ = reach.send(number);
-    }
-    // Whatever the driver still says by itself is more than the script has; the owner of the script keeps the pty open.
-    match master.read(&mut [0; 64]) {
-        Ok(n) if n > 0 => Err("more was said than the script has".into()),
-        _ => Ok(()),
-    }
-}
-
-/// The next line or real-time byte.
-fn hear(master: &mut TTYPort, heard: &mut Vec<u8>) -> Result<String, String> {
-    let until = Instant::now() + PATIENCE;
-    loop {
-        if let Some(byte) = heard.first().copied().filter(|b| b"?!\x18\x87".contains(b)) {
-            heard.remove(0);
-            return Ok(char::from(byte).to_string());
-        }
-        if let Some(end) = heard.iter().position(|b| *b == b'\n') {
-            let line: Vec<u8> = heard.drain(..=end).collect();
-            return Ok(String::from_utf8_lossy(&line).trim_end().to_owned());
-        }
-        if Instant::now() > until {
-            return Err("nothing heard".into());
-        }
-        let mut bytes = [0; 256];
-        match master.read(&mut bytes) {
-            Ok(n) => heard.extend_from_slice(&bytes[..n]),
-            Err(e) if e.kind() == ErrorKind::TimedOut => {}
-            Err(e) => return Err(e.to_string()),
-        }
-    }
+fn open(controller: &Scripted) -> Result<Grbl, DeviceError> {
+    Grbl::open(settings(&controller.port()))
 }
 
 /// Plays a move to step 24 that goes wrong after `script`, and returns the error and what is then known.
 fn failed_move(script: Vec<Step<'static>>) -> (DeviceError, Position) {
     let mut steps = referenced("0.000");
     steps.extend(script);
-    let controller = Scripted::play(steps);
-    let mut grbl = controller.open().unwrap();
+    let controller = play(steps);
+    let mut grbl = open(&controller).unwrap();
     grbl.reference(&CancelToken::new()).unwrap();
     let error = grbl.move_to(Steps(24)).unwrap_err();
     let known = grbl.position();
@@ -174,8 +101,8 @@ fn a_move_is_stated_absolutely_awaited_by_the_barrier_and_read_back() {
     script.push(step("G4P0", "ok\r\n"));
     script.push(("?", idle("17.280")));
     script.push(("?", idle("17.280")));
-    let controller = Scripted::play(script);
-    let mut grbl = controller.open().unwrap();
+    let controller = play(script);
+    let mut grbl = open(&controller).unwrap();
     assert_eq!(grbl.position(), Position::Unknown);
     assert!(matches!(grbl.move_to(Steps(24)), Err(DeviceError::NotReferenced)));
     assert_eq!(grbl.reference(&CancelToken::new()).unwrap(), Achieved { steps: Steps(0), epoch: 1 });
@@ -193,8 +120,8 @@ fn step_0_is_where_the_reference_was_taken() {
     script.push(step("G21G90G53G1X89.280F3600.000", "ok\r\n"));
     script.push(step("G4P0", "ok\r\n"));
     script.push(("?", idle("89.280")));
-    let controller = Scripted::play(script);
-    let mut grbl = controller.open().unwrap();
+    let controller = play(script);
+    let mut grbl = open(&controller).unwrap();
     grbl.reference(&CancelToken::new()).unwrap();
     assert_eq!(grbl.move_to(Steps(24)).unwrap().steps, Steps(24));
     controller.followed(grbl);
@@ -208,8 +135,8 @@ fn homing_takes_the_reported_place_as_step_0_and_raises_the_epoch() {
         script.extend([step("$$", SETTINGS), step("$H", "ok\r\n")]);
         script.extend((0..2).map(|_| ("?", idle("-0.720"))));
     }
-    let controller = Scripted::play(script);
-    let mut grbl = Grbl::open(GrblSettings { reference: Reference::Home, ..settings(&controller.name) }).unwrap();
+    let controller = play(script);
+    let mut grbl = Grbl::open(GrblSettings { reference: Reference::Home, ..settings(&controller.port()) }).unwrap();
     assert_eq!(grbl.reference(&CancelToken::new()).unwrap().epoch, 1);
     assert_eq!(grbl.reference(&CancelToken::new()).unwrap(), Achieved { steps: Steps(0), epoch: 2 });
     controller.followed(grbl);
@@ -222,8 +149,8 @@ fn an_alarm_is_unlocked_only_by_a_reference() {
     script.extend([step("$$", SETTINGS), step("?", "<Alarm|MPos:0.000,0.000,0.000>\r\n")]);
     script.push(step("$X", "[MSG:Caution: Unlocked]\r\nok\r\n"));
     script.extend((0..2).map(|_| ("?", idle("0.000"))));
-    let controller = Scripted::play(script);
-    let mut grbl = controller.open().unwrap();
+    let controller = play(script);
+    let mut grbl = open(&controller).unwrap();
     grbl.reference(&CancelToken::new()).unwrap();
     controller.followed(grbl);
 }
@@ -246,8 +173,8 @@ fn a_reset_that_is_answered_late_greets_again_and_that_is_no_restart() {
         script.push(("$$", format!("{GREETING}{rest}")));
         script.push(step("$$", SETTINGS));
         script.extend((0..3).map(|_| ("?", idle("0.000"))));
-        let controller = Scripted::play(script);
-        let mut grbl = controller.open().unwrap();
+        let controller = play(script);
+        let mut grbl = open(&controller).unwrap();
         assert_eq!(grbl.reference(&CancelToken::new()).unwrap().epoch, 1);
         controller.followed(grbl);
     }
@@ -265,8 +192,8 @@ fn a_restart_between_moves_is_noticed_by_its_greeting_or_by_its_place() {
             // The greeting was lost with the cable; the controller counts from 0 again.
             script.extend([("?", idle("0.000")), ("?", idle("0.000"))]);
         }
-        let controller = Scripted::play(script);
-        let mut grbl = controller.open().unwrap();
+        let controller = play(script);
+        let mut grbl = open(&controller).unwrap();
         grbl.reference(&CancelToken::new()).unwrap();
         grbl.move_to(Steps(24)).unwrap();
         if greets {
@@ -297,8 +224,8 @@ fn a_late_ok_is_never_taken_for_the_answer_to_something_else() {
     script.extend((0..3).map(|_| ("?", idle("3.600"))));
     let mut steps = referenced("0.000");
     steps.extend(script);
-    let controller = Scripted::play(steps);
-    let mut grbl = controller.open().unwrap();
+    let controller = play(steps);
+    let mut grbl = open(&controller).unwrap();
     grbl.reference(&CancelToken::new()).unwrap();
     let error = grbl.move_to(Steps(24)).unwrap_err();
     assert!(matches!(&error, DeviceError::Silent { request, .. } if request == "?"), "{error}");
@@ -312,8 +239,8 @@ fn a_flipped_bit_that_parses_is_asked_again_and_not_believed() {
     script.extend(move_begins());
     script.push(step("G4P0", "ok\r\n"));
     script.extend([("?", idle("1.280")), ("?", idle("17.280"))]);
-    let controller = Scripted::play(script);
-    let mut grbl = controller.open().unwrap();
+    let controller = play(script);
+    let mut grbl = open(&controller).unwrap();
     grbl.reference(&CancelToken::new()).unwrap();
     assert_eq!(grbl.move_to(Steps(24)).unwrap().steps, Steps(24));
     controller.followed(grbl);
@@ -347,8 +274,8 @@ fn garbage_around_and_inside_the_answers_is_survived() {
     script.push(step(MOVE_24, "[GC:G0 G54]\r\n#%&\r\nok\r\n"));
     script.push(step("G4P0", "[MSG:'$H'|'$X' to unlock]\r\nok\r\n"));
     script.push(("?", idle("17.280")));
-    let controller = Scripted::play(script);
-    let mut grbl = controller.open().unwrap();
+    let controller = play(script);
+    let mut grbl = open(&controller).unwrap();
     grbl.reference(&CancelToken::new()).unwrap();
     assert_eq!(grbl.move_to(Steps(24)).unwrap().steps, Steps(24));
     controller.followed(grbl);
@@ -375,7 +302,7 @@ fn a_refused_line_is_named_with_its_reason() {
 #[test]
 fn a_cable_pulled_in_the_middle_of_a_move_is_gone_and_not_waited_for() {
     let mut script = move_begins();
-    script.push(step("G4P0", HANG_UP));
+    script.push(step("G4P0", ""));
     let (error, known) = failed_move(script);
     assert!(matches!(error, DeviceError::Gone { .. }), "{error}");
     assert_eq!(known, Position::Suspect { epoch: 2 });
@@ -393,9 +320,9 @@ fn a_stop_reaches_the_wire_while_a_move_waits_and_stays_until_the_reference() {
     script.extend(woken());
     script.push(step("$$", SETTINGS));
     script.extend((0..3).map(|_| ("?", idle("3.600"))));
-    let controller = Scripted::play(script);
+    let controller = play(script);
     // A deadline of minutes: only the stop can end this move in time.
-    let mut grbl = Grbl::open(GrblSettings { answer_timeout_ms: 600_000, ..settings(&controller.name) }).unwrap();
+    let mut grbl = Grbl::open(GrblSettings { answer_timeout_ms: 600_000, ..settings(&controller.port()) }).unwrap();
     grbl.reference(&CancelToken::new()).unwrap();
     let stop = grbl.stop_handle();
     let mut grbl = std::thread::scope(|scope| {
@@ -419,8 +346,8 @@ fn a_stop_of_a_standing_axis_lets_no_command_follow_it_onto_the_wire() {
     let mut script = referenced("0.000");
     script.extend(halted());
     let last = script.len() - 1;
-    let controller = Scripted::play(script);
-    let mut grbl = controller.open().unwrap();
+    let controller = play(script);
+    let mut grbl = open(&controller).unwrap();
     grbl.reference(&CancelToken::new()).unwrap();
     grbl.stop_handle().stop();
     controller.await_step(last);
@@ -432,14 +359,14 @@ fn a_stop_of_a_standing_axis_lets_no_command_follow_it_onto_the_wire() {
 
 #[test]
 fn a_stop_handle_that_outlives_its_axis_holds_no_port_open() {
-    let controller = Scripted::play(opening());
-    let grbl = controller.open().unwrap();
+    let controller = play(opening());
+    let grbl = open(&controller).unwrap();
     let stop = grbl.stop_handle();
     drop(grbl);
     stop.stop();
-    let again = Link::serial(DEVICE, &controller.name.as_str().into(), 115_200, Stop::of(STOP));
+    let again = Link::serial(DEVICE, &controller.port().as_str().into(), 115_200, Stop::of(STOP));
     assert!(again.is_ok(), "the port is free again");
-    assert!(Link::serial(DEVICE, &controller.name.as_str().into(), 115_200, Stop::of(STOP)).is_err(), "one owner per port");
+    assert!(Link::serial(DEVICE, &controller.port().as_str().into(), 115_200, Stop::of(STOP)).is_err(), "one owner per port");
 }
 
 #[test]
@@ -449,8 +376,8 @@ fn every_setting_that_differs_is_named_at_once_by_both_numbers() {
     let mut script = woken();
     script.push(step("$I", VERSION));
     script.extend((0..2).map(|_| ("$$", other.clone())));
-    let controller = Scripted::play(script);
-    let home = GrblSettings { reference: Reference::Home, ..settings(&controller.name) };
+    let controller = play(script);
+    let home = GrblSettings { reference: Reference::Home, ..settings(&controller.port()) };
     let said = Grbl::open(home).err().unwrap();
     let DeviceError::Mismatch { differences, .. } = &said else { panic!("{said}") };
     assert_eq!(differences.len(), 4, "{said}");
@@ -470,8 +397,8 @@ fn a_setting_that_was_garbled_on_the_way_is_asked_for_again() {
     let mut script = woken();
     script.extend([step("$I", VERSION), ("$$", garbled)]);
     script.push(step("$$", SETTINGS));
-    let controller = Scripted::play(script);
-    let grbl = controller.open().unwrap();
+    let controller = play(script);
+    let grbl = open(&controller).unwrap();
     controller.followed(grbl);
 }
 
@@ -481,8 +408,8 @@ fn an_erased_memory_is_said_to_be_one() {
     let greeting = format!("error:7\r\n{defaults}{GREETING}");
     let mut script = vec![("?", idle("0.000")), step(RESET, &greeting), step("$I", VERSION)];
     script.extend((0..2).map(|_| ("$$", defaults.clone())));
-    let controller = Scripted::play(script);
-    let said = controller.open().err().unwrap().to_string();
+    let controller = play(script);
+    let said = open(&controller).err().unwrap().to_string();
     assert!(said.contains("error:7") && said.contains("configured 1.389, found 250"), "{said}");
 }
 
@@ -494,8 +421,8 @@ fn an_ok_to_homing_that_has_not_homed_is_not_believed() {
         script.extend(woken());
         script.extend([step("$$", SETTINGS), step("$H", "ok\r\n"), ("?", idle("3.600"))]);
     }
-    let controller = Scripted::play(script);
-    let mut grbl = Grbl::open(GrblSettings { reference: Reference::Home, ..settings(&controller.name) }).unwrap();
+    let controller = play(script);
+    let mut grbl = Grbl::open(GrblSettings { reference: Reference::Home, ..settings(&controller.port()) }).unwrap();
     let said = grbl.reference(&CancelToken::new()).unwrap_err().to_string();
     assert!(said.contains("homing to end at -0.720") && said.contains("3.600"), "{said}");
     assert_eq!(grbl.position(), Position::Suspect { epoch: 0 });
@@ -524,8 +451,8 @@ fn grblhal_is_known_by_its_greeting_and_forgets_its_last_error_before_each_line(
         step("G4P0", "ok\r\n"),
         ("?", idle("16.560")),
     ];
-    let controller = Scripted::play(script);
-    let mut grbl = Grbl::open(GrblSettings { reference: Reference::Home, ..settings(&controller.name) }).unwrap();
+    let controller = play(script);
+    let mut grbl = Grbl::open(GrblSettings { reference: Reference::Home, ..settings(&controller.port()) }).unwrap();
     assert!(grbl.identity().starts_with("GrblHAL 1.1f"), "{}", grbl.identity());
     grbl.reference(&CancelToken::new()).unwrap();
     assert_eq!(grbl.move_to(Steps(24)).unwrap().steps, Steps(24));
@@ -534,8 +461,8 @@ fn grblhal_is_known_by_its_greeting_and_forgets_its_last_error_before_each_line(
 
 #[test]
 fn another_dialect_than_the_configured_one_is_refused() {
-    let controller = Scripted::play(woken());
-    let said = Grbl::open(GrblSettings { dialect: Dialect::GrblHal, ..settings(&controller.name) }).err().unwrap().to_string();
+    let controller = play(woken());
+    let said = Grbl::open(GrblSettings { dialect: Dialect::GrblHal, ..settings(&controller.port()) }).err().unwrap().to_string();
     assert!(said.contains("grblHAL 1.1") && said.contains("Grbl 1.1h"), "{said}");
 }
 
@@ -543,12 +470,12 @@ fn another_dialect_than_the_configured_one_is_refused() {
 fn a_deaf_moment_at_power_up_is_waited_out_but_not_for_ever() {
     let mut script = vec![step("?", ""), step(RESET, ""), step(RESET, "")];
     script.extend(opening().into_iter().skip(1));
-    let controller = Scripted::play(script);
-    let grbl = controller.open().unwrap();
+    let controller = play(script);
+    let grbl = open(&controller).unwrap();
     controller.followed(grbl);
 
-    let old = Scripted::play(vec![("?", idle("0.000")), step(RESET, "Grbl 0.9j ['$' for help]\r\n")]);
-    let said = old.open().err().unwrap().to_string();
+    let old = play(vec![("?", idle("0.000")), step(RESET, "Grbl 0.9j ['$' for help]\r\n")]);
+    let said = open(&old).err().unwrap().to_string();
     assert!(said.contains("Grbl 1.1") && said.contains("Grbl 0.9j"), "{said}");
 }
 
@@ -557,8 +484,8 @@ fn moves_all_the_same(script: Vec<Step<'static>>) {
     let mut steps = referenced("0.000");
     steps.push(("?", idle("0.000")));
     steps.extend(script);
-    let controller = Scripted::play(steps);
-    let mut grbl = controller.open().unwrap();
+    let controller = play(steps);
+    let mut grbl = open(&controller).unwrap();
     grbl.reference(&CancelToken::new()).unwrap();
     assert_eq!(grbl.move_to(Steps(24)).unwrap(), Achieved { steps: Steps(24), epoch: 1 });
     controller.followed(grbl);
@@ -639,8 +566,8 @@ fn a_hold_is_asked_for_twice_and_then_left_alone_until_a_person_asks_for_a_stop(
     script.extend([step("?", hold), step("?", hold)]);
     script.extend(halted());
     let last = script.len() - 1;
-    let controller = Scripted::play(script);
-    let mut grbl = controller.open().unwrap();
+    let controller = play(script);
+    let mut grbl = open(&controller).unwrap();
     grbl.reference(&CancelToken::new()).unwrap();
     let error = grbl.move_to(Steps(24)).unwrap_err();
     let DeviceError::Intervention { what, .. } = &error else { panic!("{error}") };
@@ -675,8 +602,8 @@ fn a_controller_that_somebody_has_is_opened_left_alone_and_asked_once_it_is_free
         script.extend(woken());
         script.push(step("$$", SETTINGS));
         script.extend((0..3).map(|_| ("?", idle("3.600"))));
-        let controller = Scripted::play(script);
-        let mut grbl = controller.open().unwrap();
+        let controller = play(script);
+        let mut grbl = open(&controller).unwrap();
         assert_eq!(grbl.position(), Position::Unknown);
         assert!(grbl.identity().contains("not read yet"), "{}", grbl.identity());
         let cancel = CancelToken::new();
@@ -702,8 +629,8 @@ fn a_reference_asks_what_could_not_be_asked_when_the_port_was_opened() {
     script.extend(woken());
     script.extend([step("$$", SETTINGS), step("$H", "ok\r\n")]);
     script.extend((0..2).map(|_| ("?", idle("-0.720"))));
-    let controller = Scripted::play(script);
-    let mut grbl = Grbl::open(GrblSettings { reference: Reference::Home, ..settings(&controller.name) }).unwrap();
+    let controller = play(script);
+    let mut grbl = Grbl::open(GrblSettings { reference: Reference::Home, ..settings(&controller.port()) }).unwrap();
     grbl.reference(&CancelToken::new()).unwrap();
     assert!(grbl.identity().starts_with("Grbl 1.1h"), "{}", grbl.identity());
     controller.followed(grbl);
@@ -719,8 +646,8 @@ fn settings_that_differ_are_told_once_a_hold_that_stood_at_the_opening_is_over()
     script.extend((0..2).map(|_| ("$$", other.clone())));
     // Told once at rest: every reference holds them against the configuration again.
     script.push(("?", idle("0.000")));
-    let controller = Scripted::play(script);
-    let mut grbl = controller.open().unwrap();
+    let controller = play(script);
+    let mut grbl = open(&controller).unwrap();
     assert!(matches!(grbl.check(), Err(DeviceError::Mismatch { .. })));
     grbl.check().unwrap();
     controller.followed(grbl);
@@ -730,8 +657,8 @@ fn settings_that_differ_are_told_once_a_hold_that_stood_at_the_opening_is_over()
 fn a_check_neither_resets_nor_awaits_a_motion_that_goes_on_after_a_hold() {
     let mut script = taken("<Hold:0|MPos:0.000,0.000,0.000|FS:0,0>\r\n");
     script.push(("?", running("3.600")));
-    let controller = Scripted::play(script);
-    let mut grbl = controller.open().unwrap();
+    let controller = play(script);
+    let mut grbl = open(&controller).unwrap();
     grbl.check().unwrap();
     controller.followed(grbl);
 }
@@ -740,8 +667,8 @@ fn a_check_neither_resets_nor_awaits_a_motion_that_goes_on_after_a_hold() {
 fn a_controller_that_is_stopped_is_not_reset_by_a_check() {
     let mut script = taken("<Hold:0|MPos:0.000,0.000,0.000|FS:0,0>\r\n");
     script.push(("?", idle("0.000")));
-    let controller = Scripted::play(script);
-    let mut grbl = controller.open().unwrap();
+    let controller = play(script);
+    let mut grbl = open(&controller).unwrap();
     grbl.stop_handle().end_motion();
     grbl.check().unwrap();
     controller.followed(grbl);
@@ -755,8 +682,8 @@ fn greetings_of_earlier_resets_hide_no_hold() {
     script.push(("?", GREETING.repeat(5)));
     script.extend((0..4).map(|_| step("?", "")));
     script.extend((0..2).map(|_| step("?", hold)));
-    let controller = Scripted::play(script);
-    let mut grbl = controller.open().unwrap();
+    let controller = play(script);
+    let mut grbl = open(&controller).unwrap();
     assert!(matches!(grbl.reference(&CancelToken::new()), Err(DeviceError::Intervention { .. })));
     controller.followed(grbl);
 }
@@ -769,8 +696,8 @@ fn a_greeting_before_anything_moves_makes_the_reference_try_once_more() {
     script.extend(woken());
     script.push(step("$$", SETTINGS));
     script.extend((0..3).map(|_| ("?", idle("0.000"))));
-    let controller = Scripted::play(script);
-    let mut grbl = controller.open().unwrap();
+    let controller = play(script);
+    let mut grbl = open(&controller).unwrap();
     assert_eq!(grbl.reference(&CancelToken::new()).unwrap(), Achieved { steps: Steps(0), epoch: 1 });
     controller.followed(grbl);
 }
