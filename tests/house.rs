@@ -142,18 +142,18 @@ fn only_results_and_old_events_read_the_store() {
     assert_eq!(reads.iter().map(String::as_str).collect::<BTreeSet<_>>(), BTreeSet::from(["events.rs", "results.rs"]));
 }
 
-/// The files that carry out what the driver's parts decide call each other in one direction. No part names `station`, so none can act.
+/// The files that carry out what the driver's parts decide call each other in one direction. No part names `driver_state`, so none can act.
 #[test]
 fn what_carries_out_the_decisions_of_the_driver_calls_in_one_direction() {
     let driver = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/session/driver");
     let calls = [
-        ("station", &[][..]),
-        ("reports", &["station"]),
-        ("missing", &["station"]),
-        ("course", &["station", "missing"]),
-        ("checks", &["station", "course"]),
-        ("requests", &["station", "course"]),
-        ("restart", &["station", "missing", "course"]),
+        ("driver_state", &[][..]),
+        ("reports", &["driver_state"]),
+        ("missing", &["driver_state"]),
+        ("course", &["driver_state", "missing"]),
+        ("checks", &["driver_state", "course"]),
+        ("requests", &["driver_state", "course"]),
+        ("restart", &["driver_state", "missing", "course"]),
     ];
     for (file, may_call) in calls {
         let code = code(&driver.join(format!("{file}.rs")));
@@ -167,7 +167,7 @@ fn what_carries_out_the_decisions_of_the_driver_calls_in_one_direction() {
         let name = file.strip_prefix(&driver).unwrap().with_extension("");
         let is_part = !name.starts_with("tests") && !calls.iter().any(|(other, _)| name == Path::new(other));
         // `mod.rs` waits for what comes next and passes it on.
-        assert!(!is_part || name == Path::new("mod") || !names(&code(&file), "station"), "{} is a part", file.display());
+        assert!(!is_part || name == Path::new("mod") || !names(&code(&file), "driver_state"), "{} is a part", file.display());
     }
 }
 

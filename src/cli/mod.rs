@@ -21,7 +21,7 @@ mod index;
 mod manual;
 mod measure;
 mod notify;
-#[doc(hidden)]
+#[cfg(feature = "testing")]
 pub mod parsers;
 mod plate;
 mod reconstruct;

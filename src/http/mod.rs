@@ -26,7 +26,7 @@ mod metrics;
 mod openapi;
 mod pace;
 mod page;
-#[doc(hidden)]
+#[cfg(feature = "testing")]
 pub mod parsers;
 mod plate;
 mod plate_maps;

@@ -4,13 +4,13 @@ use super::super::search::DevicesFound;
 use super::super::{OutputStatus, Status, preflight};
 use super::commands::reply;
 use super::devices::{Done, Finding, PreflightRequest, findings, intervention};
+use super::driver_state::DriverState;
 use super::room;
-use super::station::Station;
 use super::{course, faults};
 use carved_devices::DeviceError;
 use carved_records::{Device, EventData, Fault, fault_table};
 
-pub(super) fn beat(d: &mut Station) {
+pub(super) fn beat(d: &mut DriverState) {
     d.calibration_ages();
     d.show_index();
     d.show_notices();
@@ -23,7 +23,7 @@ pub(super) fn beat(d: &mut Station) {
 }
 
 /// Tries a failed disk again. What is not on disk yet is written first.
-pub(super) fn try_the_store(d: &mut Station) {
+pub(super) fn try_the_store(d: &mut DriverState) {
     if !d.outbox.is_failing() || d.works() || !room::is_worth_a_retry(d.outbox.store()) {
         return;
     }
@@ -42,7 +42,7 @@ pub(super) fn try_the_store(d: &mut Station) {
 }
 
 /// Checks the devices between runs.
-pub(super) fn look(d: &mut Station) {
+pub(super) fn look(d: &mut DriverState) {
     if d.devices.at_rest().is_none() {
         return;
     }
@@ -52,7 +52,7 @@ pub(super) fn look(d: &mut Station) {
     d.devices.begin_look();
 }
 
-pub(super) fn task_done(d: &mut Station, done: Done) {
+pub(super) fn task_done(d: &mut DriverState, done: Done) {
     match done {
         Done::Searched(found) => searched(d, found),
         Done::Preflight(seen, request) => {
@@ -78,7 +78,7 @@ pub(super) fn task_done(d: &mut Station, done: Done) {
     course::go_on_if_it_may(d);
 }
 
-pub(super) fn searched(d: &mut Station, found: DevicesFound) {
+pub(super) fn searched(d: &mut DriverState, found: DevicesFound) {
     let was_lost = d.devices.lost().is_some();
     let outputs = found.outputs.iter().cloned().map(OutputStatus::from).collect::<Vec<_>>();
     for finding in findings(found) {
@@ -95,7 +95,7 @@ pub(super) fn searched(d: &mut Station, found: DevicesFound) {
     }
 }
 
-fn find(d: &mut Station, finding: Finding) {
+fn find(d: &mut DriverState, finding: Finding) {
     match finding {
         Finding::There(device) => find_again(d, device),
         Finding::Lost(device, error) => lose(d, device, error),
@@ -108,13 +108,13 @@ fn find(d: &mut Station, finding: Finding) {
 }
 
 /// Raises the fault of a device that was lost between runs, once.
-fn lose(d: &mut Station, device: Device, error: DeviceError) {
+fn lose(d: &mut DriverState, device: Device, error: DeviceError) {
     if !d.devices.has_lost(device) {
         d.raise(&error.into());
     }
 }
 
-fn find_again(d: &mut Station, device: Device) {
+fn find_again(d: &mut DriverState, device: Device) {
     let identity = d.devices.at_rest().map(|instrument| instrument.rig.rotation.identity().to_owned()).unwrap_or_default();
     let connected = |s: &mut Status| match device {
         Device::Camera => s.hardware.camera.connected = true,
@@ -133,7 +133,7 @@ fn find_again(d: &mut Station, device: Device) {
 }
 
 /// Reads the sampler's sensor for a specimen in the capillary, while there is no run and the capillary should be empty.
-fn read_wire(d: &mut Station, seen: Option<bool>) {
+fn read_wire(d: &mut DriverState, seen: Option<bool>) {
     let Some(seen) = seen.filter(|_| d.run.is_none() && d.capillary().inside().is_none()) else { return };
     let reading = d.loader.read_wire(seen);
     if reading.is_news {

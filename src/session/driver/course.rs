@@ -12,19 +12,19 @@ use super::super::handle::Refusal;
 use super::super::state::Trigger;
 use super::super::worker::{self, Instrument, RunContext, RunEnd, RunError};
 use super::super::{State, gate};
+use super::driver_state::DriverState;
 use super::interrupt::{Course, Fate, interruptions};
 use super::recovery::{Continuation, Made};
 use super::run::{AfterWork, Request, RunInProgress, Work};
 use super::sealing::{seal_well, views_stored};
 use super::snapshot::{self, run_status};
-use super::station::Station;
 use super::{Departure, Life, faults, missing, resume};
 use carved_records::{
     EventData, HeldBy, Method, ResumedBy, RunAccepted, RunEnded, RunHeld, RunPlan, RunResumed, SpecimenInterrupted, WellCounts,
 };
 use carved_store::{RunRecord, StoreError};
 
-pub(super) fn shut_down(d: &mut Station, departure: Departure) {
+pub(super) fn shut_down(d: &mut DriverState, departure: Departure) {
     d.life = Life::Stopping(departure);
     d.ask(Request::ShutDown);
     d.go(Trigger::ShutDown);
@@ -37,7 +37,7 @@ pub(super) fn shut_down(d: &mut Station, departure: Departure) {
 }
 
 /// Writes the acceptance of the run to the journal, then starts the worker.
-pub(super) fn start(d: &mut Station, id: &str, plan: RunPlan, method: Method) -> Result<(), StoreError> {
+pub(super) fn start(d: &mut DriverState, id: &str, plan: RunPlan, method: Method) -> Result<(), StoreError> {
     let calibration = gate::calibration(&d.config, d.mode);
     let record = RunRecord {
         instrument: Some(d.identity.clone()),
@@ -78,7 +78,7 @@ pub(super) fn start(d: &mut Station, id: &str, plan: RunPlan, method: Method) ->
 }
 
 /// Starts a worker with the instrument for the wells that are left.
-fn launch(d: &mut Station) {
+fn launch(d: &mut DriverState) {
     let lacks_gate = d.lacks_gate();
     let accepted = d.accepted();
     // A specimen that a plate-loader brought is reported through the interlock.
@@ -110,7 +110,7 @@ fn launch(d: &mut Station) {
 }
 
 /// Holds the run for an operator. This hold stays when other causes of a hold are over.
-pub(super) fn hold(d: &mut Station, state: State) -> Result<(), Refusal> {
+pub(super) fn hold(d: &mut DriverState, state: State) -> Result<(), Refusal> {
     if d.is_held_by_operator() {
         return Ok(());
     }
@@ -127,7 +127,7 @@ pub(super) fn hold(d: &mut Station, state: State) -> Result<(), Refusal> {
     Ok(())
 }
 
-pub(super) fn stop(d: &mut Station) -> Result<(), Refusal> {
+pub(super) fn stop(d: &mut DriverState) -> Result<(), Refusal> {
     d.promise(None, EventData::RunStopRequested)?;
     d.ask(Request::Stop);
     d.go(Trigger::Stop);
@@ -138,7 +138,7 @@ pub(super) fn stop(d: &mut Station) -> Result<(), Refusal> {
 }
 
 /// Aborts the run even if the disk fails. The event is written as soon as possible.
-pub(super) fn abort(d: &mut Station) {
+pub(super) fn abort(d: &mut DriverState) {
     d.ask(Request::Abort);
     d.go(Trigger::Abort);
     d.event(None, EventData::RunAbortRequested);
@@ -148,7 +148,7 @@ pub(super) fn abort(d: &mut Station) {
 }
 
 /// Continues a held run, once the causes of the hold are over.
-pub(super) fn unhold(d: &mut Station, by: ResumedBy) -> Result<(), Refusal> {
+pub(super) fn unhold(d: &mut DriverState, by: ResumedBy) -> Result<(), Refusal> {
     d.nothing_stands_in_the_way()?;
     let Some(run) = &mut d.run else { return Ok(()) };
     if d.devices.at_rest().is_none() {
@@ -163,7 +163,7 @@ pub(super) fn unhold(d: &mut Station, by: ResumedBy) -> Result<(), Refusal> {
 }
 
 /// The step after Unholding: wait for the loader, measure the next well, or end the run.
-pub(super) fn proceed(d: &mut Station) {
+pub(super) fn proceed(d: &mut DriverState) {
     missing::recover(d);
     let accepted = d.accepted();
     let Some(run) = &d.run else { return };
@@ -180,14 +180,14 @@ pub(super) fn proceed(d: &mut Station) {
 }
 
 /// Every cause of the hold is over. The run continues by itself if its method allows it and no operator holds it.
-pub(super) fn resume_by_itself(d: &mut Station) {
+pub(super) fn resume_by_itself(d: &mut DriverState) {
     let_go_on(d);
     go_on_if_it_may(d);
 }
 
 /// Allows the run to continue by itself. To be set before the last fault is cleared: no client may read that a run waits for a person if it
 /// is about to continue.
-pub(super) fn let_go_on(d: &mut Station) {
+pub(super) fn let_go_on(d: &mut DriverState) {
     let known = d.outbox.state().run.as_ref();
     if let Some(run) = &mut d.run {
         run.set_may_go_on(resume::is_automatic(run, known));
@@ -195,7 +195,7 @@ pub(super) fn let_go_on(d: &mut Station) {
 }
 
 /// Continues the run now, or when the background task returns the instrument.
-pub(super) fn go_on_if_it_may(d: &mut Station) {
+pub(super) fn go_on_if_it_may(d: &mut DriverState) {
     let may = d.run.as_ref().is_some_and(RunInProgress::may_go_on) && !d.is_held_by_operator();
     if !may || d.publisher.status().state != State::Held {
         return;
@@ -211,7 +211,7 @@ pub(super) fn go_on_if_it_may(d: &mut Station) {
     }
 }
 
-pub(super) fn worker_ended(d: &mut Station, (instrument, end): (Instrument, RunEnd)) {
+pub(super) fn worker_ended(d: &mut DriverState, (instrument, end): (Instrument, RunEnd)) {
     d.devices.give_back(instrument);
     let Some(run) = &mut d.run else { return };
     match run.joined(end) {
@@ -246,7 +246,7 @@ pub(super) fn worker_ended(d: &mut Station, (instrument, end): (Instrument, RunE
 }
 
 /// Decides for each specimen in progress: its well ends, it is kept, or it is requested again.
-pub(super) fn interrupt_specimens(d: &mut Station, reason: &str, fate: Fate) {
+pub(super) fn interrupt_specimens(d: &mut DriverState, reason: &str, fate: Fate) {
     let accepted = d.accepted();
     let Some(run) = &d.run else { return };
     let policy = run.record().method.policy.interrupted;
@@ -278,7 +278,7 @@ pub(super) fn interrupt_specimens(d: &mut Station, reason: &str, fate: Fate) {
 }
 
 /// Ends a well whose specimen cannot be measured any more.
-pub(super) fn give_up(d: &mut Station, well: &str, reason: &str) {
+pub(super) fn give_up(d: &mut DriverState, well: &str, reason: &str) {
     let Some(run) = &mut d.run else { return };
     let views = views_stored(d.outbox.store(), &run.record().id, well);
     if !run.give_up(well, reason, views) {
@@ -293,7 +293,7 @@ pub(super) fn give_up(d: &mut Station, well: &str, reason: &str) {
 }
 
 /// Goes to Held from any state of a run. The worker has returned the instrument.
-fn rest(d: &mut Station, by_fault: bool) {
+fn rest(d: &mut DriverState, by_fault: bool) {
     let state = d.publisher.status().state;
     if state == State::Stopping {
         // A requested end comes first.
@@ -314,7 +314,7 @@ fn rest(d: &mut Station, by_fault: bool) {
 }
 
 /// Completes a run after its last well, once the missing numbers are computed.
-fn finish(d: &mut Station) {
+fn finish(d: &mut DriverState) {
     d.go(Trigger::WellsDone);
     missing::recover(d);
     if !is_delayed(d, Continuation::Finish) {
@@ -323,7 +323,7 @@ fn finish(d: &mut Station) {
 }
 
 /// Ends the run as requested, once the numbers of released specimens are computed.
-pub(super) fn end_run(d: &mut Station) {
+pub(super) fn end_run(d: &mut DriverState) {
     if d.leaves_run() {
         // The next start finds what a crash leaves. It computes numbers that are missing.
         return d.forget_run();
@@ -335,12 +335,12 @@ pub(super) fn end_run(d: &mut Station) {
 }
 
 /// Whether `then` must wait for numbers that are being computed.
-fn is_delayed(d: &mut Station, then: Continuation) -> bool {
+fn is_delayed(d: &mut DriverState, then: Continuation) -> bool {
     d.run.as_mut().is_some_and(|run| run.numbers_mut().delay(then))
 }
 
 /// Closes a completed run. It ends once this is on disk, and is held until then.
-fn close(d: &mut Station) {
+fn close(d: &mut DriverState) {
     let Some(run) = &d.run else { return };
     let record = run.finished();
     d.close_folder(&record.id);
@@ -354,7 +354,7 @@ fn close(d: &mut Station) {
 }
 
 /// Ends a run that was stopped or aborted, or that ends with the daemon.
-pub(super) fn end_now(d: &mut Station) {
+pub(super) fn end_now(d: &mut DriverState) {
     let Some(run) = &d.run else { return };
     let (asked, store, id) = (run.request(), d.outbox.store(), &run.record().id);
     let record = run.ended(|well| views_stored(store, id, well));
@@ -371,7 +371,7 @@ pub(super) fn end_now(d: &mut Station) {
     }
 }
 
-pub(super) fn recovered(d: &mut Station, made: Made) {
+pub(super) fn recovered(d: &mut DriverState, made: Made) {
     let Some((found, wells)) = d.run.as_mut().and_then(|run| run.numbers_mut().take(made)) else { return };
     match found {
         Ok(found) => {

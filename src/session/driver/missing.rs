@@ -4,12 +4,11 @@ use super::recovery::{self, Attempt, Continuation};
 use super::released::Recovered;
 use super::sealing::seal_well;
 use super::snapshot::run_status;
-use super::station::Station;
 use carved_records::{EventData, Phase, PlannedWell, RecoveryBegun, SpecimenDone};
 use std::collections::VecDeque;
 
 /// Begins to compute missing numbers, unless this is in progress or a worker may use the same frames.
-pub(super) fn recover(d: &mut Station) {
+pub(super) fn recover(d: &mut DriverState) {
     if d.run.as_ref().is_none_or(|run| run.works() || run.numbers().are_being_made()) {
         return;
     }
@@ -20,7 +19,7 @@ pub(super) fn recover(d: &mut Station) {
 }
 
 /// Begins with the first well that has attempts left. The wells before it fail.
-pub(super) fn recover_next(d: &mut Station, mut wells: VecDeque<PlannedWell>) {
+pub(super) fn recover_next(d: &mut DriverState, mut wells: VecDeque<PlannedWell>) {
     while let (Some(run), Some(planned)) = (&d.run, wells.front()) {
         let folder = d.outbox.store().run_folder(&run.record().id);
         let tried = d.state().run.as_ref().map_or(0, |known| known.recoveries_of(&planned.well));
@@ -43,11 +42,11 @@ pub(super) fn recover_next(d: &mut Station, mut wells: VecDeque<PlannedWell>) {
     }
 }
 
-pub(super) fn take_continuation(d: &mut Station) -> Option<Continuation> {
+pub(super) fn take_continuation(d: &mut DriverState) -> Option<Continuation> {
     d.run.as_mut().and_then(|run| run.numbers_mut().take_continuation())
 }
 
-pub(super) fn well_recovered(d: &mut Station, Recovered { result, times }: Recovered) {
+pub(super) fn well_recovered(d: &mut DriverState, Recovered { result, times }: Recovered) {
     let Some(run) = &mut d.run else { return };
     let result = run.enter(result);
     let record = run.record().clone();

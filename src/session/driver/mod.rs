@@ -3,7 +3,7 @@
 //! ```text
 //!            commands ─────────┐                    ┌──► Outbox: journal (synced) ──► state, events
 //!                              ▼                    │
-//!  worker ──► progress ──► Station (one thread) ────┼──► snapshot: one revision of the status
+//!  worker ──► progress ──► DriverState (one thread) ┼──► snapshot: one revision of the status
 //!  numbers ────────────────────┤                    │
 //!  look, preflight ────────────┘   asks its parts   └──► a worker for the wells that are left
 //! ```
@@ -28,7 +28,7 @@
 //! The decisions of the parts are carried out in this order of files. Each file calls those to its right only:
 //!
 //! ```text
-//! mod ──► restart   what a start restores        ─┬─► course ──► missing ─┬─► station ──► the parts
+//! mod ──► restart   what a start restores        ─┬─► course ──► missing ─┬─► driver_state ──► the parts
 //!         requests  what clients ask for          │   a run,     numbers  │   all parts: writes events,
 //!         checks    devices, disk and index, by   │   until its  that are │   publishes revisions
 //!                   itself with each heartbeat   ─┘   outcome    missing  │
@@ -41,6 +41,7 @@ mod checks;
 mod commands;
 mod course;
 mod devices;
+mod driver_state;
 mod faults;
 mod handling;
 mod interrupt;
@@ -60,7 +61,6 @@ mod run;
 mod sealing;
 mod snapshot;
 mod start;
-mod station;
 #[cfg(test)]
 mod tests;
 
@@ -75,8 +75,8 @@ use crate::notify::Notices;
 use carved_devices::sampler::LoaderInterlock;
 use carved_records::Mode;
 use carved_store::{Journal, Store, StoreError};
+use driver_state::DriverState;
 use run::{Message, next_message};
-use station::Station;
 use std::future::Future;
 use std::sync::Arc;
 use tokio::sync::mpsc;
@@ -161,7 +161,7 @@ impl Driver {
     /// Serves commands until `shutdown`. Then the motors stop, the record is closed or left open, and all threads are joined.
     pub async fn run(self, mut mailbox: mpsc::Receiver<Command>, shutdown: impl Future<Output = Departure>) -> Result<(), DriverError> {
         let (heartbeat, halt) = (self.heartbeat.clone(), self.publisher.halt().clone());
-        let mut d = Station::new(self);
+        let mut d = DriverState::new(self);
         restart::first_report(&mut d);
         tokio::pin!(shutdown);
         let mut beat = tokio::time::interval(heartbeat::INTERVAL);

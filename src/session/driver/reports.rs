@@ -3,14 +3,14 @@
 use super::super::state::Trigger;
 use super::super::worker::Progress;
 use super::super::{Live, Shown, SpecimenStatus, State};
+use super::driver_state::DriverState;
 use super::progress::{Hardware, View, show_done, show_estimate, show_hardware, show_phase, show_view};
 use super::run::Request;
 use super::snapshot::run_status;
-use super::station::Station;
 use carved_core::units::Steps;
 use carved_records::{AttemptFailed, EventData, Phase, PhaseEntered, SpecimenDone, ViewTaken, WellStatus, WellTimes};
 
-pub(super) fn progress(d: &mut Station, progress: Progress) {
+pub(super) fn progress(d: &mut DriverState, progress: Progress) {
     match progress {
         Progress::Ready => ready(d),
         Progress::WaitingForLoader { well } => waits_for_loader(d, &well),
@@ -64,13 +64,13 @@ pub(super) fn progress(d: &mut Station, progress: Progress) {
 }
 
 /// Publishes the newest pictures, with their run and well.
-fn show(d: &Station, well: &str, views: u32, live: Live) {
+fn show(d: &DriverState, well: &str, views: u32, live: Live) {
     let shown = d.run.as_ref().map(|run| Shown { run: run.record().id.clone(), well: well.to_owned(), views });
     d.publisher.set_live(|l| *l = Live { shown, ..live });
 }
 
 /// Takes the pictures of an earlier attempt away when the well begins again. Those of another well stay until the next detection.
-fn forget_pictures(d: &Station, well: &str) {
+fn forget_pictures(d: &DriverState, well: &str) {
     d.publisher.set_live(|l| {
         if l.shown.as_ref().is_some_and(|shown| shown.well == well) {
             *l = Live::default();
@@ -78,7 +78,7 @@ fn forget_pictures(d: &Station, well: &str) {
     });
 }
 
-fn ready(d: &mut Station) {
+fn ready(d: &mut DriverState) {
     if matches!(d.publisher.status().state, State::Starting | State::Unholding) {
         d.go_with(Trigger::Ready, |s| {
             s.hardware.camera.connected = true;
@@ -88,7 +88,7 @@ fn ready(d: &mut Station) {
     d.event(None, EventData::RunStarted);
 }
 
-fn waits_for_loader(d: &mut Station, well: &str) {
+fn waits_for_loader(d: &mut DriverState, well: &str) {
     if d.capillary().brought() == Some(well) {
         // It was brought before the run continued. If a hold has interrupted the wait, the message is withheld: the specimen stays
         // until the run continues again.
@@ -108,7 +108,7 @@ fn waits_for_loader(d: &mut Station, well: &str) {
 }
 
 /// All files of a well are on disk. The next well may be in progress already.
-fn well_done(d: &mut Station, result: WellStatus, seconds: f64, times: WellTimes) {
+fn well_done(d: &mut DriverState, result: WellStatus, seconds: f64, times: WellTimes) {
     let Some(run) = &mut d.run else { return };
     let result = run.enter(result);
     let record = run.record().clone();

@@ -5,18 +5,18 @@ use super::super::state::Trigger;
 use super::super::{State, Status, gate, preflight};
 use super::commands::{self, reply};
 use super::devices::PreflightRequest;
+use super::driver_state::DriverState;
 use super::handling::Waited;
 use super::loader::{LoaderMessage, capillary_full};
 use super::plates::Surroundings;
 use super::room;
 use super::run::RunInProgress;
-use super::station::Station;
 use super::{course, faults};
 use crate::api::{self, HandoffNeeds};
 use carved_records::{EventData, Fault, Handoff, HandoffEnd, ResumedBy, RunPlan, fault_table};
 use tokio::sync::oneshot;
 
-pub(super) fn acknowledge(d: &mut Station, seq: u64) -> Result<(), Refusal> {
+pub(super) fn acknowledge(d: &mut DriverState, seq: u64) -> Result<(), Refusal> {
     if let Some((known, ends)) = faults::acknowledge(&d.state().faults, seq)? {
         d.promise(None, EventData::FaultAcknowledged(known))?;
         if ends {
@@ -27,13 +27,13 @@ pub(super) fn acknowledge(d: &mut Station, seq: u64) -> Result<(), Refusal> {
 }
 
 /// Aborts the run. The motors have stopped already. No run starts before an operator acknowledges the fault.
-pub(super) fn emergency_stopped(d: &mut Station) -> Result<(), Refusal> {
+pub(super) fn emergency_stopped(d: &mut DriverState) -> Result<(), Refusal> {
     emergency_pressed(d);
     d.outbox.on_disk()
 }
 
 /// Handles the emergency stop once, however often it was pressed.
-pub(super) fn emergency_pressed(d: &mut Station) {
+pub(super) fn emergency_pressed(d: &mut DriverState) {
     if !d.publisher.halt().take() {
         return;
     }
@@ -51,7 +51,7 @@ pub(super) fn emergency_pressed(d: &mut Station) {
     }
 }
 
-pub(super) fn command(d: &mut Station, command: Command) {
+pub(super) fn command(d: &mut DriverState, command: Command) {
     match command {
         Command::PutRun { id, plan, answer } => reply(answer, put_run(d, &id, plan)),
         Command::Steer { id, towards, answer } => reply(answer, steer(d, &id, towards)),
@@ -65,7 +65,7 @@ pub(super) fn command(d: &mut Station, command: Command) {
     }
 }
 
-fn put_run(d: &mut Station, id: &str, plan: RunPlan) -> Result<Accepted, Refusal> {
+fn put_run(d: &mut DriverState, id: &str, plan: RunPlan) -> Result<Accepted, Refusal> {
     commands::is_named_well(id)?;
     let store = d.outbox.store();
     if let Some(known) = store.run(id).map_err(Refusal::from)? {
@@ -92,7 +92,7 @@ fn put_run(d: &mut Station, id: &str, plan: RunPlan) -> Result<Accepted, Refusal
     Ok(Accepted::Created)
 }
 
-fn steer(d: &mut Station, id: &str, towards: Towards) -> Result<(), Refusal> {
+fn steer(d: &mut DriverState, id: &str, towards: Towards) -> Result<(), Refusal> {
     let status = d.publisher.status();
     if !d.is(id) {
         let stored = d.outbox.store().run(id).map_err(Refusal::from)?;
@@ -112,7 +112,7 @@ fn steer(d: &mut Station, id: &str, towards: Towards) -> Result<(), Refusal> {
     }
 }
 
-fn loader_message<'a>(d: &'a Station, run: &'a str, well: &'a str, status: &'a Status) -> LoaderMessage<'a> {
+fn loader_message<'a>(d: &'a DriverState, run: &'a str, well: &'a str, status: &'a Status) -> LoaderMessage<'a> {
     let newest = status.run.as_ref().map(|newest| (newest.id.as_str(), newest.outcome));
     let wanted = d.run.as_ref().map(RunInProgress::handling);
     let is_planned = d.run.as_ref().is_none_or(|run| run.record().plan.plate_map.iter().any(|planned| planned.well == well));
@@ -120,11 +120,11 @@ fn loader_message<'a>(d: &'a Station, run: &'a str, well: &'a str, status: &'a S
 }
 
 /// The run that an event of the loader belongs to. `None` if the run was pruned: its folder must not be created again.
-fn run_of_event<'a>(d: &Station, run: &'a str) -> Option<&'a str> {
+fn run_of_event<'a>(d: &DriverState, run: &'a str) -> Option<&'a str> {
     d.outbox.store().run_folder(run).is_dir().then_some(run)
 }
 
-fn loaded(d: &mut Station, run: &str, well: &str) -> Result<(), Refusal> {
+fn loaded(d: &mut DriverState, run: &str, well: &str) -> Result<(), Refusal> {
     let status = d.publisher.status();
     let Some(loaded) = loader_message(d, run, well, &status).loaded()? else { return Ok(()) };
     d.outbox.promise(run_of_event(d, run), Some(well), EventData::WellLoaded(loaded))?;
@@ -149,7 +149,7 @@ fn loaded(d: &mut Station, run: &str, well: &str) -> Result<(), Refusal> {
     Ok(())
 }
 
-fn unloaded(d: &mut Station, run: &str, well: &str) -> Result<(), Refusal> {
+fn unloaded(d: &mut DriverState, run: &str, well: &str) -> Result<(), Refusal> {
     let status = d.publisher.status();
     let worked_on = status.specimen.as_ref().filter(|s| d.works() && s.phase != api::Phase::Eject).map(|s| s.well.as_str());
     if !loader_message(d, run, well, &status).unloaded(worked_on)? {
@@ -172,12 +172,12 @@ fn unloaded(d: &mut Station, run: &str, well: &str) -> Result<(), Refusal> {
     Ok(())
 }
 
-fn surroundings<'a>(d: &'a Station, status: &'a Status) -> Surroundings<'a> {
+fn surroundings<'a>(d: &'a DriverState, status: &'a Status) -> Surroundings<'a> {
     Surroundings { state: status.state, has_run: d.run.is_some(), capillary: d.capillary(), is_failing: d.outbox.is_failing() }
 }
 
 /// Announces that a plate will be moved. Returns what must happen first.
-pub(super) fn handoff(d: &mut Station, plate: Handoff) -> Result<HandoffNeeds, Refusal> {
+pub(super) fn handoff(d: &mut DriverState, plate: Handoff) -> Result<HandoffNeeds, Refusal> {
     let status = d.publisher.status();
     if surroundings(d, &status).announce(&d.state().plate, &plate)? {
         d.promise(None, EventData::PlateAnnounced(plate.clone()))?;
@@ -186,7 +186,7 @@ pub(super) fn handoff(d: &mut Station, plate: Handoff) -> Result<HandoffNeeds, R
     Ok(HandoffNeeds { intent: plate.intent.into(), needs: surroundings(d, &status).needs(), barcode: plate.barcode })
 }
 
-pub(super) fn end_handoff(d: &mut Station, end: HandoffEnd) -> Result<(), Refusal> {
+pub(super) fn end_handoff(d: &mut DriverState, end: HandoffEnd) -> Result<(), Refusal> {
     let status = d.publisher.status();
     let Some(data) = surroundings(d, &status).end(&d.state().plate, end)? else { return Ok(()) };
     d.promise(None, data)?;
@@ -195,7 +195,7 @@ pub(super) fn end_handoff(d: &mut Station, end: HandoffEnd) -> Result<(), Refusa
 }
 
 /// Checks everything that a run of this plan needs. The check uses the instrument, so it is refused during a run.
-pub(super) fn preflight(d: &mut Station, plan: RunPlan, answer: oneshot::Sender<Result<Vec<api::Check>, Refusal>>) {
+pub(super) fn preflight(d: &mut DriverState, plan: RunPlan, answer: oneshot::Sender<Result<Vec<api::Check>, Refusal>>) {
     let sound = plan.check(&d.config.methods).map_err(Refusal::InvalidPlan);
     let accepted = sound.and_then(|()| commands::is_startable(d.run.is_some(), d.publisher.status().state));
     if let Err(refusal) = accepted {

@@ -2,18 +2,18 @@
 
 use super::super::state::Trigger;
 use super::super::{CameraStatus, OutputStatus, Status, TranslationStatus, gate};
+use super::driver_state::DriverState;
 use super::interrupt::Fate;
 use super::run::RunInProgress;
 use super::sealing::seal_run;
 use super::snapshot::{self, run_status};
-use super::station::Station;
 use super::{Life, course, missing, resume, start};
 use carved_records::{DaemonStarted, EndRequest, EventData, LoadedBy, RunInterrupted, RunState};
 use carved_store::RunRecord;
 
 /// Shows the devices, then the state that the previous process left. If the disk refuses writes, that is a fault and not the end of the
 /// daemon.
-pub(super) fn first_report(d: &mut Station) {
+pub(super) fn first_report(d: &mut DriverState) {
     let second = d.devices.at_rest().and_then(|i| i.second.as_ref()).map(|second| second.identity().to_owned());
     let identities = d.devices.at_rest().map(|i| (i.rig.rotation.identity().to_owned(), i.rig.camera.identity().to_owned()));
     let has_translation = d.config.translation.is_some();
@@ -47,7 +47,7 @@ pub(super) fn first_report(d: &mut Station) {
 }
 
 /// The newest open run, if it can continue. The other open runs are ended here.
-fn open_runs(d: &mut Station) -> Option<RunRecord> {
+fn open_runs(d: &mut DriverState) -> Option<RunRecord> {
     let open = match d.outbox.store().open_runs() {
         Ok(open) => open,
         Err(error) => {
@@ -75,7 +75,7 @@ fn open_runs(d: &mut Station) -> Option<RunRecord> {
 }
 
 /// Shows an ended run as before the restart, until the next run starts.
-fn show_again(d: &mut Station, record: &RunRecord) {
+fn show_again(d: &mut DriverState, record: &RunRecord) {
     let events = start::events_of(d.outbox.store(), &d.publisher, &record.id);
     let run = start::run_after(&record.id, &events);
     let state = start::rests_in(record.outcome, run.end_request());
@@ -88,7 +88,7 @@ fn show_again(d: &mut Station, record: &RunRecord) {
 }
 
 /// Takes up a run that the previous process left open.
-fn take_up(d: &mut Station, record: RunRecord, run: RunState) {
+fn take_up(d: &mut DriverState, record: RunRecord, run: RunState) {
     let asd = record.method.asd;
     let status = run_status(&record);
     let end_request = run.end_request();

@@ -86,7 +86,7 @@ pub fn instrument(axis: FakeAxis, sampler: Arm) -> Instrument {
 pub const RUN: &str = "r1";
 
 pub struct Bench {
-    pub d: Station,
+    pub d: DriverState,
     pub handle: SessionHandle,
     _mailbox: mpsc::Receiver<Command>,
     /// The well whose specimen is really in the capillary, whatever the messages say.
@@ -140,7 +140,7 @@ pub fn bench_of(root: &Path, instrument: Instrument) -> Bench {
 }
 
 fn spoken((driver, handle, mailbox): (Driver, SessionHandle, mpsc::Receiver<Command>)) -> Bench {
-    let mut d = Station::new(driver);
+    let mut d = DriverState::new(driver);
     restart::first_report(&mut d);
     Bench { d, handle, _mailbox: mailbox, inside: None }
 }

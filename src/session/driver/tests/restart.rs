@@ -35,7 +35,7 @@ fn witnessed(handle: &SessionHandle, happens: impl FnOnce()) -> Vec<Status> {
 /// What a client may read while a run is taken up.
 fn snapshots(root: &Path) -> Vec<Status> {
     let (driver, handle, _mailbox) = driver(root, true);
-    let mut d = Station::new(driver);
+    let mut d = DriverState::new(driver);
     witnessed(&handle, || restart::first_report(&mut d))
 }
 
@@ -114,7 +114,7 @@ fn a_status_without_the_run_of_before_says_that_the_daemon_starts() {
             assert!(status.run.is_some() || status.is_starting(), "{status:?}");
         }
         let (driver, handle, _mailbox) = driver(dir.path(), true);
-        let mut d = Station::new(driver);
+        let mut d = DriverState::new(driver);
         for restored in [false, true] {
             let waited = tokio::select! {
                 biased;

@@ -26,7 +26,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 /// The parts of the driver.
-pub(super) struct Station {
+pub(super) struct DriverState {
     pub(super) config: Arc<Config>,
     pub(super) identity: InstrumentIdentity,
     pub(super) mode: Mode,
@@ -42,7 +42,7 @@ pub(super) struct Station {
     pub(super) life: Life,
 }
 
-impl Station {
+impl DriverState {
     pub fn new(driver: Driver) -> Self {
         let Driver { config, mode, store, journal, publisher, instrument, identity, interlock, notices, heartbeat: _ } = driver;
         publisher.halt().aim(instrument.rig.rotation.stop_handle(), CancelToken::default());
