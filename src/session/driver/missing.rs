@@ -1,5 +1,6 @@
 //! Numbers that are missing: those of specimens that were released before their numbers were on disk.
 
+use super::driver_state::DriverState;
 use super::recovery::{self, Attempt, Continuation};
 use super::released::Recovered;
 use super::sealing::seal_well;
