@@ -116,8 +116,9 @@ export class FixtureServer {
     const url = new URL(request.url ?? "/", this.url);
     const page = PAGE[url.pathname];
     if (page) {
-      response.writeHead(200, { "Content-Type": page[1], "Content-Security-Policy": CSP });
-      response.end(await readFile(new URL(`../../../dist/${page[0]}`, import.meta.url)));
+      const packed = await readFile(new URL(`../../../dist/${page[0]}.gz`, import.meta.url));
+      response.writeHead(200, { "Content-Type": page[1], "Content-Encoding": "gzip", "Content-Security-Policy": CSP });
+      response.end(packed);
     } else if (this.token !== null && request.headers.authorization !== `Bearer ${this.token}`) {
       this.#json(response, 401, { title: "Unauthorized", detail: "send the instrument's token" });
     } else if (url.pathname === "/v1/status") {
