@@ -29,7 +29,7 @@ async function cameraLost(t: Ends): Promise<void> {
   await page
     .locator("#sentence", { hasText: /^Check the camera's power and network cable\. The run continues by/ })
     .waitFor();
-  await page.locator("#diagnosis", { hasText: /^Held because: The camera does not answer/ }).waitFor();
+  await page.locator("#diagnosis", { hasText: /^Held because: Camera lost\./ }).waitFor();
   await page.locator("#fault-list", { hasText: "Needs you" }).waitFor();
   assert.equal(await page.locator("#unhold").isVisible(), false);
   assert.equal(await page.getByRole("button", { name: "Acknowledge" }).count(), 0);
@@ -39,7 +39,7 @@ async function cameraLost(t: Ends): Promise<void> {
   await page.locator("#sentence", { hasText: /When the camera answers, let the run go on\.$/ }).waitFor();
   await daemon.follow((s) => s.faults.length === 0);
   await page.locator("#sentence", { hasText: /^Let the run go on when you are ready\.$/ }).waitFor();
-  await page.locator("#diagnosis", { hasText: /^Held by a cause that is over: The camera does not answer/ }).waitFor();
+  await page.locator("#diagnosis", { hasText: /^Held by a cause that is over: Camera lost\./ }).waitFor();
   assert.equal((await bySize(page))[0], "unhold", "the one thing to do is the largest button");
   await shoot(page, "control-camera-back");
   await page.locator("#unhold").click();
@@ -49,8 +49,8 @@ async function cameraLost(t: Ends): Promise<void> {
 }
 
 async function axisLostInATurn(t: Ends): Promise<void> {
-  // The turn lasts from about the 12th second to the 45th, and later on a busy machine. The loss outlasts the opening of a slow page.
-  const { daemon, page, complaints } = await running(t, 1, ["--axis-out", "22,15"], [larva("A01")]);
+  // At half the speed the loss comes in mid-turn on a quiet and on a busy machine. It outlasts the opening of a slow page.
+  const { daemon, page, complaints } = await running(t, 0.5, ["--axis-out", "26,20"], [larva("A01")]);
   const held = await daemon.follow((s) => s.state === "Held");
   assert.equal(held.run!.hold!.code, "rotation_lost");
   await until(page, "sentence", /^Check the controller's power and cable\./);
