@@ -66,6 +66,11 @@ impl Daemon {
             notices: notices.clone(),
             heartbeat: heartbeat.clone(),
         };
+        // Before anything moves: a signal that is not caught ends the process and leaves the motors running.
+        let (mut signals, mut restart) = {
+            let _context = runtime.enter();
+            (Signals::listen()?, signal(SignalKind::user_defined1()).context("cannot listen to SIGUSR1")?)
+        };
         let (stop_in, stop) = watch::channel(None);
         // The driver syncs to disk. It has a thread of its own, so that no request waits for the disk.
         let driving = {
@@ -87,17 +92,17 @@ impl Daemon {
                 .await
             });
             announce!("{greeting} http://{listen}  status: http://{listen}/v1/status");
+            let last = handle.clone();
             let beside = beside(handle);
             let client = tokio::spawn(async move {
                 if let Err(error) = beside.await {
                     tracing::error!("{error:#}");
                 }
             });
-            let mut signals = Signals::listen()?;
-            let mut restart = signal(SignalKind::user_defined1()).context("cannot listen to SIGUSR1")?;
             let mut served = None;
             let mut departure = Departure::EndsRun;
             tokio::select! {
+                biased;
                 name = signals.next() => tracing::info!("{name}: stopping"),
                 _ = restart.recv() => {
                     tracing::info!("SIGUSR1: stopping for a restart; a run in progress continues after it");
@@ -106,9 +111,10 @@ impl Daemon {
                 () = ended(&driving) => tracing::error!("the driver ended: stopping"),
                 result = &mut serving => served = Some(result),
             }
-            // The driver stops the motors at the first signal. A second signal ends the process without waiting.
+            // The driver stops the motors at the first signal. A second signal ends the process without waiting for the driver.
             tokio::spawn(async move {
                 let name = signals.next().await;
+                last.stop_motors();
                 tracing::warn!("{name} again: ending at once");
                 std::process::exit(1);
             });
@@ -141,7 +147,12 @@ async fn tell_systemd(session: SessionHandle, heartbeat: Heartbeat) {
         let mut status = session.status_after(1).await;
         systemd::ready(&status.doing);
         loop {
-            status = session.status_after(status.revision).await;
+            let newer = session.status_after(status.revision).await;
+            if newer.revision == status.revision {
+                // The driver has ended. No revision follows.
+                return;
+            }
+            status = newer;
             systemd::status(&status.doing);
         }
     };

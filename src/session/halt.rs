@@ -41,15 +41,24 @@ impl Halt {
 
     /// Cancels the work first, so that no move follows the stop. Sends the stop to the motors before it returns.
     pub fn stop(&self) {
+        self.halt(true);
+        self.0.1.notify_one();
+    }
+
+    /// Stops the motors before the process ends at once. It is no emergency stop.
+    pub fn stop_motors(&self) {
+        self.halt(false);
+    }
+
+    fn halt(&self, pressed: bool) {
         let motors = self.with(|aim| {
-            aim.pressed = true;
+            aim.pressed |= pressed;
             aim.work.cancel();
             aim.motors.clone()
         });
         if let Some(motors) = motors {
             motors.stop();
         }
-        self.0.1.notify_one();
     }
 
     /// Resolves while the stop is pressed and not taken. The client that pressed it may have disconnected.
@@ -80,5 +89,7 @@ mod tests {
         assert!(halt.take() && !halt.take());
         halt.aim(StopHandle::new(|| ()), after.clone());
         assert!(!after.is_cancelled());
+        halt.stop_motors();
+        assert!(after.is_cancelled() && !halt.take(), "no emergency stop is left for the driver");
     }
 }

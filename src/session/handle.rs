@@ -270,6 +270,11 @@ impl SessionHandle {
         self.ask(|answer| Command::EmergencyStop { answer }).await
     }
 
+    /// Stops the motors without the driver, before the process ends at once.
+    pub fn stop_motors(&self) {
+        self.halt.stop_motors();
+    }
+
     /// Acknowledges a fault for the operator.
     pub async fn acknowledge(&self, seq: u64) -> Result<(), Refusal> {
         self.ask(|answer| Command::Acknowledge { seq, answer }).await

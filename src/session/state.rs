@@ -9,7 +9,7 @@
 //!                  └─────────────────────────────────────────────────────────────────────┤
 //!     any state of a run ─stop──> Stopping ─record closed──> Stopped ────────────────────┤
 //!     any state          ─abort─> Aborting ─motors stopped─> Aborted ────────────────────┘
-//!     any state          ─shut down─> Stopping ─everything joined─> Stopped
+//!     any state          ─shut down─> Stopping ─everything joined─> Stopped, or Aborted after an emergency stop
 //! ```
 //! Held is caused by the operator or by a fault, Suspended by waiting for the loader. A reset for a new run skips PackML's short Idle: a
 //! client that polls at this moment would take the accepted run for one that has ended.
@@ -86,8 +86,8 @@ pub fn next(state: State, trigger: Trigger) -> Option<&'static [State]> {
         (state, Trigger::Stop) if STOPPABLE.contains(&state) => &[Stopping],
         (Aborting | Aborted | Clearing | Resetting, Trigger::Abort) => return None,
         (_, Trigger::Abort) => &[Aborting],
-        (Aborting, Trigger::MotorsStopped) => &[Aborted],
-        (Stopping, Trigger::ShutDown) => &[],
+        (Aborting, Trigger::MotorsStopped | Trigger::Joined) => &[Aborted],
+        (Stopping, Trigger::ShutDown) | (Aborted, Trigger::Joined) => &[],
         (_, Trigger::ShutDown) => &[Stopping],
         (Stopping, Trigger::Joined) => &[Stopped],
         _ => return None,

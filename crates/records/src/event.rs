@@ -146,7 +146,7 @@ events! {
     /// The daemon started.
     DAEMON_STARTED: DaemonStarted(DaemonStarted) = "daemon.started";
     /// The daemon was asked to end while a run was open.
-    DAEMON_STOPPING: DaemonStopping = "daemon.stopping";
+    DAEMON_STOPPING: DaemonStopping(DaemonStopping) = "daemon.stopping";
     /// The daemon ended normally.
     DAEMON_STOPPED: DaemonStopped = "daemon.stopped";
     /// A run was accepted.
@@ -235,6 +235,14 @@ pub struct DaemonStarted {
     pub version: String,
     /// Mode of the daemon.
     pub mode: Mode,
+}
+
+/// Data of `daemon.stopping`.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct DaemonStopping {
+    /// Whether the run ends with the daemon. If the daemon is killed before, the next start ends the run. Not written where it is false.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub ends_run: bool,
 }
 
 /// Data of `run.accepted`.

@@ -33,9 +33,9 @@ mod well;
 pub use calibration::{CalibrationStatus, GateStatus};
 pub use concentration::ConcentrationUnit;
 pub use event::{
-    AttemptFailed, DaemonStarted, Event, EventBody, EventData, FaultAcknowledged, FaultsCleared, HeldBy, JournalRepaired, LoadedBy,
-    PhaseEntered, PlateNamed, RecoveryBegun, ResumedBy, RunAccepted, RunEnded, RunHeld, RunInterrupted, RunResumed, RunUnreadable,
-    SpecimenDone, SpecimenInterrupted, ViewTaken, WellLoaded, kind,
+    AttemptFailed, DaemonStarted, DaemonStopping, Event, EventBody, EventData, FaultAcknowledged, FaultsCleared, HeldBy, JournalRepaired,
+    LoadedBy, PhaseEntered, PlateNamed, RecoveryBegun, ResumedBy, RunAccepted, RunEnded, RunHeld, RunInterrupted, RunResumed,
+    RunUnreadable, SpecimenDone, SpecimenInterrupted, ViewTaken, WellLoaded, kind,
 };
 pub use fault::table::{self as fault_table, ALL as FAULT_CODES, Category, FaultCode};
 pub use fault::{Device, Fault, FaultEnd, RunUnderFault};

@@ -96,8 +96,11 @@ fn the_states_that_follow_are_those_of_the_kept_file() {
     assert_eq!(found.len(), kept.len());
 }
 
-/// Removes the keys that the journal's build did not know. They say nothing about its events, so they are null.
+/// Removes the keys that the journal's build did not know. They say nothing about its events, so they are null. Data without any key were null.
 fn take_newer_keys(now: &mut Value, was: &Value) {
+    if was.is_null() && *now == json!({}) {
+        *now = Value::Null;
+    }
     if let (Some(now), Some(was)) = (now.as_object_mut(), was.as_object()) {
         now.retain(|key, value| was.contains_key(key) || !value.is_null());
         for (key, value) in now {

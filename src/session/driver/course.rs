@@ -20,7 +20,8 @@ use super::sealing::{seal_well, views_stored};
 use super::snapshot::{self, run_status};
 use super::{Departure, Life, faults, missing, resume};
 use carved_records::{
-    EventData, HeldBy, Method, ResumedBy, RunAccepted, RunEnded, RunHeld, RunPlan, RunResumed, SpecimenInterrupted, WellCounts,
+    DaemonStopping, EventData, HeldBy, Method, ResumedBy, RunAccepted, RunEnded, RunHeld, RunPlan, RunResumed, SpecimenInterrupted,
+    WellCounts,
 };
 use carved_store::{RunRecord, StoreError};
 
@@ -29,7 +30,7 @@ pub(super) fn shut_down(d: &mut DriverState, departure: Departure) {
     d.ask(Request::ShutDown);
     d.go(Trigger::ShutDown);
     if d.run.is_some() {
-        d.event(None, EventData::DaemonStopping);
+        d.event(None, EventData::DaemonStopping(DaemonStopping { ends_run: departure == Departure::EndsRun }));
     }
     if d.has_idle_run() {
         end_run(d);

@@ -168,14 +168,16 @@ impl Driver {
         let mut look = tokio::time::interval(search::LOOK);
         loop {
             if d.life.is_stopping() && d.is_at_rest() {
+                requests::emergency_pressed(&mut d);
                 d.go(Trigger::Joined);
                 return Ok(d.final_report()?);
             }
             tokio::select! {
                 biased;
+                // Not only through the mailbox: the client may disconnect before its command is queued. Also while the daemon ends: the
+                // next one must know it.
+                () = halt.pressed() => requests::emergency_pressed(&mut d),
                 departure = &mut shutdown, if !d.life.is_stopping() => course::shut_down(&mut d, departure),
-                // Not only through the mailbox: the client may disconnect before its command is queued.
-                () = halt.pressed(), if !d.life.is_stopping() => requests::emergency_pressed(&mut d),
                 message = next_message(&mut d.run) => match message {
                     Message::Progress(progress) => reports::progress(&mut d, progress),
                     Message::Recovered(ended) => course::recovered(&mut d, ended),
@@ -192,13 +194,9 @@ impl Driver {
                 }
                 // Commands wait for a device check: a run needs the instrument. The check takes milliseconds if no device is lost. If one
                 // is lost, commands do not wait, because no run can start.
-                command = mailbox.recv(), if !d.life.is_stopping() && !d.devices.are_looked_at() => {
-                    match command {
-                        Some(command) => requests::command(&mut d, command),
-                        // Every handle is dropped. No command can arrive any more, not even one that ends the daemon.
-                        None => course::shut_down(&mut d, Departure::EndsRun),
-                    }
-                }
+                //
+                // The server drops the last handle when the daemon is asked to end. Only `shutdown` says what becomes of the run.
+                Some(command) = mailbox.recv(), if !d.life.is_stopping() && !d.devices.are_looked_at() => requests::command(&mut d, command),
             }
         }
     }

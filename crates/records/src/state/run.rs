@@ -151,7 +151,13 @@ impl RunState {
             (EventData::SpecimenPhase(entered), Some(well)) => self.enter(well, entered.phase, entered.in_capillary),
             (EventData::SpecimenRecovering(_), Some(well)) => *self.recoveries.entry(well.to_owned()).or_default() += 1,
             // The disk failed or the daemon was asked to end, so the attempts do not count as crashes.
-            (EventData::StoreRegained | EventData::DaemonStopping, _) => self.recoveries.clear(),
+            (EventData::StoreRegained, _) => self.recoveries.clear(),
+            (EventData::DaemonStopping(stopping), _) => {
+                self.recoveries.clear();
+                if stopping.ends_run {
+                    self.end_request = self.end_request.max(Some(EndRequest::Stop));
+                }
+            }
             (EventData::SpecimenDone(_), Some(well)) => {
                 self.resumed_by_itself = 0;
                 self.holds.clear();

@@ -8,6 +8,9 @@ use crate::session::worker::{Progress, RunEnd, RunError};
 use carved_devices::DeviceError;
 use carved_records::{EventData, Handoff, HandoffEnd, HandoffIntent, Phase, ResumedBy, ViewTaken, fault_table};
 use futures::FutureExt;
+use std::cell::Cell;
+use std::future::poll_fn;
+use std::task::Poll;
 
 /// Timeout of steps that take milliseconds.
 const PATIENCE: std::time::Duration = std::time::Duration::from_secs(60);
@@ -120,6 +123,79 @@ fn an_emergency_stop_that_never_got_into_the_mailbox_latches() {
             status = tokio::time::timeout(PATIENCE, latched) => status.unwrap(),
         };
         assert_eq!(status.faults[0].code, fault_table::EMERGENCY_STOP.code);
+    });
+}
+
+/// The server drops its handles when the daemon is asked to end. A busy driver can find its mailbox closed in the same moment.
+#[test]
+fn a_daemon_that_ends_for_a_restart_leaves_its_run_open_if_the_last_client_goes_first() {
+    on_this_thread(async {
+        let dir = scratch();
+        drop(started(dir.path(), true, &["A01"]));
+        let (driver, handle, mailbox) = driver(dir.path(), true);
+        let (is_alone, mut asked) = (Cell::new(false), false);
+        let shutdown =
+            poll_fn(|_| if std::mem::replace(&mut asked, is_alone.get()) { Poll::Ready(Departure::LeavesRun) } else { Poll::Pending });
+        let last_client = async {
+            handle.status_after(1).await;
+            drop(handle);
+            is_alone.set(true);
+        };
+        let (ended, ()) = tokio::join!(driver.run(mailbox, shutdown), last_client);
+        ended.unwrap();
+        assert_eq!(count(&journalled(dir.path()), "daemon.stopping"), 1);
+        assert_eq!(count(&journalled(dir.path()), "run.ended"), 0, "the run has ended with the daemon");
+    });
+}
+
+/// The stop is pressed in the moment in which the driver has nothing left to do.
+#[test]
+fn an_emergency_stop_while_the_daemon_ends_is_known_to_the_next_one() {
+    on_this_thread(async {
+        let dir = scratch();
+        started(dir.path(), true, &["A01"]).steer(Towards::Hold).unwrap();
+        let (driver, handle, mailbox) = driver(dir.path(), true);
+        let shutdown = poll_fn(|_| {
+            drop(handle.emergency_stop().now_or_never());
+            Poll::Ready(Departure::LeavesRun)
+        });
+        driver.run(mailbox, shutdown).await.unwrap();
+        let status = bench(dir.path(), true).status();
+        assert_eq!((status.state, status.faults[0].code.as_str()), (State::Held, fault_table::EMERGENCY_STOP.code));
+    });
+}
+
+#[test]
+fn an_emergency_stop_while_the_work_of_a_daemon_that_ends_is_stopped_aborts_the_run() {
+    on_this_thread(async {
+        let dir = scratch();
+        let mut b = started(dir.path(), true, &["A01"]);
+        course::shut_down(&mut b.d, Departure::LeavesRun);
+        b.d.publisher.halt().stop();
+        requests::emergency_pressed(&mut b.d);
+        b.ends(RunEnd::Cancelled).await;
+        assert_eq!((b.status().state, count(&journalled(dir.path()), "run.ended")), (State::Aborting, 0));
+        b.d.go(Trigger::Joined);
+        assert_eq!(b.status().state, State::Aborted);
+        drop(b);
+        let status = bench(dir.path(), true).status();
+        assert_eq!((status.state, status.faults[0].code.as_str()), (State::Aborted, fault_table::EMERGENCY_STOP.code));
+        assert_eq!(status.run.unwrap().outcome, Some(crate::api::RunOutcome::Aborted));
+    });
+}
+
+/// A service manager kills a daemon that takes too long to end.
+#[test]
+fn a_daemon_that_is_killed_while_it_ends_its_run_has_still_ended_it() {
+    on_this_thread(async {
+        for (departure, ends) in [(Departure::EndsRun, true), (Departure::LeavesRun, false)] {
+            let dir = scratch();
+            let mut b = started(dir.path(), true, &["A01"]);
+            course::shut_down(&mut b.d, departure);
+            drop(b);
+            let status = bench(dir.path(), true).status();
+            assert_eq!((status.state == State::Stopped, status.run.unwrap().outcome.is_some()), (ends, ends), "{departure:?}");
+        }
     });
 }
 
