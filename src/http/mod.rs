@@ -20,6 +20,7 @@ mod events;
 mod fault_codes;
 mod health;
 mod lease;
+mod linger;
 mod live;
 mod methods;
 mod metrics;

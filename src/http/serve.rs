@@ -10,6 +10,7 @@
 //! that have had an answer end with their current request, and those between two requests end at once. Answers that stay open cannot be
 //! ended in this way: [`super::stay`] limits their number.
 
+use super::linger::Lingering;
 use super::pace::Peer;
 use super::{closed, router};
 use crate::config::{Guard, HttpSettings, HttpSettingsError};
@@ -180,7 +181,7 @@ async fn connection(stream: TcpStream, peer: Peer, slot: OwnedSemaphorePermit, b
             answer
         }
     });
-    let mut connection = pin!(builder.serve_connection(TokioIo::new(stream), service));
+    let mut connection = pin!(builder.serve_connection(TokioIo::new(Lingering::new(stream)), service));
     let ended = tokio::select! {
         ended = connection.as_mut() => ended,
         () = ends.asked(&answered) => {

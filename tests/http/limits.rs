@@ -35,6 +35,22 @@ fn bodies_are_bounded_on_every_route() {
     assert_eq!(exchange(rig.address, &request).problem(), "too_large");
 }
 
+/// More than the buffers of both sides hold, so the client is still sending when it is refused.
+#[test]
+fn a_client_that_is_refused_while_it_sends_reads_the_answer() {
+    let rig = Rig::start();
+    let body = vec![b' '; 12 << 20];
+    for path in ["/v1/preflight", "/v1/runs/r/abort", "/v1/nowhere"] {
+        let head =
+            format!("POST {path} HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\nContent-Length: {}\r\n\r\n", body.len());
+        let mut stream = connect(rig.address);
+        stream.write_all(head.as_bytes()).unwrap();
+        stream.write_all(&body).unwrap();
+        let expected = if path == "/v1/nowhere" { 404 } else { 413 };
+        assert_eq!(read_answer(&mut stream).status, expected, "{path}");
+    }
+}
+
 #[test]
 fn heads_are_bounded() {
     let rig = Rig::start();
