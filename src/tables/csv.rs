@@ -10,9 +10,28 @@ use csv::{Terminator, WriterBuilder};
 
 /// The whole file.
 pub fn text(table: &Table) -> String {
+    written(table, str::to_owned)
+}
+
+/// The whole file for a spreadsheet: with the byte order mark that tells it UTF-8, and without text that it would take for a formula.
+pub fn for_spreadsheet(table: &Table) -> String {
+    format!("\u{feff}{}", written(table, harmless))
+}
+
+/// Marks a text that a spreadsheet would compute as text, with an apostrophe before it. A text that is a number stays.
+fn harmless(text: &str) -> String {
+    let is_formula = text.starts_with(['=', '+', '-', '@', '\t', '\r']) && text.parse::<f64>().is_err();
+    if is_formula { format!("'{text}") } else { text.to_owned() }
+}
+
+fn written(table: &Table, of_text: fn(&str) -> String) -> String {
     let mut writer = WriterBuilder::new().terminator(Terminator::CRLF).from_writer(Vec::new());
     let headings = table.headings.iter().map(|heading| heading.name.clone()).collect();
-    let rows = table.rows.iter().map(|row| row.iter().map(cell).collect::<Vec<_>>());
+    let of_cell = |written: &Cell| match written {
+        Cell::Text(text) => of_text(text),
+        other => cell(other),
+    };
+    let rows = table.rows.iter().map(|row| row.iter().map(of_cell).collect::<Vec<_>>());
     for row in std::iter::once(headings).chain(rows) {
         // Every row has a cell per heading, and memory takes what is written.
         if let Err(error) = writer.write_record(&row) {
@@ -58,5 +77,25 @@ mod tests {
         assert_eq!(read[1], ["0017", "1.25e-9", "", ""]);
         assert_eq!(read[2], ["", "3e20", "", "FALSE"]);
         assert!(text.contains("\r\n0017,1.25e-9,,\r\n") && text.ends_with("FALSE\r\n"), "{text}");
+    }
+
+    #[test]
+    fn a_spreadsheet_computes_no_cell_and_numbers_stay_numbers() {
+        let headings = [("text", Kind::Text), ("z", Kind::Number)].map(|(name, kind)| Heading { name: name.into(), kind }).to_vec();
+        let formulas = ["=1+1", "+x", "-x", "@SUM(A1)", "\t=1", "\r=1", "=a,b"];
+        let texts = ["DMSO", "a=b", "-3.1", "+5e-3", "\u{b5}M"];
+        let rows = formulas.iter().chain(&texts).map(|text| vec![Cell::from(*text), Cell::from(-3.5)]).collect();
+        let table = Table { headings, rows };
+        let of = |text: &str| {
+            let mut reader = ::csv::ReaderBuilder::new().has_headers(false).from_reader(text.as_bytes());
+            reader.records().map(|row| row.unwrap().iter().map(str::to_owned).collect::<Vec<_>>()).collect::<Vec<_>>()
+        };
+        let text = for_spreadsheet(&table);
+        let read = of(text.strip_prefix('\u{feff}').unwrap());
+        let marked = formulas.iter().map(|formula| format!("'{formula}"));
+        let expected: Vec<String> = marked.chain(texts.map(str::to_owned)).collect();
+        assert_eq!(read[1..].iter().map(|row| row[0].clone()).collect::<Vec<_>>(), expected);
+        assert!(read[1..].iter().all(|row| row[1] == "-3.5"), "{text}");
+        assert_eq!(of(&super::text(&table))[1][0], "=1+1", "programs read every cell as it is");
     }
 }

@@ -400,6 +400,8 @@ fn tables_and_statistics_of_runs_are_read_as_csv_and_json() {
     let one = rows("/v1/runs/r1/table.csv");
     assert_eq!((one.len(), one[0]["compound"].as_str(), one[0]["volume_um3"].as_str()), (2, "DMSO", "250000000.0"));
     assert_eq!((one[1]["outcome"].as_str(), one[1]["volume_um3"].as_str()), ("skipped", ""));
+    let spreadsheet = rig.get("/v1/runs/r1/table.csv?spreadsheet=true");
+    assert!(spreadsheet.status == 200 && spreadsheet.body.starts_with("\u{feff}run,".as_bytes()));
     let both = rows("/v1/table.csv?runs=r2,r1");
     assert_eq!(both.iter().map(|row| row["plate_barcode"].as_str()).collect::<Vec<_>>(), ["P-2", "P-2", "P-1", "P-1"]);
     assert_eq!(rows("/v1/runs/r1/shape.csv"), [], "the larva of this test has no slices");
@@ -416,6 +418,7 @@ fn tables_and_statistics_of_runs_are_read_as_csv_and_json() {
 
     for (path, status, code) in [
         ("/v1/runs/r9/table.csv", 404, "unknown_run"),
+        ("/v1/runs/r1/table.csv?spreadsheet=perhaps", 400, "bad_query"),
         ("/v1/runs/r9/statistics", 404, "unknown_run"),
         ("/v1/table.csv?runs=r1,r9", 404, "unknown_run"),
         ("/v1/table.csv?runs=r1,r1", 400, "bad_query"),

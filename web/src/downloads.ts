@@ -3,9 +3,22 @@
 import { fetchFile, Refused } from "./api.ts";
 import { element, show } from "./dom.ts";
 import type { Specimen } from "./status.ts";
-import { save } from "./table.ts";
 import { authorization } from "./token.ts";
 import { viewNumber } from "./views.ts";
+
+/** Offers a file as a download. */
+export function save(file: Blob, name: string): void {
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(file);
+  link.download = name;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
+}
+
+/** Offers the table of a run for a spreadsheet, in a file named after the run. */
+export async function saveTable(run: string): Promise<void> {
+  save(await fetchFile(`/v1/runs/${encodeURIComponent(run)}/table.csv?spreadsheet=true`), `${run}.csv`);
+}
 
 /** A link that offers a file under a name. */
 export function downloadLink(href: string, name: string, words: string): HTMLAnchorElement {

@@ -4,11 +4,11 @@
 
 import { checkPlateMap, fetchMethods, preflight, Refused, startRun } from "./api.ts";
 import { element, setText, show } from "./dom.ts";
+import { save } from "./downloads.ts";
 import { capitalised, counted, words } from "./format.ts";
 import { canStart } from "./plain.ts";
 import { PlanPlate } from "./planplate.ts";
 import type { Check, MethodOffer, Mistake, PlannedWell, PlateMap, RunPlan, Status } from "./status.ts";
-import { save } from "./table.ts";
 import { templateOf } from "./template.ts";
 
 const OPERATOR = "carved.operator";

@@ -25,11 +25,21 @@ pub(in crate::http) struct Named {
     runs: String,
 }
 
+#[derive(Debug, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub(in crate::http) struct Opened {
+    /// `true`: for a spreadsheet, with a byte order mark, and with an apostrophe before text that it would take for a formula.
+    #[serde(default)]
+    spreadsheet: bool,
+}
+
 /// A table of runs as CSV. A run that is not stored is refused by name.
 async fn table(
     app: &App,
     names: Vec<String>,
     make: fn(&[StoredRun]) -> Result<Table, StoreError>,
+    write: fn(&Table) -> String,
     headers: &HeaderMap,
 ) -> Result<Response, Problem> {
     let made = read(app, move |store| {
@@ -40,7 +50,7 @@ async fn table(
                 None => return Ok(Err(name)),
             }
         }
-        make(&runs).map(|table| Ok(csv::text(&table)))
+        make(&runs).map(|table| Ok(write(&table)))
     });
     let text = made.await?.map_err(|name| unknown_run(&name))?;
     let tag = conditional::tag_of(text.as_bytes());
@@ -50,17 +60,20 @@ async fn table(
 }
 
 /// The table of a run: one row per planned well, with plate map, numbers, flags, quality and provenance.
-#[utoipa::path(get, path = "/v1/runs/{run_id}/table.csv", tag = "results", params(("run_id" = String, Path)), responses(
+#[utoipa::path(get, path = "/v1/runs/{run_id}/table.csv", tag = "results", params(("run_id" = String, Path), Opened), responses(
     (status = 200, description = "CSV", body = String, content_type = "text/csv"),
     (status = 304, description = "The client has it"),
+    (status = 400, description = "A query that makes no sense", body = Problem, content_type = "application/problem+json"),
 ))]
 pub(in crate::http) async fn of_run(
     State(app): State<AppState>,
     path: Result<Path<String>, PathRejection>,
+    asked: Result<Query<Opened>, QueryRejection>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let Path(id) = path?;
-    table(&app, vec![id], tables::specimens, &headers).await
+    let (Path(id), Query(Opened { spreadsheet })) = (path?, asked?);
+    let write = if spreadsheet { csv::for_spreadsheet } else { csv::text };
+    table(&app, vec![id], tables::specimens, write, &headers).await
 }
 
 /// The shape table of a run: one row per slice along the body of each specimen.
@@ -74,7 +87,7 @@ pub(in crate::http) async fn shape_of_run(
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     let Path(id) = path?;
-    table(&app, vec![id], tables::stations, &headers).await
+    table(&app, vec![id], tables::stations, csv::text, &headers).await
 }
 
 /// One table of several runs.
@@ -92,7 +105,7 @@ pub(in crate::http) async fn of_runs(
 ) -> Result<Response, Problem> {
     let Query(Named { runs }) = asked?;
     let names = names(&runs)?;
-    table(&app, names, tables::specimens, &headers).await
+    table(&app, names, tables::specimens, csv::text, &headers).await
 }
 
 /// The names of a list. A row of a run that stands in it twice could not be told from the other.

@@ -8,6 +8,7 @@ import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
 import { promisify } from "node:util";
+import { validateBytes } from "gltf-validator";
 import type { Page } from "playwright-core";
 import { drawn, shoot } from "../support/browser.ts";
 import { BINARY, RUN_MS } from "../support/daemon.ts";
@@ -22,6 +23,15 @@ before(async () => {
 after(async () => {
   await rm(folder, { recursive: true, force: true });
 });
+
+/** A model of A01, as Khronos' validator judges it: without errors, warnings or remarks. */
+async function isValidGltf(page: Page, file: string): Promise<void> {
+  const response = await page.request.get(new URL(`/v1/runs/small/specimens/A01/${file}`, page.url()).href);
+  assert.equal(response.status(), 200, file);
+  const { issues, info } = await validateBytes(new Uint8Array(await response.body()));
+  assert.deepEqual(issues.messages, [], file);
+  assert.ok(info.totalTriangleCount > 1000, `${file}: ${info.totalTriangleCount} triangles`);
+}
 
 /** Share of the model's outline that is within `near` px of the outline of the profile or of a fin, in the view on screen. */
 async function fit(page: Page, near: number): Promise<number> {
@@ -188,6 +198,13 @@ test("a run from the empty plate map to the download of all its files", { timeou
   const coloured = await darkShare(page);
   assert.ok((await drawn(canvas)).shades > 20 && coloured > plain + 0.05, `dark: ${plain} plain, ${coloured} coloured`);
   await page.getByRole("link", { name: "Model with the colours of the frames (GLB)" }).waitFor();
+  const saved = page.waitForEvent("download");
+  await page.getByRole("button", { name: "Save table" }).click();
+  const [head, ...lines] = (await readFile(await (await saved).path(), "utf8")).trimEnd().split("\r\n");
+  assert.match(head!, /^\ufeffrun,.*,well,.*,compound,.*,volume_um3,volume_sd_um3,/);
+  assert.deepEqual([lines.length, lines.filter((line) => line.includes(",A01,")).length], [2, 1]);
+  await isValidGltf(page, "mesh.glb");
+  await isValidGltf(page, "coloured.glb");
   await shoot(page, "runs-opened");
 
   await page.getByText("What happened in this run").click();

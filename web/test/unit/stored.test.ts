@@ -2,9 +2,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import type { Specimen } from "../../src/status.ts";
 import { StoredSpecimens } from "../../src/stored.ts";
-import { tableOf } from "../../src/table.ts";
 import { kept } from "../support/fixture-server.ts";
-import { well } from "../support/statuses.ts";
 
 test("what is stored is asked for once per run, nothing again after a while", async () => {
   const answers: (Specimen | null | Error)[] = [null, kept(), kept(), new Error("away"), kept()];
@@ -43,18 +41,4 @@ test("only the newest records are kept, however long the page is open", async ()
   assert.equal(asked, 100, "the newest is still there");
   await of(0);
   assert.equal(asked, 101, "the oldest was forgotten, and is read again");
-});
-
-test("no cell of the table is a formula, and numbers stay numbers", () => {
-  const table = (compound: string, concentration: number) =>
-    tableOf({
-      ...{ id: "demo-1", mode: "simulated", plate_barcode: "P-7", method: "standard" },
-      plan: { plate_map: [{ well: "A01", compound, concentration }] },
-      results: [well("A01", { reason: "-3.1" })],
-    }).split("\r\n")[1]!;
-  const dangerous = ["=1+1", "+x", "-x", "@SUM(A1)", "\t=1"];
-  for (const text of dangerous) assert.ok(table(text, -3.1).includes(`,'${text},-3.1,`), text);
-  assert.ok(table("=a,b", 1).includes(`,"'=a,b",1,`));
-  for (const text of ["DMSO", "a=b", "-3.1", "+5e-3"]) assert.ok(table(text, 1).includes(`,${text},1,`), text);
-  assert.ok(table("", 1).includes(",-3.1,"));
 });
