@@ -115,9 +115,9 @@ deb-test: deb deps-machine ## installs the package in a booted systemd and does 
 
 web: $(PAGE) ## the operator's page alone: web/dist
 
-contract: deps-build $(NODE_MODULES) ## after a change of the API or a setting: docs/openapi.json, the page's types, docs/configuration.md
+contract: deps-build $(NODE_MODULES) ## after a change of the API or a setting: docs/openapi.json, the page's types, docs/configuration.md, docs/tables.md
 	CARVED_UPDATE_OPENAPI=1 $(CARGO) test --locked --test http openapi_file
-	CARVED_UPDATE_CONFIGURATION=1 $(CARGO) test --locked --test commands reference_page
+	CARVED_UPDATE_CONFIGURATION=1 CARVED_UPDATE_TABLES=1 $(CARGO) test --locked --test commands reference_page
 	cd web && npm run --silent contract
 
 deny: ## licences, banned crates and sources of everything that is built in (installs cargo-deny where missing)

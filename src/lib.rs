@@ -5,7 +5,8 @@
 //! `carved-pictures` draws frames and models, and `carved-files` opens files. `hardware-sim` is the emulated rig:
 //!
 //! ```text
-//! carved-core <- carved-records <- carved-devices, carved-store <- carved-offline
+//! carved-core <- carved-records <- carved-devices, carved-store
+//! carved-core, carved-records, carved-store <- carved-offline
 //! carved-core <- carved-pictures      carved-files <- carved-devices, carved-store
 //!
 //! these crates <- config, api, export, tables <- notify <- session <- http <- cli

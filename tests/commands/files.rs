@@ -3,7 +3,7 @@
 //! ```text
 //!  scene ── pictures of a plate ── import --plate ── run ── export ─┬─ pynrrd, SimpleITK, trimesh
 //!                                                                   ├─ tifffile, ome-types
-//!                                                                   └─ zarr, ome-zarr-models
+//!                                                                   └─ zarr, ome-zarr-models, ome-zarr-py, ngio
 //! ```
 
 use crate::common::{carved, json, stderr, strict, venv};
@@ -53,7 +53,7 @@ fn export(format: &str, input: &Path, out: &Path, more: &[&str]) -> Output {
 
 /// The Python with the readers. It is installed once: tests run at the same time.
 static READERS: LazyLock<Result<PathBuf, String>> = LazyLock::new(|| {
-    let modules = "nrrd, SimpleITK, trimesh, tifffile, ome_types, zarr, ome_zarr_models, PIL";
+    let modules = "nrrd, SimpleITK, trimesh, tifffile, ome_types, zarr, ome_zarr_models, ome_zarr, ngio, PIL";
     venv::python("files", modules, "tests/readers/requirements-files.txt")
 });
 

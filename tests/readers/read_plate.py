@@ -1,4 +1,4 @@
-"""Opens an OME-Zarr plate with zarr, validates it with ome-zarr-models, and compares it with its run.
+"""Opens an OME-Zarr plate with zarr, ngio and ome-zarr-py, validates it with ome-zarr-models, and compares it with its run.
 
     read_plate.py RUN PLATE VIEWS
 """
@@ -10,6 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import zarr
+from ngio import open_ome_zarr_plate
+from ome_zarr.io import parse_url
+from ome_zarr.reader import Reader
 from ome_zarr_models.v05.hcs import HCS
 from ome_zarr_models.v05.image import Image
 from ome_zarr_models.v05.image_label import ImageLabel
@@ -28,13 +31,18 @@ for recording in sorted(run.glob("*/recording.json")):
         with_views.append(recording.parent)
 assert listed == [f"{well.name[0]}/{int(well.name[1:])}" for well in with_views], (listed, with_views)
 
+opened = open_ome_zarr_plate(path, mode="r")
+assert opened.wells_paths() == listed, opened.wells_paths()
+# One picture of all wells, each at its place of the plate.
+(whole,) = (node for node in Reader(parse_url(path))() if node.data)
+mosaic = whole.data[0]
+
 shapes = set()
 for well, place in zip(with_views, listed, strict=True):
     recording = json.loads((well / "recording.json").read_text())
     camera = recording["rig"]["camera"]
     group = root[place]["0"]
-    image = Image.from_zarr(group)
-    (scales,) = image.ome_attributes.multiscales
+    (scales,) = Image.from_zarr(group).ome_attributes.multiscales
     assert [axis.name for axis in scales.axes] == ["t", "c", "y", "x"]
     scale = scales.datasets[0].coordinateTransformations[0].scale
     assert scale == [1, 1, 1 / camera["ky"], 1 / camera["kx"]], scale
@@ -62,6 +70,15 @@ for well, place in zip(with_views, listed, strict=True):
         file = well / f"profiles/view_{view:03}.png"
         stored = np.asarray(Picture.open(file)) >= 128 if file.exists() else np.zeros(mask.shape[2:], bool)
         assert (mask[view, 0] == stored).all(), f"{place}, profile {view}"
+    row, column = place.split("/")
+    container = opened.get_image(row, column, "0")
+    image = container.get_image()
+    assert np.array_equal(image.get_as_numpy(), pixels), f"{place}, ngio"
+    assert [image.pixel_size.y, image.pixel_size.x] == scale[2:] and container.list_labels() == ["profile"], place
+    assert np.array_equal(container.get_label("profile").get_as_numpy(), mask), f"{place}, ngio, profile"
+    top, left = "ABCDEFGH".index(row) * camera["height"], (int(column) - 1) * camera["width"]
+    tile = mosaic[..., top : top + camera["height"], left : left + camera["width"]].compute()
+    assert np.array_equal(tile, pixels), f"{place}, ome-zarr-py"
     # A size is one shard and its metadata.
     assert len([f for f in (path / place).rglob("*") if f.is_file()]) == 16
 assert len(shapes) <= 1, shapes
