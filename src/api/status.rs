@@ -36,10 +36,17 @@ pub enum State {
 impl Status {
     /// `not_ready_reason` of a status that does not yet show what the previous process left.
     pub const STARTING: &str = "starting";
+    /// `not_ready_reason` while the daemon ends.
+    pub const ENDING: &str = "shutting down";
 
     /// Whether the daemon has not restored the state of the previous process yet: `state`, `run`, `plate` and `specimen` are empty.
     pub fn is_starting(&self) -> bool {
         self.not_ready_reason.as_deref() == Some(Self::STARTING)
+    }
+
+    /// Whether the daemon ends: the motors stand, and what it does with its run is in the journal.
+    pub fn is_ending(&self) -> bool {
+        self.not_ready_reason.as_deref() == Some(Self::ENDING)
     }
 }
 

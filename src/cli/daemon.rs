@@ -18,6 +18,8 @@ use tokio::sync::watch;
 
 /// Longest time until requests are answered, also if the state of the previous process is not restored by then.
 const RESTORED: Duration = Duration::from_secs(2);
+/// How long a second signal waits for a driver that has not yet written what becomes of the run.
+const JOURNALLED: Duration = Duration::from_millis(500);
 /// Time for the notices that wait when the daemon ends. The whole daemon must end within 5 s.
 const LAST_NOTICES: Duration = Duration::from_secs(1);
 
@@ -115,7 +117,8 @@ impl Daemon {
             tokio::spawn(async move {
                 let name = signals.next().await;
                 last.stop_motors();
-                tracing::warn!("{name} again: ending at once");
+                let _late = tokio::time::timeout(JOURNALLED, last.until_ending()).await;
+                tracing::warn!("{name}, a second signal: ending at once");
                 std::process::exit(1);
             });
             systemd::stopping();

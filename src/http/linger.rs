@@ -5,6 +5,8 @@
 
 use std::io;
 use std::pin::Pin;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::task::{Context, Poll, ready};
 use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
@@ -19,14 +21,17 @@ const DROPPED: usize = 16 * 1024 * 1024;
 /// A connection to a client.
 pub(super) struct Lingering {
     stream: TcpStream,
-    /// Set once the client was found sending after the end of the answers.
+    /// Whether the client may still be sending.
+    sends: Arc<AtomicBool>,
+    /// Set once the answers have ended.
     until: Option<Pin<Box<Sleep>>>,
     dropped: usize,
 }
 
 impl Lingering {
-    pub(super) fn new(stream: TcpStream) -> Self {
-        Self { stream, until: None, dropped: 0 }
+    /// `sends`: the newest request has a body that may not have been read to its end.
+    pub(super) fn new(stream: TcpStream, sends: Arc<AtomicBool>) -> Self {
+        Self { stream, sends, until: None, dropped: 0 }
     }
 }
 
@@ -48,6 +53,10 @@ impl AsyncWrite for Lingering {
     fn poll_shutdown(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
         if self.until.is_none() {
             ready!(Pin::new(&mut self.stream).poll_shutdown(cx))?;
+            if !self.sends.load(Ordering::Relaxed) {
+                return Poll::Ready(Ok(()));
+            }
+            self.until = Some(Box::pin(sleep(LINGER)));
         }
         let mut scratch = [0; 16 * 1024];
         while self.dropped < DROPPED {
@@ -55,15 +64,10 @@ impl AsyncWrite for Lingering {
             match Pin::new(&mut self.stream).poll_read(cx, &mut buf) {
                 Poll::Ready(Ok(())) if !buf.filled().is_empty() => {
                     self.dropped += buf.filled().len();
-                    self.until.get_or_insert_with(|| Box::pin(sleep(LINGER)));
                 }
                 // The client has closed its side, or broken off.
                 Poll::Ready(_) => return Poll::Ready(Ok(())),
-                Poll::Pending => {
-                    // A client that was not sending has all answers.
-                    let Some(until) = &mut self.until else { return Poll::Ready(Ok(())) };
-                    return until.as_mut().poll(cx).map(Ok);
-                }
+                Poll::Pending => return self.until.as_mut().map_or(Poll::Ready(()), |until| until.as_mut().poll(cx)).map(Ok),
             }
         }
         Poll::Ready(Ok(()))

@@ -19,7 +19,7 @@ use crate::session::replays::Replays;
 use axum::Router;
 use carved_store::StoreReader;
 use hyper::Request;
-use hyper::body::Incoming;
+use hyper::body::{Body, Incoming};
 use hyper::server::conn::http1;
 use hyper::service::{Service, service_fn};
 use hyper_util::rt::{TokioIo, TokioTimer};
@@ -29,6 +29,7 @@ use std::io;
 use std::net::SocketAddr;
 use std::pin::pin;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{Notify, OwnedSemaphorePermit, Semaphore, watch};
@@ -172,16 +173,21 @@ async fn connection(stream: TcpStream, peer: Peer, slot: OwnedSemaphorePermit, b
     let inner = TowerToHyperService::new(router);
     let answered = Arc::new(Notify::new());
     let answers = answered.clone();
+    let sends = Arc::new(AtomicBool::new(false));
+    let stream = Lingering::new(stream, sends.clone());
     let service = service_fn(move |mut request: Request<Incoming>| {
         request.extensions_mut().insert(peer);
-        let (answer, answers) = (inner.call(request), answers.clone());
+        let has_body = !request.body().is_end_stream();
+        let (answer, answers, sends) = (inner.call(request), answers.clone(), sends.clone());
         async move {
             let answer = answer.await;
+            // The body of a request that is refused may still be coming.
+            sends.store(has_body && answer.as_ref().is_ok_and(|answer| !answer.status().is_success()), Ordering::Relaxed);
             answers.notify_one();
             answer
         }
     });
-    let mut connection = pin!(builder.serve_connection(TokioIo::new(Lingering::new(stream)), service));
+    let mut connection = pin!(builder.serve_connection(TokioIo::new(stream), service));
     let ended = tokio::select! {
         ended = connection.as_mut() => ended,
         () = ends.asked(&answered) => {

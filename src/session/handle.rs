@@ -270,6 +270,14 @@ impl SessionHandle {
         self.ask(|answer| Command::EmergencyStop { answer }).await
     }
 
+    /// Waits until the driver knows that the daemon ends.
+    pub async fn until_ending(&self) {
+        let mut status = self.status();
+        while !status.is_ending() {
+            status = self.status_after(status.revision).await;
+        }
+    }
+
     /// Stops the motors without the driver, before the process ends at once.
     pub fn stop_motors(&self) {
         self.halt.stop_motors();

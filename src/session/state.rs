@@ -9,7 +9,7 @@
 //!                  └─────────────────────────────────────────────────────────────────────┤
 //!     any state of a run ─stop──> Stopping ─record closed──> Stopped ────────────────────┤
 //!     any state          ─abort─> Aborting ─motors stopped─> Aborted ────────────────────┘
-//!     any state          ─shut down─> Stopping ─everything joined─> Stopped, or Aborted after an emergency stop
+//!     any state of a run ─shut down─> Stopping ─everything joined─> Stopped, or Aborted after an emergency stop
 //! ```
 //! Held is caused by the operator or by a fault, Suspended by waiting for the loader. A reset for a new run skips PackML's short Idle: a
 //! client that polls at this moment would take the accepted run for one that has ended.
@@ -87,7 +87,9 @@ pub fn next(state: State, trigger: Trigger) -> Option<&'static [State]> {
         (Aborting | Aborted | Clearing | Resetting, Trigger::Abort) => return None,
         (_, Trigger::Abort) => &[Aborting],
         (Aborting, Trigger::MotorsStopped | Trigger::Joined) => &[Aborted],
-        (Stopping, Trigger::ShutDown) | (Aborted, Trigger::Joined) => &[],
+        (Stopping | Aborting, Trigger::ShutDown) => &[],
+        // Without a run there is nothing to stop.
+        (state, Trigger::ShutDown | Trigger::Joined) if STARTABLE.contains(&state) => &[],
         (_, Trigger::ShutDown) => &[Stopping],
         (Stopping, Trigger::Joined) => &[Stopped],
         _ => return None,

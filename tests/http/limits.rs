@@ -45,6 +45,8 @@ fn a_client_that_is_refused_while_it_sends_reads_the_answer() {
             format!("POST {path} HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\nContent-Length: {}\r\n\r\n", body.len());
         let mut stream = connect(rig.address);
         stream.write_all(head.as_bytes()).unwrap();
+        // The refusal is there before the body is sent.
+        assert!(stream.peek(&mut [0]).unwrap() > 0);
         stream.write_all(&body).unwrap();
         let expected = if path == "/v1/nowhere" { 404 } else { 413 };
         assert_eq!(read_answer(&mut stream).status, expected, "{path}");

@@ -28,10 +28,10 @@ use carved_store::{RunRecord, StoreError};
 pub(super) fn shut_down(d: &mut DriverState, departure: Departure) {
     d.life = Life::Stopping(departure);
     d.ask(Request::ShutDown);
-    d.go(Trigger::ShutDown);
     if d.run.is_some() {
         d.event(None, EventData::DaemonStopping(DaemonStopping { ends_run: departure == Departure::EndsRun }));
     }
+    d.go(Trigger::ShutDown);
     if d.has_idle_run() {
         end_run(d);
     }
@@ -366,7 +366,7 @@ pub(super) fn end_now(d: &mut DriverState) {
     let change = d.over(&record);
     match asked {
         Request::Abort => d.go_with(Trigger::MotorsStopped, change),
-        Request::Stop if !d.life.is_stopping() => d.go_with(Trigger::Joined, change),
+        Request::Stop | Request::ShutDown if !d.life.is_stopping() => d.go_with(Trigger::Joined, change),
         // The daemon ends later, when all threads are joined.
         _ => d.publish(change),
     }

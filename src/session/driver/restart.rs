@@ -122,7 +122,7 @@ fn take_up(d: &mut DriverState, record: RunRecord, run: RunState) {
     missing::recover(d);
     match end_request {
         Some(end) => {
-            d.go(if end == EndRequest::Stop { Trigger::Stop } else { Trigger::Abort });
+            d.go(if end == EndRequest::Abort { Trigger::Abort } else { Trigger::Stop });
             course::end_run(d);
         }
         None => course::resume_by_itself(d),

@@ -3,7 +3,7 @@
 //! ```text
 //! launch ──► Work (has the instrument) ──► joined ──► AfterWork: finish, end, rest, fault, halted, abort
 //!               ▲
-//! ask ── Request: hold < halt < stop < abort < shut-down; the highest one wins
+//! ask ── Request: hold < halt < stop < shut-down < abort; the highest one wins
 //! ```
 //! The state of a run that follows from its events is in [`RunState`](carved_records::RunState).
 
@@ -29,8 +29,9 @@ pub(super) enum Request {
     /// A fault interrupts the run.
     Halt,
     Stop,
-    Abort,
     ShutDown,
+    /// Also while the daemon ends.
+    Abort,
 }
 
 /// What the driver does after a worker ended.
@@ -138,6 +139,7 @@ impl RunInProgress {
         self.request = match end {
             Some(EndRequest::Abort) => Request::Abort,
             Some(EndRequest::Stop) => Request::Stop,
+            Some(EndRequest::Interrupt) => Request::ShutDown,
             None => Request::Nothing,
         };
     }

@@ -1,11 +1,11 @@
 //! The parts of a snapshot that follow from the driver's parts. They are computed again for each revision.
 
 use super::super::{Pending, Refusal, RunStatus, SpecimenStatus, State, Status, sentence};
-use super::Life;
 use super::loader::Loader;
 use super::plates::to_be_taken_out;
 use super::resume;
 use super::run::{Request, RunInProgress};
+use super::{Departure, Life};
 use crate::api;
 use carved_records::{CalibrationStatus, Capillary, Device, Fault, InstrumentState, Phase, RunState, WellCounts};
 use carved_store::RunRecord;
@@ -61,7 +61,8 @@ impl Parts<'_> {
         let asked = self.run.map_or(Request::Nothing, RunInProgress::request);
         Pending {
             hold: self.run.is_some_and(RunInProgress::works) && matches!(asked, Request::Hold | Request::Halt),
-            stop: self.life.is_stopping() || asked == Request::Stop,
+            stop: self.life != Life::Stopping(Departure::LeavesRun)
+                && (self.life.is_stopping() || matches!(asked, Request::Stop | Request::ShutDown)),
             abort: asked == Request::Abort,
         }
     }
@@ -85,7 +86,7 @@ impl Parts<'_> {
     /// Why a run would be refused now. `None` if it would be accepted.
     fn not_ready(&self) -> Option<String> {
         match self.life {
-            Life::Stopping(_) => return Some("shutting down".into()),
+            Life::Stopping(_) => return Some(Status::ENDING.into()),
             Life::Starting => return Some(Status::STARTING.into()),
             Life::Up => {}
         }
@@ -143,7 +144,6 @@ fn needs(take_out: Option<&str>, bring: Option<&str>) -> Option<String> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Departure;
     use super::super::run::tests::run;
     use super::*;
     use crate::session::Driver;

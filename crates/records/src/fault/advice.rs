@@ -81,19 +81,21 @@ fn words(code: &FaultCode, end: FaultEnd, run: RunUnderFault) -> String {
     // A conditional part comes last, because it may end the run or the daemon instead.
     let condition = if remedy.starts_with("If ") { Some(0) } else { remedy.find(" If ").map(|at| at + 1) };
     let (first, otherwise) = remedy.split_at(condition.unwrap_or(remedy.len()));
-    let is_first = first.is_empty();
     let rule = match (end, run) {
         (FaultEnd::Cause, RunUnderFault::GoesOnByItself) => format!("The run continues by itself when {over}."),
         (FaultEnd::Cause, RunUnderFault::Waits) => format!("When {over}, let the run go on."),
         (FaultEnd::Cause, RunUnderFault::None) => format!("The fault ends by itself when {over}."),
         (FaultEnd::Resumption, RunUnderFault::None) => "The fault ends when a run starts.".to_owned(),
-        (FaultEnd::Resumption, _) if is_first => "Let the run go on: the specimen is begun anew.".to_owned(),
         (FaultEnd::Resumption, _) => "Then let the run go on: the specimen is begun anew.".to_owned(),
         // An aborted run does not continue.
         (FaultEnd::Acknowledgement, RunUnderFault::None) => "Then acknowledge the fault.".to_owned(),
         (FaultEnd::Acknowledgement, _) if code.code == table::EMERGENCY_STOP.code => "Then acknowledge the fault.".to_owned(),
         (FaultEnd::Acknowledgement, _) => "Then acknowledge the fault and let the run go on.".to_owned(),
         (FaultEnd::Restart, _) => return remedy.to_owned(),
+    };
+    let rule = match rule.strip_prefix("Then ").filter(|_| first.is_empty()) {
+        Some(rest) => rest[..1].to_uppercase() + &rest[1..],
+        None => rule,
     };
     [first.trim_end(), &rule, otherwise].into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(" ")
 }
@@ -117,7 +119,7 @@ mod tests {
                     "{}: {advice}",
                     code.code
                 );
-                assert_eq!(advice.contains("acknowledge"), fault.end() == FaultEnd::Acknowledgement, "{}: {advice}", code.code);
+                assert_eq!(advice.contains("cknowledge"), fault.end() == FaultEnd::Acknowledgement, "{}: {advice}", code.code);
                 assert!(run != RunUnderFault::Waits || fault.needs_a_person(run), "{}", code.code);
                 if let Some(at) = advice.find("cknowledge") {
                     for instead in ["end the run", "start the daemon again"] {

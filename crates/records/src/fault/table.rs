@@ -126,7 +126,7 @@ codes! {
         "Check the controller's power and cable.";
     ROTATION_SUSPECT = "rotation_suspect", Motion, Retry, operator: false, recoverable: true,
         "The position of the axis is uncertain. The axis was stopped. A stock VAST that may be out of step asks for a person.",
-        "End the list of a stock VAST that steps through one.";
+        "If a stock VAST steps through a list, end the list first.";
     ROTATION_ALARM = "rotation_alarm", Motion, EscalateOperator, operator: true, recoverable: true,
         "The controller is in alarm: a limit switch, a stall, motors that came apart, an encoder's or driver's error.",
         "Look what touched the switch or holds the capillary, and clear it.";

@@ -32,6 +32,8 @@ impl HoldCause {
 /// A requested end before the last well. The higher one wins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum EndRequest {
+    /// With the daemon, which was killed before the run had ended.
+    Interrupt,
     /// After the current specimen.
     Stop,
     /// At once.
@@ -155,7 +157,7 @@ impl RunState {
             (EventData::DaemonStopping(stopping), _) => {
                 self.recoveries.clear();
                 if stopping.ends_run {
-                    self.end_request = self.end_request.max(Some(EndRequest::Stop));
+                    self.end_request = self.end_request.max(Some(EndRequest::Interrupt));
                 }
             }
             (EventData::SpecimenDone(_), Some(well)) => {

@@ -174,7 +174,7 @@ fn an_emergency_stop_while_the_work_of_a_daemon_that_ends_is_stopped_aborts_the_
         b.d.publisher.halt().stop();
         requests::emergency_pressed(&mut b.d);
         b.ends(RunEnd::Cancelled).await;
-        assert_eq!((b.status().state, count(&journalled(dir.path()), "run.ended")), (State::Aborting, 0));
+        assert_eq!((b.status().state, count(&journalled(dir.path()), "run.ended")), (State::Aborted, 1));
         b.d.go(Trigger::Joined);
         assert_eq!(b.status().state, State::Aborted);
         drop(b);
@@ -194,7 +194,8 @@ fn a_daemon_that_is_killed_while_it_ends_its_run_has_still_ended_it() {
             course::shut_down(&mut b.d, departure);
             drop(b);
             let status = bench(dir.path(), true).status();
-            assert_eq!((status.state == State::Stopped, status.run.unwrap().outcome.is_some()), (ends, ends), "{departure:?}");
+            let outcome = ends.then_some(crate::api::RunOutcome::Interrupted);
+            assert_eq!((status.state == State::Stopped, status.run.unwrap().outcome), (ends, outcome), "{departure:?}");
         }
     });
 }

@@ -34,6 +34,7 @@ impl Before {
         let asked = match self.request {
             Request::Stop => Some(EndRequest::Stop),
             Request::Abort => Some(EndRequest::Abort),
+            Request::ShutDown => Some(EndRequest::Interrupt),
             _ => None,
         };
         let Some(run) = &b.d.run else {
@@ -55,6 +56,7 @@ fn request(asked: Option<EndRequest>) -> Request {
     match asked {
         Some(EndRequest::Stop) => Request::Stop,
         Some(EndRequest::Abort) => Request::Abort,
+        Some(EndRequest::Interrupt) => Request::ShutDown,
         None => Request::Nothing,
     }
 }
@@ -65,6 +67,7 @@ fn outcome(asked: Option<EndRequest>, record: &carved_store::RunRecord) -> RunOu
     match asked {
         Some(EndRequest::Abort) => RunOutcome::Aborted,
         Some(EndRequest::Stop) => RunOutcome::of_stopped(&record.wells),
+        Some(EndRequest::Interrupt) => RunOutcome::Interrupted,
         None => {
             assert!(!is_cut_short, "nobody asked for an end: {:?}", record.wells);
             RunOutcome::of_wells(&record.wells)
