@@ -30,12 +30,15 @@ export class Refused extends Error {
   readonly code: number;
   /** All errors in the request, if the daemon lists them. */
   readonly mistakes: readonly Mistake[];
+  /** The daemon's word for the problem; empty without one. */
+  readonly problem: string;
 
-  constructor(code: number, message: string, mistakes: readonly Mistake[] = []) {
+  constructor(code: number, message: string, mistakes: readonly Mistake[] = [], problem = "") {
     // The text becomes part of a sentence.
     super(message.replace(/\.$/, ""));
     this.code = code;
     this.mistakes = mistakes;
+    this.problem = problem;
   }
 }
 
@@ -75,7 +78,7 @@ async function refusal(response: Response): Promise<Refused> {
   // A proxy in between answers without these fields.
   const body = (await response.json().catch(() => ({}))) as Partial<Problem>;
   const words = ON_THIS_PAGE[body.code ?? ""] ?? body.detail ?? body.title ?? code;
-  return new Refused(response.status, words, body.errors ?? []);
+  return new Refused(response.status, words, body.errors ?? [], body.code);
 }
 
 /** What to do on this page about a refusal; another program would send another request. */
@@ -127,9 +130,11 @@ export async function sayNotMoved(): Promise<void> {
   await response.body?.cancel();
 }
 
-export async function startRun(id: string, plan: RunPlan): Promise<void> {
+/** Starts a run. Returns false if the daemon has this run with the same plan: then nothing is started. */
+export async function startRun(id: string, plan: RunPlan): Promise<boolean> {
   const response = await sendJson("PUT", `/v1/runs/${encodeURIComponent(id)}`, plan, WORK_MS);
   await response.body?.cancel();
+  return response.status === 201;
 }
 
 /** The wells in a plate map's file, as the daemon reads it. A refusal lists every mistake. */

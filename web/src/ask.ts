@@ -36,11 +36,16 @@ export class Asker {
   }
 
   ask(question: Question): Promise<boolean> {
-    for (const part of ["title", "words", "no", "yes"] as const) setText(this.#parts[part], question[part]);
+    this.reword(question);
     this.#parts.yes.className = question.ends ? "button button-alarm" : "button button-go";
     this.#block(true);
     this.#dialog.show();
     return new Promise((resolve) => (this.#answered = resolve));
+  }
+
+  /** What the question says has changed while it stands. */
+  reword(question: Question): void {
+    for (const part of ["title", "words", "no", "yes"] as const) setText(this.#parts[part], question[part]);
   }
 
   /** Blocks what is beside the question, except for the header with the emergency stop. */

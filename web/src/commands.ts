@@ -13,6 +13,7 @@ import {
   isAtRest,
   nextStep,
   runsNow,
+  underWay,
 } from "./plain.ts";
 import type { Status } from "./status.ts";
 
@@ -99,10 +100,9 @@ const COMMANDS: readonly Command[] = [
     isUnderWay: (s) => s.pending.abort || s.state === "Aborting",
     isShown: runsNow,
     isEnabled: canAbort,
-    question: (_, run) => ({
+    question: (s, run) => ({
       title: `Abort run ${run}?`,
-      words:
-        "The motors stop at once and the run ends as aborted. Wells that are finished are kept; the specimen in the capillary is not measured.",
+      words: `The motors stop at once and the run ends as aborted. Wells that are finished are kept; ${underWay(s)?.in_capillary === true ? "the specimen in the capillary is not measured" : "wells that were not visited stay without numbers"}.`,
       no: "Keep running",
     }),
     send: steer("abort"),
@@ -167,6 +167,7 @@ export class CommandRow {
   readonly #buttons: [Command, HTMLButtonElement][];
   readonly #asker: Asker;
   readonly #answer: HTMLElement;
+  readonly #section: HTMLElement;
   #asked: { command: Command; label: string } | null = null;
   #newest: Status | null = null;
   #attempts = 0;
@@ -177,10 +178,11 @@ export class CommandRow {
     this.#buttons = COMMANDS.map((command) => [command, find<HTMLButtonElement>(command.name)]);
     this.#asker = new Asker(find);
     this.#answer = find("answer");
+    this.#section = find("now");
     for (const [command, button] of this.#buttons) {
       button.addEventListener("click", (event) => {
         // The next step may come to the place of the one before: the second click of a double click is not meant for it.
-        if (event.detail < 2) void this.#clicked(command);
+        if (event.detail < 2) void this.#clicked(command, button);
       });
     }
   }
@@ -193,29 +195,49 @@ export class CommandRow {
     const asked = this.#asked;
     if (asked && (another || !asked.command.isShown(status) || asked.command.label(status) !== asked.label)) {
       this.#asker.dismiss();
+    } else if (asked) {
+      const question = this.#question(asked.command, status);
+      if (question !== null) this.#asker.reword(question);
     }
+    const focused = document.activeElement;
     const next = nextStep(status)?.button;
     for (const [command, button] of this.#buttons) {
       show(button, command.isShown(status));
       button.classList.toggle("button-next", command.name === next);
       button.disabled = !command.isEnabled(status);
       setText(button, command.isUnderWay(status) ? command.underWay : command.label(status));
+      if (button === focused && (button.hidden || button.disabled)) this.#giveFocus(button);
     }
   }
 
-  async #clicked(command: Command): Promise<void> {
+  #question(command: Command, status: Status): Question | null {
+    const asked = command.question?.(status, status.run?.id ?? "");
+    return asked ? { ...asked, yes: command.label(status), ends: command.ends } : null;
+  }
+
+  /** Gives the focus to a button, or to its section if the button cannot take it. */
+  #giveFocus(button: HTMLElement): void {
+    button.focus({ preventScroll: true });
+    if (document.activeElement !== button || button.matches(":disabled, [hidden]"))
+      this.#section.focus({ preventScroll: true });
+  }
+
+  async #clicked(command: Command, button: HTMLButtonElement): Promise<void> {
     const status = this.#newest;
     if (!status || !command.isShown(status)) return;
     const run = status.run?.id ?? "";
     const label = command.label(status);
-    if (command.question !== null) {
+    const question = this.#question(command, status);
+    if (question !== null) {
       this.#asked = { command, label };
-      const yes = await this.#asker.ask({ ...command.question(status, run), yes: label, ends: command.ends });
+      const yes = await this.#asker.ask(question);
       this.#asked = null;
-      if (!yes) return;
+      if (!yes) {
+        if (isFocusLost()) this.#giveFocus(button);
+        return;
+      }
     }
-    const button = this.#buttons.find(([c]) => c === command)?.[1];
-    if (button) button.disabled = true;
+    button.disabled = true;
     const at = (s: Status) => `${s.state} ${s.plate.needs} ${handedOver(s)} ${nextStep(s)?.fault}`;
     const moved = (now: Status) => at(now) !== at(status);
     try {
@@ -225,6 +247,12 @@ export class CommandRow {
       this.#say(refusal(label, error, command), moved);
     }
     this.update(this.#newest ?? status);
+    if (isFocusLost()) this.#giveFocus(button);
+  }
+
+  /** Shows why no run was started, until the run that is under way has ended. */
+  tell(words: string): void {
+    this.#say(words, (now) => !runsNow(now));
   }
 
   /** Shows the refusal of an action that is no command, until it is repeated. */
@@ -250,6 +278,12 @@ function refusal(label: string, error: unknown, { otherwise, ends }: Command): s
   if (!(error instanceof Unanswered)) return `${label} did not get through: ${reason(error)}. ${otherwise}`;
   const advice = ends ? ` ${HALT}` : "";
   return `${label}: ${error.message}. It may still be carried out.${advice}`;
+}
+
+/** Whether the focus was in a question that is closed, or on a button that is disabled. */
+function isFocusLost(): boolean {
+  const active = document.activeElement;
+  return active === null || active === document.body || active.closest("dialog, :disabled") !== null;
 }
 
 function reason(error: unknown): string {

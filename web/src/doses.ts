@@ -1,7 +1,7 @@
 // Z' of a run's controls, and the response of each compound to its dose, as the daemon computes them.
 
 import { element, svg } from "./dom.ts";
-import { counted, grouped, significant } from "./format.ts";
+import { asEntered, counted, grouped, significant, unitWords } from "./format.ts";
 import { levelDigits, linearTicks } from "./ticks.ts";
 import type { DoseCurve, DoseSeries, QuantityStatistics } from "./status.ts";
 
@@ -18,7 +18,8 @@ export function windowWords({ windows }: Pick<QuantityStatistics, "windows">): s
 }
 
 /** What a curve says, or why there is none. Pure. */
-export function responseWords({ condition, concentration_unit: unit, points, curve, reason }: DoseSeries): string {
+export function responseWords({ condition, concentration_unit, points, curve, reason }: DoseSeries): string {
+  const unit = unitWords(concentration_unit);
   const { compound, specimen, dpf } = condition;
   const name = [compound ?? "no compound", specimen, dpf === null ? "" : `${dpf} dpf`]
     .filter((p) => p !== "")
@@ -58,7 +59,8 @@ export function doseCharts(of: QuantityStatistics, shown: Measure, choose: (well
 }
 
 function chart(series: DoseSeries, { name, unit, size }: Measure, choose: (well: string) => void): SVGElement {
-  const { points, curve, concentration_unit: of } = series;
+  const { points, curve } = series;
+  const of = unitWords(series.concentration_unit);
   const positive = points.map((p) => p.dose).filter((dose) => dose > 0);
   const [least, most] = [Math.min(...positive), Math.max(...positive)];
   const logs = [Math.log10(least), Math.log10(most)] as const;
@@ -86,9 +88,7 @@ function chart(series: DoseSeries, { name, unit, size }: Measure, choose: (well:
     );
   }
   for (const dose of [...new Set(points.map((p) => p.dose))]) {
-    made.append(
-      svg("text", { class: "tick", x: x(dose), y: bottom + 16, "text-anchor": "middle" }, significant(dose, 1)),
-    );
+    made.append(svg("text", { class: "tick", x: x(dose), y: bottom + 16, "text-anchor": "middle" }, asEntered(dose)));
   }
   made.append(
     svg("text", { class: "title", x: (start + right) / 2, y: HEIGHT - 6, "text-anchor": "middle" }, `Dose, ${of}`),
@@ -112,7 +112,7 @@ function chart(series: DoseSeries, { name, unit, size }: Measure, choose: (well:
   for (const { well, dose, value } of points) {
     const dot = svg("circle", { class: "groups-dot", cx: x(dose), cy: y(value / size), r: 4 });
     dot.dataset["well"] = well;
-    dot.append(svg("title", {}, `${well}: ${significant(value / size)} ${unit} at ${significant(dose, 2)} ${of}`));
+    dot.append(svg("title", {}, `${well}: ${significant(value / size)} ${unit} at ${asEntered(dose)} ${of}`));
     dot.addEventListener("click", () => choose(well));
     made.append(dot);
   }

@@ -88,6 +88,16 @@ export function bytes(count: number): string {
   return `${significant(value, 3)} ${units[unit]}`;
 }
 
+/** A concentration or dose as it was entered, without the noise of binary numbers: 1.5, 10. */
+export function asEntered(value: number): string {
+  return String(Number(value.toPrecision(12)));
+}
+
+/** `uM` -> `µM`. */
+export function unitWords(unit: string): string {
+  return unit.replace(/^u/, "µ");
+}
+
 /** `brief_reason` -> `brief reason`. */
 export function words(name: string): string {
   return name.replaceAll("_", " ");

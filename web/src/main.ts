@@ -68,7 +68,7 @@ const card = new WellCard(byId("well-heading"), byId("well-body"));
 const chart = new VolumeChart(byId("chart"), byId("chart-caption"), byId<HTMLInputElement>("with-hull"));
 const rig = new RigView(byId("rig"));
 const commands = new CommandRow(byId);
-const newRun = new NewRun(byId);
+const newRun = new NewRun(byId, (words) => commands.tell(words));
 const token = new TokenForm(byId("token-form"), byId("token"));
 const colouring = new PlateColouring(byId("colour-by"), byId("scale-legend"), redraw);
 const results = new ResultsTable(byId("results"), byId("results-table"), lookAt);
@@ -195,7 +195,9 @@ function showAll(status: Status): void {
 /** What the instrument does, whichever run is shown. */
 function instrument(status: Status): void {
   byId("now").dataset["tone"] = toneOf(status);
-  setText(byId("sentence"), headline(status));
+  // The wall display has no commands.
+  const isElsewhere = document.body.classList.contains("wall") && nextStep(status)?.button != null;
+  setText(byId("sentence"), headline(status) + (isElsewhere ? " The button is on the operator's page." : ""));
   setText(byId("state"), STATES[status.state]);
   setText(byId("count"), count(status));
   setText(byId("finish"), finish(status));

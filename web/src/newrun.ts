@@ -38,8 +38,15 @@ export class NewRun {
   /** Why the instrument would not accept a run now. */
   #notReady: string | null = null;
   #busy = false;
+  /** Condition of the instrument that the messages are about. */
+  #condition = "";
+  /** Why the newest start was refused, while the panel shows it. */
+  #refused: string | null = null;
+  readonly #tell: (words: string) => void;
 
-  constructor(find: <T extends Element = HTMLElement>(id: string) => T) {
+  /** `tell` shows outside of the panel why no run was started: another run hides the panel. */
+  constructor(find: <T extends Element = HTMLElement>(id: string) => T, tell: (words: string) => void) {
+    this.#tell = tell;
     const panel = find<HTMLDetailsElement>("new-run");
     // Folded where it would be a screen long.
     panel.open = !matchMedia("(max-width: 900px)").matches;
@@ -83,6 +90,12 @@ export class NewRun {
   update(status: Status): void {
     this.#startable = canStart(status);
     this.#notReady = status.ready ? null : (status.not_ready_reason ?? "no reason given");
+    const refused = this.#refused;
+    const condition = `${status.state} ${this.#startable}`;
+    // Messages about an earlier condition do not apply to this one. Mistakes in the file come with its check.
+    if (condition !== this.#condition && this.#map !== null) this.#clear();
+    this.#condition = condition;
+    if (!this.#startable && refused !== null) this.#refuse(refused);
     show(this.#panel, this.#startable);
     if (this.#startable && this.#methodsOf !== status.boot_id) void this.#loadMethods(status.boot_id);
     this.#enable();
@@ -135,7 +148,7 @@ export class NewRun {
     show(this.#barcodeWords, misread);
     if (!this.#barcode.checkValidity()) missing.push(misread ? "another barcode" : "the plate's barcode");
     if (!this.#method.checkValidity()) missing.push("a method");
-    if (!this.#operator.checkValidity()) missing.push("your name");
+    if (this.#operator.value.trim() === "") missing.push("your name");
     if (!this.#id.checkValidity()) missing.push("a run name of letters, digits, dots, _ and - alone");
     return missing;
   }
@@ -193,8 +206,11 @@ export class NewRun {
     localStorage.setItem(OPERATOR, plan.operator);
     const id = this.#id.value.trim() || freshName(plan.plate_barcode);
     this.#clear();
-    await this.#work(async () => {
-      await startRun(id, plan);
+    const job = async () => {
+      if (!(await startRun(id, plan))) {
+        this.#refuse(`Run ${id} exists already; nothing was started. Choose another run name, or leave it empty.`);
+        return;
+      }
       this.#file.value = "";
       this.#barcode.value = "";
       this.#id.value = "";
@@ -202,7 +218,8 @@ export class NewRun {
       show(this.#holds, false);
       this.#format.value = "";
       this.#draw();
-    }, "The run was not started");
+    };
+    await this.#work(job, "The run was not started", (words) => this.#refuse(words));
   }
 
   #plan(): RunPlan | null {
@@ -218,7 +235,7 @@ export class NewRun {
   }
 
   /** Runs one request at a time. A refusal lists every mistake. */
-  async #work(job: () => Promise<void>, refused: string): Promise<void> {
+  async #work(job: () => Promise<void>, refused: string, say = (words: string) => this.#say(words)): Promise<void> {
     this.#busy = true;
     this.#enable();
     try {
@@ -226,7 +243,9 @@ export class NewRun {
     } catch (error) {
       const mistakes = error instanceof Refused ? error.mistakes : [];
       // The detail would only repeat the list.
-      this.#say(`${refused}: ${mistakes.length > 0 ? counted(mistakes.length, "mistake") : reason(error)}.`);
+      const other = otherRun(error);
+      if (other !== null) say(`${refused}. Another run is under way: ${other}.`);
+      else say(`${refused}: ${mistakes.length > 0 ? counted(mistakes.length, "mistake") : reason(error)}.`);
       this.#list.replaceChildren(listOf("Mistakes", mistakes.map(mistake)));
     } finally {
       this.#busy = false;
@@ -238,7 +257,14 @@ export class NewRun {
     this.#plate.update(this.#map?.plate_map ?? [], this.#format.value === "" ? null : Number(this.#format.value));
   }
 
+  #refuse(words: string): void {
+    this.#refused = this.#startable ? words : null;
+    if (this.#startable) this.#say(words);
+    else this.#tell(words);
+  }
+
   #clear(): void {
+    this.#refused = null;
     show(this.#words, false);
     this.#list.replaceChildren();
   }
@@ -251,6 +277,12 @@ export class NewRun {
 
 function reason(error: unknown): string {
   return error instanceof Refused ? error.message : String(error);
+}
+
+/** The run that is under way in place of the one that was refused; null if the refusal has another cause. */
+function otherRun(error: unknown): string | null {
+  if (!(error instanceof Refused) || error.problem !== "wrong_state") return null;
+  return /\bRun (\S+) of .* is under way/.exec(error.message)?.[1] ?? null;
 }
 
 /** A list with its heading; nothing without entries. */

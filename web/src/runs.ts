@@ -234,13 +234,18 @@ export class OpenedRun {
   }
 
   #draw(detail: RunDetail): void {
-    const { id, plate_barcode, started, mode, method, software_version: version, outcome } = detail;
+    const { id, plate_barcode, started, mode, method, operator, software_version: version, outcome, wells } = detail;
+    const end =
+      outcome === null
+        ? ""
+        : `The run ${OUTCOMES[outcome]}: ${wells.succeeded + wells.flagged} of ${counted(wells.total, "well")} measured. `;
     setText(
       this.#words,
       `${outcome === null ? "Run under way" : "Stored run"} ${id}: plate ${plate_barcode}, ${day(started)}, ${mode}, ` +
-        `method ${method}, carved ${version}. Plate, well, frame, model and tables below are of this run.`,
+        `method ${method}, operator ${operator}, carved ${version}. ${end}Plate, well, frame, model and tables below are of this run.`,
     );
-    setText(this.#copies, outcome === null ? "" : copyWords(detail));
+    const parts = outcome === null ? [] : copyWords(detail).split("`");
+    this.#copies.replaceChildren(...parts.map((part, i) => (i % 2 === 1 ? element("code", "", part) : part)));
     const whole = downloadLink(
       `/v1/runs/${encodeURIComponent(id)}/files.tar`,
       `${id}.tar`,

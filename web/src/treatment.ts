@@ -1,6 +1,6 @@
 // What is in a well and how it was treated, in words. Pure.
 
-import { significant } from "./format.ts";
+import { asEntered, unitWords } from "./format.ts";
 import type { WellCondition } from "./status.ts";
 
 /** What is in a well and how it was treated, in a plate map or in a group of wells. */
@@ -11,7 +11,7 @@ export function treatmentWords(well: Treatment): string {
   const dose =
     well.concentration == null
       ? ""
-      : ` ${significant(well.concentration, 3)} ${well.concentration_unit ?? ""}`.trimEnd();
+      : ` ${asEntered(well.concentration)} ${unitWords(well.concentration_unit ?? "")}`.trimEnd();
   return [
     well.compound == null ? "" : `${well.compound}${dose}`,
     well.treatment ?? "",

@@ -134,7 +134,7 @@ test("an old run is found, opened with all that a live one shows, and closed; th
   await page.locator("#runs-table").getByRole("button", { name: "P-9-old" }).click();
   await until(
     "opened-words",
-    /^Stored run P-9-old: plate P-9, 2025-11-02 .*, imported, method standard, carved 0\.0\.9\./,
+    /^Stored run P-9-old: plate P-9, 2025-11-02 .*, imported, method standard, operator Kim, carved 0\.0\.9\. The run finished in part: 1 of 2 wells measured\. /,
   );
   await inView("opened");
   assert.equal(await wellButton("B01").getAttribute("data-condition"), "succeeded");
@@ -144,6 +144,7 @@ test("an old run is found, opened with all that a live one shows, and closed; th
   assert.equal(await text("plate-name"), "P-9");
   // The daemon measures nothing again while it has a run.
   await page.getByText("Measure again by another method").click();
+  assert.equal(await page.locator("#again-wells").getAttribute("placeholder"), "all that are measured, or A01, B02");
   const again = page.getByRole("button", { name: "Measure again" });
   await until("again-busy", /^A run is under way: measure again when it is over\.$/);
   assert.equal(await again.isDisabled(), true);
@@ -164,8 +165,11 @@ test("an old run is found, opened with all that a live one shows, and closed; th
   assert.equal((await saved).suggestedFilename(), "P-9-old.tar");
   await shoot(page, "stored-run");
   // Its address can be kept.
+  server.answers["/v1/runs/P-9-old"] = { ...detail, copies: [] };
   await page.reload();
   await until("opened-words", /^Stored run P-9-old/);
+  await until("opened-copies", /^No copy of this run is recorded: carved archive makes one and checks it\.$/);
+  assert.equal(await page.locator("#opened-copies code").innerText(), "carved archive");
   await page.getByRole("button", { name: "Back to the instrument's run" }).click();
   await wellButton("A01").waitFor();
   assert.equal(await page.locator("#opened").isVisible(), false);
@@ -271,7 +275,7 @@ test("groups of the plate map: the daemon's statistics as dots, means and a tabl
     rows.map((row) => row.split("\t")),
     [
       ["a", "Larva, 3 dpf, DMSO, negative control", "3", "250.0", "10.00", "225.2 to 274.8", "250.0", "10.00"],
-      ["b", "Larva, 3 dpf, BPA 10.0 uM", "1", "310.0", "–", "–", "310.0", "0"],
+      ["b", "Larva, 3 dpf, BPA 10 µM", "1", "310.0", "–", "–", "310.0", "0"],
     ],
   );
   // The mean is drawn where the scale has its value, and its interval around it.
@@ -281,9 +285,10 @@ test("groups of the plate map: the daemon's statistics as dots, means and a tabl
   assert.ok(Math.abs((await at(".groups-mean", 0, "y1")) - dot - 3.5) < 0.1);
   const [low, high] = [await at(".groups-mean", 1, "y1"), await at(".groups-mean", 1, "y2")];
   assert.ok(Math.abs((low + high) / 2 - dot - 3.5) < 0.1 && low > high);
-  assert.deepEqual(await page.locator("#groups-doses .title").allTextContents(), ["Dose, uM", "Volume, nL"]);
+  assert.deepEqual(await page.locator("#groups-doses .title").allTextContents(), ["Dose, µM", "Volume, nL"]);
   await until("groups-window", /^Z' of the controls: 0\.55 \(2 positive, 3 negative\)\.$/);
   assert.equal(await page.locator("#groups-doses svg .groups-dot").count(), 4);
+  assert.equal(await page.locator("#groups-doses [data-well=A03] title").textContent(), "A03: 260.0 nL at 3 µM");
   // The interval of the EC50 from 3 to 8 lies between the doses of its wells, 3 and 10.
   const centre = (name: string) => at(`#groups-doses [data-well=${name}]`, 0, "cx");
   const band = { x: await at(".dose-interval", 0, "x"), width: await at(".dose-interval", 0, "width") };
@@ -291,7 +296,7 @@ test("groups of the plate map: the daemon's statistics as dots, means and a tabl
   const [none, least] = [await centre("A01"), await centre("A02")];
   assert.ok(none > 60 && none + 20 < least, `wells without the compound stand apart: ${none}, ${least}`);
   assert.ok(band.x + band.width < (await centre("A04")) && band.width > 20, JSON.stringify(band));
-  await until("groups-doses", /BPA, larva, 3 dpf: EC50 5\.00 uM \(95 %: 3\.00 to 8\.00\)/);
+  await until("groups-doses", /BPA, larva, 3 dpf: EC50 5\.00 µM \(95 %: 3\.00 to 8\.00\)/);
   await shoot(page, "groups");
   await page.locator('#groups-chart [data-well="A04"]').click();
   await until("well-heading", /^Well A04$/);
@@ -469,15 +474,15 @@ test("the table of wells sorts by each column, and leads to its wells", async ()
   const treatment = () => page.locator("#results-table tbody tr td:nth-child(3)").allInnerTexts();
   await page.locator("#results-table td", { hasText: "DMSO" }).waitFor();
   assert.deepEqual(await treatment(), [
-    "DMSO 0.100 %, ABxTL, negative control",
+    "DMSO 0.1 %, ABxTL, negative control",
     ...Array(2).fill("negative control"),
     "",
     "",
   ]);
   const label = await wellButton("A01").getAttribute("aria-label");
-  assert.match(label ?? "", /^A01, larva, 3 dpf, DMSO 0\.100 %, ABxTL, negative control, measured/);
+  assert.match(label ?? "", /^A01, larva, 3 dpf, DMSO 0\.1 %, ABxTL, negative control, measured/);
   await wellButton("A01").click();
-  await until("well-body", /Treatment\s*DMSO 0\.100 %, ABxTL, negative control/);
+  await until("well-body", /Treatment\s*DMSO 0\.1 %, ABxTL, negative control/);
   const volume = page.getByRole("button", { name: "Volume, nL" });
   await volume.click();
   await volume.click();
@@ -525,6 +530,7 @@ test("the wall display shows state, count and plate, keeps the emergency stop an
   for (const id of ["count", "sentence", "plate", "frame-box", "emergency-stop"]) {
     assert.equal(await page.locator(`#${id}`).isVisible(), true, id);
   }
+  await until("sentence", /^Check the camera's cable\. The button is on the operator's page\.$/);
   for (const id of ["abort", "acknowledge", "new-run", "runs", "rig", "groups", "beads"]) {
     assert.equal(await page.locator(`#${id}`).isVisible(), false, id);
   }

@@ -923,6 +923,121 @@ test("a new run: every mistake of its map, the preflight, the start", async () =
   assert.deepEqual(JSON.parse(server.taken[2]!.body), plan);
 });
 
+/** Fills the form of a new run. */
+async function planned(): Promise<void> {
+  server.answers["/v1/plate-maps/check"] = {
+    ...{ plate_format: null, plate_map: [{ well: "A01" }], metadata: {}, notes: [] },
+  };
+  await page.goto(server.url);
+  await until("method-words", /^21 views/);
+  const map = { name: "map.csv", mimeType: "text/csv", buffer: Buffer.from("well\nA1\n") };
+  await page.getByLabel("Plate map").setInputFiles(map);
+  await until("plate-holds", /^1 well:/);
+  await page.getByLabel("Plate barcode").fill("P-7");
+  await page.getByLabel("Operator").fill("  ");
+  await until("new-run-missing", /^Still needed: your name\.$/);
+  assert.equal(await page.locator("#start").isDisabled(), true, "blanks are no name");
+  await page.getByLabel("Operator").fill("Kim");
+  await page.getByLabel("Run name").fill("monday-1");
+}
+
+const start = () => page.getByRole("button", { name: "Start", exact: true }).click();
+
+test("a start that lost against another one says which run is under way, also once the form is hidden", async () => {
+  const another = /^The run was not started\. Another run is under way: demo-1\.$/;
+  const detail =
+    "the instrument is in state Execute; this command is accepted in [Idle, Complete, Stopped, Aborted]. " +
+    "Run demo-1 of Lee is under way. taking view 2 of 22 of the larva in A02";
+  await planned();
+  server.refusal = { code: "wrong_state", detail };
+  await start();
+  // The status of the other run comes after the refusal.
+  await until("new-run-words", another);
+  server.publish(running(1));
+  await page.locator("#new-run").waitFor({ state: "hidden" });
+  await until("answer", another);
+  assert.equal(await page.locator("#answer").isVisible(), true);
+  server.publish(running(2));
+  await until("sentence", /view 3/);
+  assert.equal(await page.locator("#answer").isVisible(), true, "it stands while that run is under way");
+  const over = { ...running(22), run: run([measured], { outcome: "succeeded" }), specimen: null };
+  server.publish({ ...over, state: "Complete" });
+  await page.locator("#new-run").waitFor();
+  assert.equal(await page.locator("#new-run-words").isVisible(), false, "the other run has ended");
+  assert.equal(await page.locator("#answer").isVisible(), false, "the other run has ended");
+  assert.equal(await page.getByLabel("Plate barcode").inputValue(), "P-7");
+  // The status of the other run comes before the refusal.
+  let release = () => {};
+  await page.route("**/v1/runs/monday-1", async (route) => {
+    await new Promise<void>((resolve) => (release = resolve));
+    await route.continue();
+  });
+  const asked = page.waitForRequest("**/v1/runs/monday-1");
+  await start();
+  await asked;
+  server.publish(running(1));
+  await page.locator("#new-run").waitFor({ state: "hidden" });
+  release();
+  await until("answer", another);
+  assert.equal(await page.locator("#answer").isVisible(), true);
+  // A refusal without another run is over when the state changes.
+  await page.unroute("**/v1/runs/monday-1");
+  server.publish({ ...over, state: "Aborted" });
+  await page.locator("#new-run").waitFor();
+  server.refusal = { code: "busy", detail: "the instrument is being checked" };
+  await start();
+  await until("new-run-words", /^The run was not started: the instrument is being checked\.$/);
+  server.publish({ ...over, state: "Complete" });
+  await page.locator("#new-run-words").waitFor({ state: "hidden" });
+});
+
+test("a start under the name of an earlier run with the same plan says that nothing was started", async () => {
+  await planned();
+  server.known.add("monday-1");
+  await start();
+  await until(
+    "new-run-words",
+    /^Run monday-1 exists already; nothing was started\. Choose another run name, or leave it empty\.$/,
+  );
+  assert.equal(await page.getByLabel("Plate barcode").inputValue(), "P-7", "the form is kept");
+  await page.getByLabel("Run name").fill("monday-2");
+  await start();
+  await page.waitForFunction(() => document.querySelector<HTMLInputElement>("#barcode")?.value === "");
+});
+
+test("after a question the focus is on the button that asked it, or on what the instrument does", async () => {
+  server.publish(running(9));
+  await page.goto(server.url);
+  await page.locator("#abort").focus();
+  await page.keyboard.press("Enter");
+  await page.locator("#ask-no:focus").waitFor();
+  await page.keyboard.press("Escape");
+  await page.locator("#abort:focus").waitFor();
+  await page.keyboard.press("Enter");
+  await page.locator("#ask-no:focus").waitFor();
+  await page.keyboard.press("Enter");
+  await page.locator("#abort:focus").waitFor();
+  await page.locator("#stop").click();
+  await page.locator("#ask-yes").click();
+  await until("answer", /accepted/);
+  await page.locator("#stop:focus").waitFor();
+  server.publish({ ...running(10), pending: { hold: false, stop: true, abort: false } });
+  await page.locator("#now:focus").waitFor();
+});
+
+test("the question of an abort follows the run: a held one has no specimen under way", async () => {
+  server.publish(running(9));
+  await page.goto(server.url);
+  await page.getByRole("button", { name: "Abort run" }).click();
+  await until("ask-words", /; the specimen in the capillary is not measured\.$/);
+  server.publish({ ...running(22), state: "Holding", pending: { hold: true, stop: false, abort: false } });
+  await until("state", /Holding/i);
+  await until("ask-words", /; the specimen in the capillary is not measured\.$/);
+  server.publish({ ...running(22), state: "Held" });
+  await until("ask-words", /; wells that were not visited stay without numbers\.$/);
+  await until("ask-title", /^Abort run demo-1\?$/);
+});
+
 test("a question about a run that ended meanwhile goes away", async () => {
   server.publish(running(9));
   await page.goto(server.url);

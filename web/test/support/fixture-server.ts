@@ -52,6 +52,8 @@ export class FixtureServer {
   readonly read: string[] = [];
   /** Answer to a command in place of 200: a problem in words, with what is wrong. */
   refusal: { code?: string; detail: string; errors?: object[] } | null = null;
+  /** Runs that were taken before: a start of one of them answers 200, of another one 201. */
+  readonly known = new Set<string>();
   /** Whether commands get no answer, as from a daemon that hangs. */
   isSilent = false;
   /** Bodies of what is read, and of what commands answer, by path. */
@@ -141,7 +143,9 @@ export class FixtureServer {
         command: `${request.method} ${decodeURIComponent(url.pathname)}`,
         body: Buffer.concat(chunks).toString(),
       });
-      this.#json(response, 200, this.answers[url.pathname] ?? {});
+      const run = request.method === "PUT" ? /^\/v1\/runs\/([^/]+)$/.exec(url.pathname)?.[1] : undefined;
+      const isNew = run !== undefined && !this.known.has(decodeURIComponent(run));
+      this.#json(response, isNew ? 201 : 200, this.answers[url.pathname] ?? {});
     } else if ((this.read.push(url.pathname + url.search), url.pathname in this.broken)) {
       this.#json(response, 500, { title: "Internal Server Error", detail: this.broken[url.pathname] });
     } else if (url.pathname in this.files) {

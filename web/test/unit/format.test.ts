@@ -47,3 +47,8 @@ test("bytes, words and times", () => {
   assert.match(format.clockTime("2026-03-05T09:31:12Z"), /^\d\d:\d\d:12$/);
   assert.equal(format.clockTime("yesterday"), "yesterday");
 });
+
+test("a concentration has the digits that were entered, and a micro sign", () => {
+  assert.deepEqual([1.5, 10, 0.5, 0, 1500, 0.1 * 3].map(format.asEntered), ["1.5", "10", "0.5", "0", "1500", "0.3"]);
+  assert.deepEqual(["uM", "ug/mL", "nM", "%"].map(format.unitWords), ["µM", "µg/mL", "nM", "%"]);
+});

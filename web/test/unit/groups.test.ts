@@ -86,7 +86,7 @@ test("a curve has its ends at no dose and at a large one, and half of the effect
 test("a response says its EC50 with its interval, or why there is no curve; controls say their Z'", () => {
   assert.equal(
     responseWords(series),
-    "BPA, larva, 3 dpf: EC50 3.16 uM (95 %: 2.00 to 5.00); Hill 1.50; p of no effect 0.0012.",
+    "BPA, larva, 3 dpf: EC50 3.16 µM (95 %: 2.00 to 5.00); Hill 1.50; p of no effect 0.0012.",
   );
   const beyond = { ...series, curve: { ...series.curve!, ec50_is_within_doses: false } };
   assert.match(responseWords(beyond), /beyond the doses: an extrapolation;/);

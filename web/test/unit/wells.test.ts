@@ -62,9 +62,9 @@ test("wells that are planned alike are one group, in words", () => {
   assert.deepEqual(
     groups.map(({ words, wells }) => [words, wells.map((w) => w.well)]),
     [
-      ["larva, 3 dpf, DMSO 0.100 % v/v, negative control", ["A01", "A03"]],
+      ["larva, 3 dpf, DMSO 0.1 % v/v, negative control", ["A01", "A03"]],
       ["bead", ["A02"]],
-      ["larva, 3 dpf, DMSO 0.100 % v/v", ["A04"]],
+      ["larva, 3 dpf, DMSO 0.1 % v/v", ["A04"]],
     ],
   );
 });
@@ -121,7 +121,7 @@ test("a well's condition follows its outcome, its flags and the specimen under w
   };
   assert.equal(
     spoken(well("B02"), "pending", planned),
-    "B02, larva, 3 dpf, BPA 10.0 uM, ABxTL, not measured yet",
+    "B02, larva, 3 dpf, BPA 10 µM, ABxTL, not measured yet",
     "how it was treated",
   );
 });
