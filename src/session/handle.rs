@@ -270,12 +270,9 @@ impl SessionHandle {
         self.ask(|answer| Command::EmergencyStop { answer }).await
     }
 
-    /// Waits until the driver knows that the daemon ends.
+    /// Waits until the driver knows that the daemon ends, or has ended.
     pub async fn until_ending(&self) {
-        let mut status = self.status();
-        while !status.is_ending() {
-            status = self.status_after(status.revision).await;
-        }
+        self.until(Status::is_ending).await;
     }
 
     /// Stops the motors without the driver, before the process ends at once.

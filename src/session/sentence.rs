@@ -61,7 +61,7 @@ pub fn of(s: &Status) -> String {
             None => format!("Aborted. The motors stand. {}", not_yet.as_deref().unwrap_or("A new run may be started.")),
         },
         State::Stopping => match &s.specimen {
-            Some(_) if s.not_ready_reason.as_deref() != Some(Status::ENDING) => format!("Stopping after the specimen of well {well}."),
+            Some(_) if !s.is_ending() => format!("Stopping after the specimen of well {well}."),
             _ => format!("Shutting down: {motors} record is being closed."),
         },
         State::Stopped => match &s.run {

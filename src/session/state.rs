@@ -86,7 +86,7 @@ pub fn next(state: State, trigger: Trigger) -> Option<&'static [State]> {
         (state, Trigger::Stop) if STOPPABLE.contains(&state) => &[Stopping],
         (Aborting | Aborted | Clearing | Resetting, Trigger::Abort) => return None,
         (_, Trigger::Abort) => &[Aborting],
-        (Aborting, Trigger::MotorsStopped | Trigger::Joined) => &[Aborted],
+        (Aborting, Trigger::MotorsStopped) => &[Aborted],
         (Stopping | Aborting, Trigger::ShutDown) => &[],
         // Without a run there is nothing to stop.
         (state, Trigger::ShutDown | Trigger::Joined) if STARTABLE.contains(&state) => &[],

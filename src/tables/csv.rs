@@ -13,7 +13,7 @@ pub fn text(table: &Table) -> String {
     written(table, str::to_owned)
 }
 
-/// The whole file for a spreadsheet: with the byte order mark that tells it UTF-8, and without text that it would take for a formula.
+/// The whole file for a spreadsheet: with the byte order mark by which it recognises UTF-8, and without formulas.
 pub fn for_spreadsheet(table: &Table) -> String {
     format!("\u{feff}{}", written(table, harmless))
 }

@@ -107,7 +107,7 @@ impl DriverState {
         self.state().run.as_ref().is_some_and(RunState::is_held_by_operator)
     }
 
-    /// Whether the daemon ends without ending the run. An end that was asked for earlier comes first.
+    /// Whether the daemon ends without ending the run. An abort comes first.
     pub fn leaves_run(&self) -> bool {
         self.life == Life::Stopping(Departure::LeavesRun) && self.run.as_ref().is_some_and(|run| run.request() == Request::ShutDown)
     }

@@ -32,7 +32,7 @@ impl HoldCause {
 /// A requested end before the last well. The higher one wins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum EndRequest {
-    /// With the daemon, which was killed before the run had ended.
+    /// With the daemon. A daemon that is killed before the run has ended leaves it to the next start.
     Interrupt,
     /// After the current specimen.
     Stop,
