@@ -66,6 +66,7 @@ impl Handling {
 
     /// The loader has brought a specimen. It replaces whatever was in the capillary.
     pub fn brought(&mut self) -> Waited {
+        self.eject_first = None;
         match (self.awaited.take(), self.take_out.take()) {
             (Some(_), _) => Waited::ForIt,
             (None, Some(_)) => Waited::ForRemoval,
@@ -103,6 +104,8 @@ mod tests {
         assert_eq!((handling.brought(), handling.awaited(), handling.take_out()), (Waited::ForIt, None, None));
         handling.remove("A01", true);
         assert_eq!((handling.brought(), handling.take_out()), (Waited::ForRemoval, None));
+        handling.remove("A01", false);
+        assert_eq!((handling.brought(), handling.eject_first()), (Waited::No, None), "the new specimen would be ejected");
     }
 
     #[test]

@@ -5,6 +5,7 @@
 use super::super::*;
 use super::bench::{Arm, Bench, RUN, bench_of, instrument, journalled, on_this_thread, plan, scratch};
 use super::rebuilt::{Before, follows_from_the_state};
+use crate::session::driver::recovery::Made;
 use crate::session::handle::Towards;
 use crate::session::worker::{Progress, RunEnd, RunError};
 use crate::session::{Live, RotationStatus};
@@ -119,11 +120,10 @@ async fn recovers(b: &mut Bench) -> bool {
     true
 }
 
-/// The thread that computes numbers ends with the process: it must not write later. What it has computed is lost.
-async fn thread_ends(b: &mut Bench) {
-    if let Some(run) = b.d.run.as_mut().filter(|run| run.numbers().are_being_made()) {
-        let _lost = run.numbers_mut().made().await;
-    }
+/// Waits for the thread that computes numbers: it must not write after the end of the process. The driver has not taken the result.
+async fn thread_ends(b: &mut Bench) -> Option<Made> {
+    let run = b.d.run.as_mut().filter(|run| run.numbers().are_being_made())?;
+    Some(run.numbers_mut().made().await)
 }
 
 async fn takes(b: &mut Bench, axis_answers: &AtomicBool, step: &Step) {
@@ -202,12 +202,14 @@ async fn takes(b: &mut Bench, axis_answers: &AtomicBool, step: &Step) {
             requests::emergency_pressed(&mut b.d);
         }
         Step::ShutDown(leaves_run) => {
-            if leaves_run {
-                thread_ends(b).await;
-            }
+            let made = if leaves_run { thread_ends(b).await } else { None };
             course::shut_down(&mut b.d, if leaves_run { Departure::LeavesRun } else { Departure::EndsRun });
             if b.works() {
                 b.ends(RunEnd::Cancelled).await;
+            }
+            // The run has stayed, because an abort comes first.
+            if let Some(made) = made {
+                course::recovered(&mut b.d, made);
             }
             while recovers(b).await {}
             drop(b.d.final_report());
@@ -284,7 +286,7 @@ fn check(loaded_from_outside: bool, steps: &[Step]) {
                 if before.is_some() {
                     written = journalled(dir.path());
                 }
-                thread_ends(&mut b).await;
+                let _lost = thread_ends(&mut b).await;
                 drop(b);
                 disk_trace::begin(None);
                 (is_dying, has_died) = (false, has_died || dies || before.is_none());
