@@ -285,7 +285,11 @@ fn a_stop_reaches_the_wire_while_an_answer_is_awaited() {
     let script = Script::referenced().sent().raw(1, "", "");
     let waiting = script.steps.len() - 1;
     // Then the controller is asked whether it is there; the flag of the stop is this program's own.
-    let script = script.halted().halted().say(1, "warnings", "IDLE WH 02 WH NI");
+    let mut script = script.halted().halted();
+    // Replies that nobody waits for any more: to the state that was asked for, and to the stop.
+    let late = format!("@01 1 {:02} OK BUSY WH 0", script.id - 1);
+    script.steps.last_mut().unwrap().1 = [line(&late), line("@01 1 OK BUSY NI 0")].concat().into_bytes();
+    let script = script.say(1, "warnings", "IDLE WH 02 WH NI");
     let controller = Scripted::play(script.steps);
     // An answer time of minutes: only the stop can end this move in time.
     let mut zaber = Zaber::open(ZaberSettings { answer_timeout_ms: 600_000, ..settings(&controller.port()) }).unwrap();

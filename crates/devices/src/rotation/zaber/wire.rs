@@ -93,19 +93,14 @@ impl Wire {
 
     /// Asks the axis a question that moves nothing, also while a stop is latched. A reply without a checksum counts.
     pub fn probe(&mut self, command: &str) -> Result<Reply, DeviceError> {
-        for _ in 0..2 {
-            self.id = (self.id + 1) % IDS;
-            let mine = (self.device, self.axis, Some(self.id));
-            let lines = self.link.probe(packet::command(self.device, self.axis, self.id, command).as_bytes(), self.wait)?;
-            for line in &lines {
-                if let Line::Reply(reply) | Line::Bare(reply) = Line::parse(line)
-                    && (reply.device, reply.axis, reply.id) == mine
-                {
-                    return accepted(reply, command);
-                }
-            }
+        self.link.pass_latch(true);
+        let mut found = self.exchange(self.axis, command);
+        if let Ok(None) = found {
+            found = self.exchange(self.axis, command);
         }
-        Err(self.silent(command, 2))
+        self.link.pass_latch(false);
+        let (reply, _bare) = found?.ok_or_else(|| self.silent(command, 2))?;
+        accepted(reply, command)
     }
 
     fn ask_of(&mut self, axis: u8, command: &str) -> Result<Reply, DeviceError> {
@@ -132,18 +127,22 @@ impl Wire {
     }
 
     fn once(&mut self, axis: u8, command: &str) -> Result<Option<Reply>, DeviceError> {
+        let found = self.exchange(axis, command)?;
+        self.bare = found.as_ref().is_some_and(|(_, bare)| *bare);
+        Ok(found.filter(|(_, bare)| !bare).map(|(reply, _)| reply))
+    }
+
+    /// Sends a command once. Returns the reply with its id, and whether the reply has no checksum; `None` if none came in time.
+    fn exchange(&mut self, axis: u8, command: &str) -> Result<Option<(Reply, bool)>, DeviceError> {
         self.id = (self.id + 1) % IDS;
         self.link.send(packet::command(self.device, axis, self.id, command).as_bytes())?;
         let until = Instant::now() + self.wait;
-        self.bare = false;
         let mine = (self.device, axis, Some(self.id));
+        let is_mine = |reply: &Reply| (reply.device, reply.axis, reply.id) == mine;
         while let Some(text) = self.link.line(until)? {
             match Line::parse(&text) {
-                Line::Reply(reply) if (reply.device, reply.axis, reply.id) == mine => return Ok(Some(reply)),
-                Line::Bare(reply) if (reply.device, reply.axis, reply.id) == mine => {
-                    self.bare = true;
-                    return Ok(None);
-                }
+                Line::Reply(reply) if is_mine(&reply) => return Ok(Some((reply, false))),
+                Line::Bare(reply) if is_mine(&reply) => return Ok(Some((reply, true))),
                 Line::Reply(_) | Line::Bare(_) | Line::Aside => {}
                 Line::Noise => tracing::debug!(device = DEVICE, noise = text),
             }
