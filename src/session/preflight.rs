@@ -178,7 +178,7 @@ pub fn checks(config: &Config, plan: &RunPlan, seen: &DeviceReport, known: &Know
             "calibration",
             refuses,
             match lacking {
-                None if larvae => Ok("nothing is missing of what the method asks for".into()),
+                None if larvae => Ok("no bead gate is missing for this method".into()),
                 None => Ok("the plan has no larvae: it needs no bead gate".into()),
                 Some(why) => Err((why, "run beads before larvae; what is measured without is flagged")),
             },

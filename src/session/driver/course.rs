@@ -170,8 +170,8 @@ pub(super) fn proceed(d: &mut DriverState) {
     let Some(run) = &d.run else { return };
     if run.handling().take_out().is_some() {
         d.go(Trigger::WaitForLoader);
-    } else if d.devices.at_rest().is_none() {
-        // A device was lost while the run waited for the loader. The run continues once the device is found.
+    } else if d.devices.at_rest().is_none() || d.nothing_stands_in_the_way().is_err() {
+        // A device was lost, or a fault was found, while the run waited for the loader. Nothing moves before the cause is over.
         rest(d, true);
     } else if run.wells_left(&accepted).is_empty() && run.handling().eject_first().is_none() {
         finish(d);
@@ -197,7 +197,9 @@ pub(super) fn let_go_on(d: &mut DriverState) {
 
 /// Continues the run now, or when the background task returns the instrument.
 pub(super) fn go_on_if_it_may(d: &mut DriverState) {
-    let may = d.run.as_ref().is_some_and(RunInProgress::may_go_on) && !d.is_held_by_operator();
+    // A fault may have been raised since the run was allowed to continue.
+    let known = d.state().run.as_ref();
+    let may = d.run.as_ref().is_some_and(|run| run.may_go_on() && resume::is_automatic(run, known)) && !d.is_held_by_operator();
     if !may || d.publisher.status().state != State::Held {
         return;
     }
@@ -266,7 +268,10 @@ pub(super) fn interrupt_specimens(d: &mut DriverState, reason: &str, fate: Fate)
         if interruption.course == Course::GivenUp {
             let (store, id) = (d.outbox.store(), run.record().id.clone());
             if run.give_up(well, reason, views_stored(store, &id, well)) {
+                let record = run.record().clone();
                 seal_well(store, &id, well);
+                // Before the event, after which a start no longer looks at this specimen.
+                d.outbox.save(record);
             }
         }
         let interrupted = SpecimenInterrupted { reason: reason.to_owned(), policy, kept: interruption.course == Course::Kept };

@@ -10,7 +10,7 @@
 
 use super::run::RunInProgress;
 use carved_records::Interrupted;
-use carved_records::{Capillary, PlannedWell, RunState};
+use carved_records::{PlannedWell, RunState};
 use std::collections::VecDeque;
 
 /// The effect of an interruption on the specimen in progress.
@@ -59,13 +59,13 @@ pub(super) fn interruptions(
     // A specimen that the loader brought is not begun yet. It stays, and the run uses it when it continues.
     let mut wells: Vec<&String> = state.begun().iter().filter(|well| capillary.brought() != Some(well.as_str())).collect();
     wells.sort_unstable();
-    wells.into_iter().map(|well| interruption(run, capillary, well, accepted.iter().any(|a| a.well == *well), brings_again, fate)).collect()
+    wells.into_iter().map(|well| interruption(run, state, well, accepted.iter().any(|a| a.well == *well), brings_again, fate)).collect()
 }
 
-fn interruption(run: &RunInProgress, capillary: &Capillary, well: &str, accepted: bool, brings_again: bool, fate: Fate) -> Interruption {
-    let inside = capillary.inside() == Some(well);
-    // A specimen that never arrived can still come.
-    let came = inside || capillary.has_held(well);
+fn interruption(run: &RunInProgress, state: &RunState, well: &str, accepted: bool, brings_again: bool, fate: Fate) -> Interruption {
+    let inside = state.capillary().inside() == Some(well);
+    // A specimen that has not arrived in this attempt can still come.
+    let came = inside || state.is_worked_on(well);
     let skip = run.record().method.policy.interrupted == Interrupted::Skip && fate == Fate::PoseLost;
     let course = if accepted {
         Course::LacksNumbers

@@ -114,9 +114,7 @@ fn take_up(d: &mut DriverState, record: RunRecord, run: RunState) {
     });
     course::interrupt_specimens(d, "the daemon ended before this specimen was done", Fate::PoseLost);
     if let Some(run) = &d.run {
-        // Save the wells that were given up, so that they stay so whatever happens before the run continues.
-        let (record, status) = (run.record().clone(), run_status(run.record()));
-        d.save(record);
+        let status = run_status(run.record());
         d.publish(|s| s.run = Some(status));
     }
     missing::recover(d);

@@ -8,9 +8,10 @@ use carved_records::{Fault, FaultEnd, OpenFaults, Resume, RunState, RunUnderFaul
 /// Maximum number of automatic continuations without a finished well. After them the run waits for a person, because the cause comes back.
 const RESUMED_BY_ITSELF: u32 = 3;
 
-/// Whether the method lets the run continue by itself once the cause of the hold is over.
+/// Whether the method lets the run continue by itself once the cause of the hold is over, and no fault waits for an operator.
 pub(super) fn is_automatic(run: &RunInProgress, state: Option<&RunState>) -> bool {
-    state.map_or(0, RunState::resumed_by_itself) < RESUMED_BY_ITSELF && run.record().method.policy.resume == Resume::Automatic
+    let allows = |state: &RunState| state.resumed_by_itself() < RESUMED_BY_ITSELF && !state.waits_for_operator();
+    state.is_none_or(allows) && run.record().method.policy.resume == Resume::Automatic
 }
 
 /// Whether a held run continues without a person: every cause of the hold ends by itself, and the method allows it.
@@ -38,7 +39,7 @@ fn is_ending(run: &RunInProgress) -> bool {
 pub(super) fn hold(run: &RunInProgress, state: Option<&RunState>, faults: &OpenFaults) -> Option<Hold> {
     let known = state?;
     let cause = known.held_by()?;
-    let comes_back = known.resumed_by_itself() > 0 && !is_automatic(run, state);
+    let comes_back = known.resumed_by_itself() >= RESUMED_BY_ITSELF;
     let under = under_fault(Some(run), state, faults);
     // A fault that needs an operator comes first: the run cannot continue before it is acknowledged.
     let fault = faults.open().iter().find(|f| f.operator_required).or_else(|| faults.open().last());

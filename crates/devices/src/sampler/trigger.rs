@@ -7,7 +7,7 @@
 //!  done ─────────────────────────────────────────────────────────────────┘▔▔▔▔▔▔▔▔▔┘        (done_output)
 //! ```
 //! An arrival counts only if the capillary was seen empty after the last specimen of this run. A specimen that nobody asked for
-//! belongs to no known well. While nothing runs the daemon reads the input once a second and reports a specimen that comes in.
+//! belongs to no known well. A specimen that comes after its load was cut short is that of the same well, which is loaded next. While nothing runs the daemon reads the input once a second and reports a specimen that comes in.
 //!
 //! ```text
 //! run held, its specimen inside ── look, once a second ──► always there ────────────────────────► go_on: the same specimen
@@ -100,7 +100,7 @@ pub struct TriggerSampler {
     settings: TriggerSettings,
     clock: Clock,
     watch: Watch,
-    /// The capillary was seen empty after the last specimen of this run, and no specimen was asked for since.
+    /// The capillary was seen empty after the last specimen of this run. What is in it now is what the next load asks for.
     is_empty: bool,
     /// Since when every look has found a specimen.
     there_since: Option<Instant>,
@@ -225,7 +225,10 @@ impl Sampler for TriggerSampler {
                 }
             }
         }
-        match self.wait_for(true, axis, self.settings.load_timeout_ms, Some(cancel))? {
+        let waited = self.wait_for(true, axis, self.settings.load_timeout_ms, Some(cancel));
+        // Whatever ended the wait, the specimen is still on its way. If it comes before the next load, it is that of this well.
+        self.is_empty = !matches!(waited, Ok(Waited::Reached | Waited::TimedOut));
+        match waited? {
             Waited::Cancelled => Ok(None),
             Waited::TimedOut => {
                 let why = format!(

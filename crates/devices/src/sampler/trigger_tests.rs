@@ -137,6 +137,22 @@ fn a_stop_leaves_the_specimen_to_the_next_load_and_a_cancel_ends_the_wait() {
 }
 
 #[test]
+fn a_specimen_that_comes_after_its_load_was_cut_short_is_that_of_this_well() {
+    for is_lost in [false, true] {
+        let (mut sampler, waits) = (sampler(QUICK), CancelToken::new());
+        let mut axis = wired(&[false; FOR_LONG]);
+        axis.input().is_lost = is_lost;
+        axis.input().cancels = (!is_lost).then(|| waits.clone());
+        match sampler.load(&mut axis, A01, &waits) {
+            Err(error) => assert!(is_lost && matches!(error, DeviceError::Gone { .. }), "{error}"),
+            loaded => assert!(!is_lost && loaded.unwrap().is_none()),
+        }
+        (axis.input().is_lost, axis.input().cancels, axis.input().last) = (false, None, true);
+        assert!(sampler.load(&mut axis, A01, &CancelToken::new()).unwrap().is_some());
+    }
+}
+
+#[test]
 fn a_specimen_that_leaves_in_mid_turn_ends_it_and_a_blink_does_not() {
     let levels = [[false; FOR_LONG], [true; FOR_LONG]].concat();
     for (then, leaves) in [(vec![false, true], false), (vec![false], true)] {

@@ -17,6 +17,8 @@ pub struct FakeInput {
     pub is_stopped: bool,
     /// The level of the input after the output "done" was switched on. `None` leaves the script as it is.
     pub after_done: Option<bool>,
+    /// Its controller does not answer any more after the script.
+    pub is_lost: bool,
     /// Cancelled at the first reading after the script.
     pub cancels: Option<CancelToken>,
 }
@@ -45,6 +47,9 @@ impl SpecimenInput for FakeInput {
     fn is_active(&mut self) -> Result<bool, DeviceError> {
         if self.is_stopped {
             return Err(DeviceError::Stopped);
+        }
+        if self.is_lost && self.levels.is_empty() {
+            return Err(DeviceError::Gone { device: "input", why: "the cable".into() });
         }
         if let (true, Some(cancel)) = (self.levels.is_empty(), &self.cancels) {
             cancel.cancel();

@@ -1,7 +1,7 @@
 //! The state of one run.
 
 use super::Capillary;
-use crate::{EventBody, EventData, HeldBy, LoadedBy, Phase, ResumedBy};
+use crate::{EventBody, EventData, FaultEnd, HeldBy, LoadedBy, Phase, ResumedBy};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// The cause of a hold.
@@ -32,10 +32,10 @@ impl HoldCause {
 /// A requested end before the last well. The higher one wins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum EndRequest {
-    /// With the daemon. A daemon that is killed before the run has ended leaves it to the next start.
-    Interrupt,
     /// After the current specimen.
     Stop,
+    /// With the daemon. A daemon that is killed before the run has ended leaves it to the next start.
+    Interrupt,
     /// At once.
     Abort,
 }
@@ -49,6 +49,7 @@ pub struct RunState {
     held_by: Option<HoldCause>,
     holds: BTreeMap<String, u32>,
     resumed_by_itself: u32,
+    waits_for_operator: bool,
     recoveries: BTreeMap<String, u32>,
     end_request: Option<EndRequest>,
     begun: Vec<String>,
@@ -96,6 +97,11 @@ impl RunState {
         self.resumed_by_itself
     }
 
+    /// Whether there was a fault since the last continuation after which only an operator continues the run, also once it is acknowledged.
+    pub fn waits_for_operator(&self) -> bool {
+        self.waits_for_operator
+    }
+
     /// Number of attempts at the numbers of a well in which the daemon crashed.
     pub fn recoveries_of(&self, well: &str) -> u32 {
         self.recoveries.get(well).copied().unwrap_or_default()
@@ -104,6 +110,11 @@ impl RunState {
     /// The requested end.
     pub fn end_request(&self) -> Option<EndRequest> {
         self.end_request
+    }
+
+    /// Whether work on the specimen of a well has begun in this attempt. It came, and it is not awaited any more.
+    pub fn is_worked_on(&self, well: &str) -> bool {
+        self.worked_on.contains(well)
     }
 
     /// The wells whose specimens are in progress. The last one used the instrument last.
@@ -134,8 +145,11 @@ impl RunState {
                 }
             }
             (EventData::RunResumed(resumed), _) => {
-                (self.held_by, self.held_by_operator) = (None, false);
+                (self.held_by, self.held_by_operator, self.waits_for_operator) = (None, false, false);
                 self.resumed_by_itself = if resumed.by == ResumedBy::Instrument { self.resumed_by_itself + 1 } else { 0 };
+            }
+            (EventData::FaultRaised(fault), _) => {
+                self.waits_for_operator |= matches!(fault.end(), FaultEnd::Acknowledgement | FaultEnd::Resumption);
             }
             (EventData::RunInterrupted(interrupted), _) => {
                 self.held_by.get_or_insert_with(HoldCause::restart);
@@ -204,7 +218,8 @@ impl RunState {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Event, InstrumentState};
+    use crate::fault_table::{self, FaultCode};
+    use crate::{DaemonStopping, Event, Fault, FaultAcknowledged, InstrumentState};
     use crate::{
         Interrupted, PhaseEntered, PlannedWell, RunAccepted, RunHeld, RunInterrupted, RunResumed, SpecimenDone, SpecimenInterrupted,
         SpecimenKind, WellLoaded, WellStatus,
@@ -368,6 +383,30 @@ mod tests {
         assert_eq!(after(&twice).resumed_by_itself(), 2);
         assert_eq!(after(&[&twice[..], &[resumed(ResumedBy::Operator)]].concat()).resumed_by_itself(), 0);
         assert_eq!(after(&[&twice[..], &[done("A01")]].concat()).resumed_by_itself(), 0);
+    }
+
+    #[test]
+    fn a_fault_that_an_operator_has_to_end_keeps_the_run_waiting_until_somebody_continues_it() {
+        let raised = |code: &FaultCode| event(None, EventData::FaultRaised(Fault::new(7, code, String::new(), String::new())));
+        let acknowledged = event(None, EventData::FaultAcknowledged(FaultAcknowledged { seq: 7, code: String::new() }));
+        let resumed = event(None, EventData::RunResumed(RunResumed { by: ResumedBy::Operator }));
+        let waits = |events: &[EventBody]| after(events).waits_for_operator();
+        assert!(!waits(&[raised(&fault_table::CAMERA_LOST)]) && !waits(&[raised(&fault_table::DISK_FULL)]));
+        for code in [&fault_table::ROTATION_INTERVENTION, &fault_table::ROTATION_SUSPECT] {
+            assert!(waits(&[raised(code), acknowledged.clone(), restart(LoadedBy::Loader)]), "{}", code.code);
+            assert!(!waits(&[raised(code), acknowledged.clone(), resumed.clone()]), "{}", code.code);
+        }
+    }
+
+    #[test]
+    fn the_request_that_ends_a_run_sooner_wins() {
+        let stop = event(None, EventData::RunStopRequested);
+        let ends = event(None, EventData::DaemonStopping(DaemonStopping { ends_run: true }));
+        let abort = event(None, EventData::RunAbortRequested);
+        let asked = |events: &[EventBody]| after(events).end_request();
+        assert_eq!(asked(&[stop.clone(), ends.clone()]), Some(EndRequest::Interrupt));
+        assert_eq!(asked(&[ends.clone(), stop]), Some(EndRequest::Interrupt));
+        assert_eq!(asked(&[abort, ends]), Some(EndRequest::Abort));
     }
 
     #[test]

@@ -10,7 +10,7 @@ use carved_devices::cancel::CancelToken;
 use carved_devices::sampler::{Expected, Loaded, Sampler};
 use carved_devices::testing::{FakeAxis, FakeCamera};
 use carved_devices::{DeviceError, Rig, RotationAxis};
-use carved_records::{Event, Mode, Phase, RunPlan, SpecimenOutcome, WellTimes};
+use carved_records::{Event, Interrupted, Mode, Phase, RunPlan, SpecimenOutcome, WellTimes};
 use carved_store::{Claim, EventsAfter};
 use std::path::Path;
 use std::sync::{Arc, Mutex};
@@ -106,12 +106,14 @@ pub fn plan(wells: &[&str]) -> RunPlan {
 
 /// A driver on this folder, its handle and its mailbox.
 pub fn driver(root: &Path, loaded_from_outside: bool) -> (Driver, SessionHandle, mpsc::Receiver<Command>) {
-    driver_of(root, instrument(FakeAxis::new(), Arm { waits: loaded_from_outside, brings_again: true, ..Arm::default() }))
+    let arm = Arm { waits: loaded_from_outside, brings_again: true, ..Arm::default() };
+    driver_of(root, instrument(FakeAxis::new(), arm), Interrupted::default())
 }
 
-fn driver_of(root: &Path, instrument: Instrument) -> (Driver, SessionHandle, mpsc::Receiver<Command>) {
+fn driver_of(root: &Path, instrument: Instrument, interrupted: Interrupted) -> (Driver, SessionHandle, mpsc::Receiver<Command>) {
     let mut config = Config::parse(include_str!("../../../../config/simulated.toml"), Path::new("simulated.toml")).unwrap();
     config.store.data_dir = root.to_owned();
+    config.methods.values_mut().for_each(|method| method.policy.interrupted = interrupted);
     let (store, journal, events) = Claim::on(root).and_then(Store::open).unwrap();
     let (handle, mailbox, publisher) = channel(Driver::first_status(Mode::Simulated, "boot".into()), events);
     let driver = Driver {
@@ -136,7 +138,12 @@ pub fn bench(root: &Path, loaded_from_outside: bool) -> Bench {
 
 /// As `bench`, with this instrument.
 pub fn bench_of(root: &Path, instrument: Instrument) -> Bench {
-    spoken(driver_of(root, instrument))
+    bench_with(root, instrument, Interrupted::default())
+}
+
+/// As `bench_of`, with this policy in every method.
+pub fn bench_with(root: &Path, instrument: Instrument, interrupted: Interrupted) -> Bench {
+    spoken(driver_of(root, instrument, interrupted))
 }
 
 fn spoken((driver, handle, mailbox): (Driver, SessionHandle, mpsc::Receiver<Command>)) -> Bench {

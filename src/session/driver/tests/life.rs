@@ -81,6 +81,39 @@ fn a_run_that_has_to_go_on_without_its_instrument_waits_for_it() {
     });
 }
 
+/// A person presses the emergency stop at the controller while the loader is asked to take a specimen out. Its report must not start the
+/// axis before the fault is acknowledged, and the run must not continue by itself when a device comes back or the daemon restarts.
+#[test]
+fn a_run_that_waited_for_the_loader_does_not_go_on_over_a_fault_of_a_person() {
+    on_this_thread(async {
+        let dir = scratch();
+        let mut b = started(dir.path(), true, &["A01", "A02"]);
+        b.tell(Progress::WaitingForLoader { well: "A01".into() });
+        b.loaded("A01", true).unwrap();
+        b.phase("A01", Phase::Position, true);
+        b.ends(RunEnd::Failed(RunError::Device(gone()))).await;
+        let found = |rotation| DevicesFound { rotation, camera: Ok(()), outputs: Vec::new() };
+        checks::searched(&mut b.d, found(Ok(())));
+        assert_eq!(b.status().state, State::Suspended, "it goes on to have the specimen taken out");
+        let pressed = DeviceError::Intervention { device: "axis", what: "emergency stop".into(), way_out: "Release it." };
+        checks::searched(&mut b.d, found(Err(pressed)));
+        b.loaded("A01", false).unwrap();
+        assert_eq!((b.status().state, b.works()), (State::Held, false), "the axis would turn");
+        let seq = b.status().faults[0].seq;
+        requests::acknowledge(&mut b.d, seq).unwrap();
+        assert!(!b.status().run.unwrap().goes_on_by_itself);
+        checks::searched(&mut b.d, found(Err(gone())));
+        checks::searched(&mut b.d, found(Ok(())));
+        assert_eq!((b.status().state, b.works()), (State::Held, false), "the axis was away for a moment");
+        drop(b);
+        let mut b = bench(dir.path(), true);
+        assert_eq!((b.status().state, b.works()), (State::Held, false), "the daemon was restarted");
+        assert!(b.status().run.unwrap().hold.is_some_and(|hold| hold.next_command == Some(crate::api::NextCommand::Unhold)));
+        course::unhold(&mut b.d, ResumedBy::Operator).unwrap();
+        assert!(b.works());
+    });
+}
+
 #[test]
 fn an_emergency_stop_that_comes_while_a_run_is_launched_ends_it_and_latches() {
     on_this_thread(async {

@@ -95,7 +95,7 @@ pub fn follows_from_the_state(b: &Bench, when: &str) {
     assert!(!run.works() || handling.take_out().is_none(), "it works over a specimen that is to be taken out, {when}");
 
     // It waits for a person, or because its cause has come back too often.
-    let needs_a_person = known.is_held_by_operator() || b.d.nothing_stands_in_the_way().is_err();
+    let needs_a_person = known.is_held_by_operator() || known.waits_for_operator() || b.d.nothing_stands_in_the_way().is_err();
     let status = b.status();
     if status.state == State::Held {
         assert!(needs_a_person || !resume::is_automatic(run, Some(known)), "nothing holds it, {when}");

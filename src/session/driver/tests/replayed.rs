@@ -3,7 +3,7 @@
 //! their numbers can be computed from their frames.
 
 use super::super::*;
-use super::bench::{Arm, Bench, RUN, bench_of, instrument, journalled, on_this_thread, plan, scratch};
+use super::bench::{Arm, Bench, RUN, bench_with, instrument, journalled, on_this_thread, plan, scratch};
 use super::rebuilt::{Before, follows_from_the_state};
 use crate::session::driver::recovery::Made;
 use crate::session::handle::Towards;
@@ -11,7 +11,9 @@ use crate::session::worker::{Progress, RunEnd, RunError};
 use crate::session::{Live, RotationStatus};
 use carved_devices::testing::FakeAxis;
 use carved_devices::{DeviceError, StreamCounters};
-use carved_records::{Event, EventData, Handoff, HandoffEnd, HandoffIntent, InstrumentState, LiveEstimate, Phase, SpecimenOutcome};
+use carved_records::{
+    Event, EventData, Handoff, HandoffEnd, HandoffIntent, InstrumentState, Interrupted, LiveEstimate, Phase, SpecimenOutcome,
+};
 use carved_store::RecordingWriter;
 use carved_store::testing::{recording as a_recording, trace as disk_trace};
 use futures::FutureExt;
@@ -227,12 +229,31 @@ fn a_larva() -> carved_core::profile::Detection {
     .unwrap()
 }
 
+/// The sampler, and the method's policy for an interrupted specimen.
+#[derive(Debug, Clone, Copy)]
+struct Sampling {
+    loaded_from_outside: bool,
+    brings_again: bool,
+    interrupted: Interrupted,
+}
+
+fn sampling() -> impl Strategy<Value = Sampling> {
+    let samplers = prop_oneof![Just((true, true)), Just((false, true)), Just((false, false))];
+    let policies = prop_oneof![Just(Interrupted::Redo), Just(Interrupted::Skip)];
+    (samplers, policies).prop_map(|((loaded_from_outside, brings_again), interrupted)| Sampling {
+        loaded_from_outside,
+        brings_again,
+        interrupted,
+    })
+}
+
 /// A driver on this folder. `axis_answers`: whether its axis answers a check.
-fn bench(root: &Path, loaded_from_outside: bool, axis_answers: &Arc<AtomicBool>) -> Bench {
+fn bench(root: &Path, sampling: Sampling, axis_answers: &Arc<AtomicBool>) -> Bench {
+    let Sampling { loaded_from_outside, brings_again, interrupted } = sampling;
     let answers = Arc::clone(axis_answers);
     let gone = || DeviceError::Gone { device: "rotation axis", why: "the cable".into() };
     let axis = FakeAxis::new().answering(move || if answers.load(Ordering::SeqCst) { Ok(()) } else { Err(gone()) });
-    bench_of(root, instrument(axis, Arm { waits: loaded_from_outside, brings_again: true, ..Arm::default() }))
+    bench_with(root, instrument(axis, Arm { waits: loaded_from_outside, brings_again, ..Arm::default() }), interrupted)
 }
 
 /// The state that follows from the journal and from the events that wait for the disk.
@@ -261,14 +282,25 @@ fn compare_outcomes(b: &Bench, events: &[Event], may_lead: bool, when: &str) {
     }
 }
 
-fn check(loaded_from_outside: bool, steps: &[Step]) {
+/// The wells that were given up according to the journal. No start may begin them again.
+fn given_up(b: &Bench, events: &[Event]) -> Vec<String> {
+    let wells = b.d.run.iter().flat_map(|run| &run.record().wells);
+    let is_told = |well: &str| {
+        let last = events.iter().rev().find(|event| event.body.well.as_deref() == Some(well));
+        last.is_some_and(|event| matches!(&event.body.data, EventData::SpecimenInterrupted(interrupted) if !interrupted.kept))
+    };
+    wells.filter(|w| w.outcome == Some(SpecimenOutcome::Interrupted) && is_told(&w.well)).map(|w| w.well.clone()).collect()
+}
+
+fn check(sampling: Sampling, steps: &[Step]) {
     on_this_thread(async {
         let (dir, axis_answers) = (scratch(), Arc::new(AtomicBool::new(true)));
-        let mut b = bench(dir.path(), loaded_from_outside, &axis_answers);
+        let mut b = bench(dir.path(), sampling, &axis_answers);
         let (mut written, mut is_dying, mut has_died) = (journalled(dir.path()), false, false);
         disk_trace::begin(None);
         for (at, step) in steps.iter().enumerate() {
             let when = format!("after step {at} of {steps:?}");
+            let worked = b.works();
             match *step {
                 Step::DiesAt(at) => {
                     disk_trace::die(at);
@@ -278,6 +310,7 @@ fn check(loaded_from_outside: bool, steps: &[Step]) {
                 Step::DiskFails(_) | Step::DiskHasRoom if is_dying => {}
                 _ => takes(&mut b, &axis_answers, step).await,
             }
+            assert!(worked || !b.works() || b.d.nothing_stands_in_the_way().is_ok(), "work begins under a fault, {when}");
             let dies = is_dying && disk_trace::was_full();
             if dies || matches!(step, Step::Crash | Step::ShutDown(_)) {
                 // What the disk did not accept is lost with the process. If it accepted everything, nothing is.
@@ -287,10 +320,15 @@ fn check(loaded_from_outside: bool, steps: &[Step]) {
                     written = journalled(dir.path());
                 }
                 let _lost = thread_ends(&mut b).await;
+                let given_up = given_up(&b, &journalled(dir.path()));
                 drop(b);
                 disk_trace::begin(None);
                 (is_dying, has_died) = (false, has_died || dies || before.is_none());
-                b = bench(dir.path(), loaded_from_outside, &axis_answers);
+                b = bench(dir.path(), sampling, &axis_answers);
+                if let Some(record) = b.d.outbox.store().run(RUN).unwrap() {
+                    let is_open = |well: &&String| record.wells.iter().any(|w| w.well == **well && w.outcome.is_none());
+                    assert_eq!(given_up.iter().find(is_open), None, "it is begun again, {when}");
+                }
                 let after = journalled(dir.path());
                 assert_eq!(after[..written.len()], written, "a start changed what is written, {when}");
                 if let Some(before) = &mut before {
@@ -326,9 +364,9 @@ proptest! {
 
     #[test]
     fn what_the_driver_believes_is_what_its_journal_says(
-        loaded_from_outside in any::<bool>(),
+        sampling in sampling(),
         steps in proptest::collection::vec(step(), 1..60),
     ) {
-        check(loaded_from_outside, &steps);
+        check(sampling, &steps);
     }
 }
