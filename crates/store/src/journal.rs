@@ -12,15 +12,13 @@
 //! renumbers the events from there. No event is lost, and the ids before the damage stay.
 
 use super::index::Index;
-use super::lines::Lines;
+use super::lines::{EVENTS, Lines};
 use super::{StoreError, durable};
 use carved_records::{Event, EventBody, EventData, is_plain_name, kind};
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::io::{BufRead, BufReader, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-
-pub(super) const FILE: &str = "events.jsonl";
 
 /// Number of events that are read at a start, for readers that reconnect.
 const TAIL: usize = 2000;
@@ -44,7 +42,7 @@ pub struct Journal {
 impl Journal {
     /// Opens or creates the journal of a data folder and reads its end. A line there that is not an event is an error.
     pub(super) fn open(root: &Path, all: Lines, index: Arc<Index>) -> Result<(Self, Vec<Event>), StoreError> {
-        let path = root.join(FILE);
+        let path = root.join(EVENTS);
         let lines = all.tail(TAIL)?;
         let tail: Vec<Event> = lines.iter().map(|line| parse(&path, line)).collect::<Result<_, _>>()?;
         let newest = tail.last().map_or(0, |e| e.id);
@@ -71,7 +69,7 @@ impl Journal {
         }
         let folder = self.runs.join(run);
         // Early versions wrote no file per run. The folder of a pruned run must not be created again.
-        if !folder.is_dir() || !folder.join(FILE).exists() && !matches!(last.body.data, EventData::RunAccepted(_)) {
+        if !folder.is_dir() || !folder.join(EVENTS).exists() && !matches!(last.body.data, EventData::RunAccepted(_)) {
             return Ok(());
         }
         let kept = self.of_run(run)?.tail(TAIL)?;
@@ -99,9 +97,9 @@ impl Journal {
     fn of_run(&mut self, run: &str) -> Result<&mut Lines, StoreError> {
         let folder = self.runs.join(run);
         // If the run was not accepted, its file was removed.
-        if self.of_run.as_ref().is_none_or(|(of, _)| of != run || !folder.join(FILE).exists()) {
+        if self.of_run.as_ref().is_none_or(|(of, _)| of != run || !folder.join(EVENTS).exists()) {
             durable::create_folder(&folder)?;
-            self.of_run = Some((run.to_owned(), Lines::open(&folder.join(FILE))?));
+            self.of_run = Some((run.to_owned(), Lines::open(&folder.join(EVENTS))?));
         }
         match &mut self.of_run {
             Some((_, lines)) => Ok(lines),
@@ -191,13 +189,13 @@ pub(super) struct Repaired {
 }
 
 fn damaged(number: u32) -> String {
-    format!("{FILE}.damaged-{number}")
+    format!("{EVENTS}.damaged-{number}")
 }
 
 /// Renumbers the events whose ids do not increase, in the journal and in the files of their runs. A copy of the old journal is kept. The
 /// journal is written last, so that a start after a crash repeats the repair.
 pub(super) fn repair(root: &Path) -> Result<Repaired, StoreError> {
-    let path = root.join(FILE);
+    let path = root.join(EVENTS);
     let text = carved_files::read(&path).map_err(StoreError::io("read", &path))?;
     let (mut lines, mut changed, mut newest) = (Vec::new(), BTreeMap::<String, Vec<(&[u8], Vec<u8>)>>::new(), 0);
     let mut renumbered = 0;
@@ -226,7 +224,7 @@ pub(super) fn repair(root: &Path) -> Result<Repaired, StoreError> {
     let kept = root.join(damaged(number));
     durable::write(&kept, &text)?;
     for (run, mut changes) in changed {
-        let of_run = root.join("runs").join(run).join(FILE);
+        let of_run = root.join("runs").join(run).join(EVENTS);
         let Ok(old) = carved_files::read(&of_run) else { continue };
         let mut new = Vec::with_capacity(old.len());
         for line in old.split_inclusive(|&b| b == b'\n') {
@@ -251,7 +249,7 @@ fn parse(path: &Path, line: &[u8]) -> Result<Event, StoreError> {
 
 /// The same line with another id. All other fields stay, also unknown ones.
 fn with_id(line: &[u8], id: u64) -> Result<Vec<u8>, StoreError> {
-    let format = |e: serde_json::Error| StoreError::Format { path: FILE.into(), expected: "one event per line", found: e.to_string() };
+    let format = |e: serde_json::Error| StoreError::Format { path: EVENTS.into(), expected: "one event per line", found: e.to_string() };
     let mut event: serde_json::Map<String, serde_json::Value> = serde_json::from_slice(line).map_err(format)?;
     event.insert("id".into(), id.into());
     let mut line = serde_json::to_vec(&event).map_err(format)?;
@@ -261,7 +259,7 @@ fn with_id(line: &[u8], id: u64) -> Result<Vec<u8>, StoreError> {
 
 fn line_of(event: &Event) -> Result<Vec<u8>, StoreError> {
     let mut line = serde_json::to_vec(event).map_err(|e| StoreError::Format {
-        path: FILE.into(),
+        path: EVENTS.into(),
         expected: "an event JSON can hold",
         found: e.to_string(),
     })?;

@@ -141,7 +141,7 @@ impl Store {
                 root.display()
             );
         }
-        let path = root.join(journal::FILE);
+        let path = root.join(lines::EVENTS);
         let mut lines = Lines::open(&path)?;
         let (from_byte, newest) = index::followed(root);
         let repaired = if journal::is_in_order(&path, from_byte, newest)? {
@@ -171,15 +171,15 @@ impl Store {
     /// The events that a start needs, oldest first: the newest events without views, and the earlier events that are still valid.
     pub fn remembered(&self) -> Result<Vec<Event>, StoreError> {
         let indexed = self.index.remembered(REMEMBERED);
-        indexed.map_or_else(|| journal::remembered(&self.root.join(journal::FILE), REMEMBERED), Ok)
+        indexed.map_or_else(|| journal::remembered(&self.root.join(lines::EVENTS), REMEMBERED), Ok)
     }
 
     /// All events of a run except its views.
     pub fn events_of(&self, run: &str) -> Result<Vec<Event>, StoreError> {
-        let own = self.run_folder(run).join(journal::FILE);
+        let own = self.run_folder(run).join(lines::EVENTS);
         let mut events = Vec::new();
         // Early versions wrote no file per run.
-        let path = if own.exists() { own } else { self.root.join(journal::FILE) };
+        let path = if own.exists() { own } else { self.root.join(lines::EVENTS) };
         journal::each(&path, |event| {
             let is_meant = event.body.run.as_deref() == Some(run) && event.body.data.kind() != kind::VIEW_TAKEN;
             events.extend(is_meant.then_some(event));
@@ -212,7 +212,7 @@ impl Store {
     /// Removes a run that was not accepted.
     pub fn forget_run(&self, id: &str) -> Result<(), StoreError> {
         let folder = self.run_folder(id);
-        for file in [run::FILE, journal::FILE].map(|name| folder.join(name)) {
+        for file in [run::FILE, lines::EVENTS].map(|name| folder.join(name)) {
             match disk::remove(&file) {
                 Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(StoreError::io("remove", &file)(e)),
                 _ => {}

@@ -183,7 +183,7 @@ fn existing(root: &Path) -> Result<(Connection, RunScan), StoreError> {
 /// another journal.
 pub(super) fn followed(root: &Path) -> (u64, u64) {
     let (bytes, newest) = query::followed(root).unwrap_or_default();
-    if refresh::goes_on(&root.join(super::journal::FILE), bytes, newest) { (bytes, newest) } else { (0, 0) }
+    if refresh::goes_on(&root.join(super::lines::EVENTS), bytes, newest) { (bytes, newest) } else { (0, 0) }
 }
 
 /// Removes the index. It is rebuilt when it is opened next.

@@ -1,7 +1,7 @@
 //! Updates the index from the folders. From an empty index this is a rebuild.
 
 use super::rows;
-use crate::{RunRecord, StoreError, journal, run};
+use crate::{RunRecord, StoreError, lines, run};
 use carved_records::Event;
 use rusqlite::Connection;
 use std::collections::BTreeMap;
@@ -63,7 +63,7 @@ fn unfit(why: impl std::error::Error + Send + Sync + 'static) -> rusqlite::Error
 
 /// Follows the journal and every changed `run.json`. Removes runs whose folders are missing.
 pub(super) fn all(c: &Connection, root: &Path) -> rusqlite::Result<RunScan> {
-    events(c, &root.join(journal::FILE))?;
+    events(c, &root.join(lines::EVENTS))?;
     let mut known: BTreeMap<String, (i64, i64)> = c
         .prepare("SELECT id, run_json_ns, run_json_bytes FROM runs")?
         .query_map([], |row| Ok((row.get(0)?, (row.get(1)?, row.get(2)?))))?
