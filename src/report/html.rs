@@ -305,7 +305,7 @@ impl Report<'_> {
             @if !figures.is_empty() {
                 section {
                     h2 { "Dose response" }
-                    p.small { "Four-parameter logistic curves by least squares. The grey band is the 95 % confidence interval of the EC50. Dose 0 are negative controls." }
+                    p.small { "Four-parameter logistic curves by least squares. The bands are 95 % confidence intervals: blue of the mean response at each dose, grey of the EC50. Dose 0 are negative controls." }
                     div.pair { @for (plot, words) in figures { figure { (svg(plot)) figcaption { (words) } } } }
                 }
             }

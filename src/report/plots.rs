@@ -6,7 +6,7 @@
 //!  response ─────── wells over the logarithm of the dose, dose 0 at the left, the fitted curve, the EC50 with its interval
 //! ```
 
-use crate::tables::statistics::{DoseSeries, Interval, WellCondition, WellGroup};
+use crate::tables::statistics::{CurvePoint, DoseSeries, Interval, WellCondition, WellGroup};
 use carved_records::{PlateFormat, well_name};
 use plotters::coord::ranged1d::{KeyPointHint, Ranged};
 use plotters::prelude::*;
@@ -274,11 +274,12 @@ pub fn response(response: &DoseSeries, unit: (f64, &str)) -> Drawn {
         if let Some(curve) = &response.curve {
             let [from, to] = curve.ec50_interval_95.map(|d| d.log10().clamp(least.log10() - 0.2, most.log10() + 0.2));
             chart.draw_series([Rectangle::new([(from, low), (to, high)], GREY.mix(0.15).filled())])?;
-            let begin = least.log10() - 0.2;
-            let line = (0..=120).map(|i| begin + (most.log10() + 0.2 - begin) * f64::from(i) / 120.0);
-            chart.draw_series(LineSeries::new(line.map(|log| (log, curve.at(10f64.powf(log)) / scale)), BLACK.stroke_width(2)))?;
+            let end = |of: fn(&CurvePoint) -> f64| curve.line.iter().map(move |p| (p.dose.log10(), (of(p) / scale).clamp(low, high)));
+            let band: Vec<_> = end(|p| p.interval_95.high).chain(end(|p| p.interval_95.low).rev()).collect();
+            chart.draw_series([Polygon::new(band, WELL.mix(0.2).filled())])?;
+            chart.draw_series(LineSeries::new(end(|p| p.value), BLACK.stroke_width(2)))?;
             let ec50 = curve.ec50.log10();
-            if (begin..=most.log10() + 0.2).contains(&ec50) {
+            if (least.log10()..=most.log10()).contains(&ec50) {
                 chart.draw_series([PathElement::new([(ec50, low), (ec50, high)], GREY.stroke_width(1))])?;
             }
         }

@@ -213,6 +213,17 @@ pub struct DoseCurve {
     pub residual_sd: f64,
     /// F test of the curve against the mean.
     pub p_no_effect: f64,
+    /// The curve at even steps of the dose's logarithm, from the smallest dose above 0 to the largest.
+    pub line: Vec<CurvePoint>,
+}
+
+/// The mean response at a dose, by the curve.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+pub struct CurvePoint {
+    pub dose: f64,
+    pub value: f64,
+    /// Of the mean response at this dose, not of the next well.
+    pub interval_95: Interval,
 }
 
 impl From<Parameter> for FittedParameter {
@@ -221,8 +232,17 @@ impl From<Parameter> for FittedParameter {
     }
 }
 
-impl From<DoseResponse> for DoseCurve {
-    fn from(fit: DoseResponse) -> Self {
+/// Steps of a curve's line.
+const LINE_STEPS: u32 = 60;
+
+impl DoseCurve {
+    /// `points`: those of the fit, in rising order of the dose.
+    fn new(fit: &DoseResponse, points: &[DosePoint]) -> Self {
+        let ends = points.iter().find(|p| p.dose > 0.0).zip(points.last()).map(|(least, most)| [least.dose, most.dose]);
+        let doses = ends.into_iter().flat_map(|[least, most]| {
+            (0..=LINE_STEPS).map(move |step| least * (most / least).powf(f64::from(step) / f64::from(LINE_STEPS)))
+        });
+        let at = |dose| fit.at(dose).map(|at| CurvePoint { dose, value: at.value, interval_95: at.interval_95.into() });
         Self {
             at_zero: fit.at_zero.into(),
             at_infinity: fit.at_infinity.into(),
@@ -233,15 +253,8 @@ impl From<DoseResponse> for DoseCurve {
             ec50_is_within_doses: fit.ec50_is_within_doses,
             residual_sd: fit.residual_sd,
             p_no_effect: fit.p_no_effect,
+            line: doses.filter_map(at).collect(),
         }
-    }
-}
-
-impl DoseCurve {
-    /// The response at a dose.
-    pub fn at(&self, dose: f64) -> f64 {
-        let share = if dose > 0.0 { 1.0 / (1.0 + (self.ec50 / dose).powf(self.hill.value)) } else { 0.0 };
-        self.at_zero.value + (self.at_infinity.value - self.at_zero.value) * share
     }
 }
 
@@ -412,7 +425,8 @@ fn responses(valued: &[Valued]) -> Vec<DoseSeries> {
         points.sort_by(|a, b| a.dose.total_cmp(&b.dose));
         let fit = DoseResponse::fit(&points.iter().map(|p| [p.dose, p.value]).collect::<Vec<_>>());
         let reason = fit.as_ref().err().map(ToString::to_string);
-        DoseSeries { condition, concentration_unit, points, curve: fit.ok().map(Into::into), reason }
+        let curve = fit.ok().map(|fit| DoseCurve::new(&fit, &points));
+        DoseSeries { condition, concentration_unit, points, curve, reason }
     };
     found.into_iter().map(response).collect()
 }

@@ -8,6 +8,7 @@ import json
 import numpy as np
 from scipy import optimize, stats
 
+AT = [0.0, 0.5, 2.5, 30.0]
 SAMPLE = [2.1, 3.4, 1.9, 5.6, 2.2, 3.0]
 
 
@@ -39,6 +40,8 @@ def dose_response(points, start):
     f = ((total - rest) / 3) / (rest / (n - 4))
     a, b, log10_ec50, ln_hill = found
     sd = np.sqrt(np.diag(covariance))
+    # scipy's own differences of the curve by its parameters.
+    slopes = [optimize.approx_fprime(found, lambda of: curve(np.array([at]), *of)[0], 1e-7 * np.abs(found)) for at in AT]
     return {
         "at_zero": [a, sd[0]],
         "at_infinity": [b, sd[1]],
@@ -47,6 +50,7 @@ def dose_response(points, start):
         "t": stats.t.ppf(0.975, n - 4),
         "residual_sd": np.sqrt(rest / (n - 4)),
         "p": stats.f.sf(f, 3, n - 4),
+        "at": [[at, curve(np.array([at]), *found)[0], np.sqrt(s @ covariance @ s)] for at, s in zip(AT, slopes)],
     }
 
 

@@ -65,6 +65,12 @@ export interface ControlWindow {
   z_prime: number | null;
 }
 
+export interface CurvePoint {
+  dose: number;
+  interval_95: Interval;
+  value: number;
+}
+
 export interface DoseCurve {
   at_infinity: FittedParameter;
   at_zero: FittedParameter;
@@ -72,6 +78,7 @@ export interface DoseCurve {
   ec50_interval_95: Interval;
   ec50_is_within_doses: boolean;
   hill: FittedParameter;
+  line: CurvePoint[];
   log10_ec50: FittedParameter;
   p_no_effect: number;
   residual_sd: number;
@@ -357,6 +364,7 @@ export interface Problem {
   errors?: Mistake[];
   fault_seq?: number | null;
   lease?: LeaseStatus | null;
+  run?: string | null;
   scheduler_action: SchedulerAction;
   status: number;
   title: string;

@@ -3,7 +3,7 @@
 import { element, svg } from "./dom.ts";
 import { asEntered, counted, grouped, significant, unitWords } from "./format.ts";
 import { levelDigits, linearTicks } from "./ticks.ts";
-import type { DoseCurve, DoseSeries, QuantityStatistics } from "./status.ts";
+import type { DoseSeries, QuantityStatistics } from "./status.ts";
 
 /** `Z' of the controls: 0.62 (4 positive, 6 negative).`, or why there is none; empty without controls. Pure. */
 export function windowWords({ windows }: Pick<QuantityStatistics, "windows">): string {
@@ -29,11 +29,6 @@ export function responseWords({ condition, concentration_unit, points, curve, re
   const beyond = curve.ec50_is_within_doses ? "" : ", beyond the doses: an extrapolation";
   const ec50 = `EC50 ${significant(curve.ec50, 3)} ${unit} (95 %: ${significant(low, 3)} to ${significant(high, 3)})${beyond}`;
   return `${name}: ${ec50}; Hill ${grouped(curve.hill.value, 2)}; p of no effect ${significant(curve.p_no_effect, 2)}.`;
-}
-
-/** The curve at a dose: four parameters. Pure. */
-export function response({ at_zero: zero, at_infinity: infinity, ec50, hill }: DoseCurve, dose: number): number {
-  return zero.value + (infinity.value - zero.value) / (1 + (ec50 / dose) ** hill.value);
 }
 
 const [WIDTH, HEIGHT] = [420, 220];
@@ -71,9 +66,8 @@ function chart(series: DoseSeries, { name, unit, size }: Measure, choose: (well:
     dose === 0
       ? MARGIN.left + 16
       : start + (logs[1] > logs[0] ? (Math.log10(dose) - logs[0]) / (logs[1] - logs[0]) : 0.5) * (right - start - 8);
-  const doses = Array.from({ length: 61 }, (_, i) => 10 ** (logs[0] + ((logs[1] - logs[0]) * i) / 60));
-  const fitted = curve === null ? [] : doses.map((dose) => ({ dose, value: response(curve, dose) / size }));
-  const values = [...points.map((p) => p.value / size), ...fitted.map((f) => f.value)];
+  const line = curve?.line ?? [];
+  const values = [...points, ...line].map((p) => p.value / size);
   const levels = linearTicks(Math.min(...values), Math.max(...values));
   const [low, high] = [levels[0]!, levels.at(-1)!];
   const digits = levelDigits(levels);
@@ -100,14 +94,21 @@ function chart(series: DoseSeries, { name, unit, size }: Measure, choose: (well:
     // As far as the axis goes: an EC50 beyond the doses is an extrapolation.
     const within = (dose: number) => x(Math.min(Math.max(dose, least), most));
     const [from, to] = [within(curve.ec50_interval_95.low), within(curve.ec50_interval_95.high)];
-    const high = bottom - MARGIN.top;
-    made.append(svg("rect", { class: "dose-interval", x: from, y: MARGIN.top, width: to - from, height: high }));
+    const height = bottom - MARGIN.top;
+    made.append(svg("rect", { class: "dose-interval", x: from, y: MARGIN.top, width: to - from, height }));
     if (curve.ec50 >= least && curve.ec50 <= most) {
       const at = x(curve.ec50);
       made.append(svg("line", { class: "dose-ec50", x1: at, x2: at, y1: MARGIN.top, y2: bottom }));
     }
-    const way = fitted.map((f) => `${x(f.dose).toFixed(1)},${y(f.value).toFixed(1)}`).join(" ");
-    made.append(svg("polyline", { class: "dose-curve", points: way }));
+    // The axis shows the wells and the curve. A wide band leaves it.
+    const spot = (dose: number, value: number) =>
+      `${x(dose).toFixed(1)},${y(Math.min(Math.max(value / size, low), high)).toFixed(1)}`;
+    const upper = line.map((p) => spot(p.dose, p.interval_95.high));
+    const lower = line.map((p) => spot(p.dose, p.interval_95.low)).reverse();
+    made.append(
+      svg("polygon", { class: "dose-band", points: [...upper, ...lower].join(" ") }),
+      svg("polyline", { class: "dose-curve", points: line.map((p) => spot(p.dose, p.value)).join(" ") }),
+    );
   }
   for (const { well, dose, value } of points) {
     const dot = svg("circle", { class: "groups-dot", cx: x(dose), cy: y(value / size), r: 4 });

@@ -81,7 +81,10 @@ fn a_response_starts_from_the_negative_controls_and_finds_the_ec50_of_its_wells(
     assert_eq!((response.points.len(), response.points[0].dose, response.points[2].value), (13, 0.0, 104.0));
     let curve = response.curve.as_ref().unwrap_or_else(|| panic!("{response:?}"));
     assert!(curve.ec50_interval_95.contains(3.0), "{curve:?}");
-    assert!((curve.at(3.0) - 70.0).abs() < 2.0 && curve.ec50_is_within_doses, "{curve:?}");
+    let near = curve.line.iter().min_by(|a, b| (a.dose - 3.0).abs().total_cmp(&(b.dose - 3.0).abs())).unwrap();
+    assert!((near.value - 70.0).abs() < 2.0 && near.interval_95.contains(near.value) && curve.ec50_is_within_doses, "{curve:?}");
+    let [least, most] = [&response.points[3], response.points.last().unwrap()].map(|p| p.dose);
+    assert!(curve.line.len() == 61 && (curve.line[0].dose / least - 1.0).abs() + (curve.line[60].dose / most - 1.0).abs() < 1e-12);
     // Larvae of another age are no zero dose of these.
     let mut samples = plate();
     for s in samples.iter_mut().filter(|s| s.condition.control.is_some()) {

@@ -144,7 +144,10 @@ test("an old run is found, opened with all that a live one shows, and closed; th
   assert.equal(await text("plate-name"), "P-9");
   // The daemon measures nothing again while it has a run.
   await page.getByText("Measure again by another method").click();
-  assert.equal(await page.locator("#again-wells").getAttribute("placeholder"), "all that are measured, or A01, B02");
+  assert.equal(
+    await page.locator("#again-wells").getAttribute("placeholder"),
+    "all that are measured, or A01, B02-B05",
+  );
   const again = page.getByRole("button", { name: "Measure again" });
   await until("again-busy", /^A run is under way: measure again when it is over\.$/);
   assert.equal(await again.isDisabled(), true);
@@ -251,6 +254,7 @@ test("groups of the plate map: the daemon's statistics as dots, means and a tabl
               ...{ at_zero: number(240e6), at_infinity: number(320e6), hill: number(2), log10_ec50: number(0.7) },
               ...{ ec50: 5, ec50_interval_95: { low: 3, high: 8 }, ec50_is_within_doses: true },
               ...{ p_no_effect: 0.01, residual_sd: 1e6 },
+              line: [1, 3, 10].map((dose) => ({ dose, value: 300e6, interval_95: { low: 290e6, high: 310e6 } })),
             },
             reason: null,
           },
@@ -296,6 +300,10 @@ test("groups of the plate map: the daemon's statistics as dots, means and a tabl
   const [none, least] = [await centre("A01"), await centre("A02")];
   assert.ok(none > 60 && none + 20 < least, `wells without the compound stand apart: ${none}, ${least}`);
   assert.ok(band.x + band.width < (await centre("A04")) && band.width > 20, JSON.stringify(band));
+  // The curve's band is 310 nL high at the dose of A04, whose volume this is.
+  const corners = (await page.locator("#groups-doses .dose-band").getAttribute("points"))!.split(" ");
+  const [cx, cy] = [await centre("A04"), await at("#groups-doses [data-well=A04]", 0, "cy")];
+  assert.deepEqual([corners.length, corners[2]], [6, `${cx.toFixed(1)},${cy.toFixed(1)}`]);
   await until("groups-doses", /BPA, larva, 3 dpf: EC50 5\.00 µM \(95 %: 3\.00 to 8\.00\)/);
   await shoot(page, "groups");
   await page.locator('#groups-chart [data-well="A04"]').click();

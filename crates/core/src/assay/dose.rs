@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 use std::f64::consts::LN_10;
 
-/// A fitted parameter.
+/// A fitted number.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Parameter {
     /// The value.
@@ -53,6 +53,8 @@ pub struct DoseResponse {
     pub residual_sd: f64,
     /// Probability of so good a curve if the dose had no effect (F test against the mean).
     pub p_no_effect: f64,
+    /// Covariance of a, b, ln EC50 and ln h, of the curve linearised at the solution.
+    pub covariance: [[f64; 4]; 4],
 }
 
 /// Why there is no curve.
@@ -180,12 +182,19 @@ impl DoseResponse {
             ec50_is_within_doses: doses.iter().any(|&d| d > 0.0 && d <= ec50) && doses.iter().any(|&d| d >= ec50),
             residual_sd: (rest / degrees).sqrt(),
             p_no_effect: p,
+            covariance: covariance.into(),
         })
     }
 
-    /// The response of the curve at a dose.
-    pub fn at(&self, dose: f64) -> f64 {
-        value(dose, &Vector4::new(self.at_zero.value, self.at_infinity.value, self.ec50.ln(), self.hill.value.ln()))
+    /// The mean response at a dose, by the curve, with the standard deviation and the interval that follow from those of its parameters.
+    /// The interval is pointwise: it is that of one dose, not of the whole curve. `None` for a curve of too few values.
+    pub fn at(&self, dose: f64) -> Option<Parameter> {
+        let curve = Vector4::new(self.at_zero.value, self.at_infinity.value, self.ec50.ln(), self.hill.value.ln());
+        let slopes = slopes(dose, &curve);
+        let sd = (slopes.transpose() * Matrix4::from(self.covariance) * slopes)[0].max(0.0).sqrt();
+        let t = student(self.n.checked_sub(PARAMETERS)? as f64)?;
+        let value = value(dose, &curve);
+        Some(Parameter { value, sd, interval_95: [value - t * sd, value + t * sd] })
     }
 }
 

@@ -16,6 +16,14 @@ fn falling() -> Vec<[f64; 2]> {
     FALLING.iter().flat_map(|(dose, values)| values.map(|y| [*dose, y])).collect()
 }
 
+/// Doses, and what scipy's curve has there with its standard deviation.
+const FALLING_AT: [(f64, [f64; 2]); 4] = [
+    (0.0, [307_885_663.090_146_7, 3_355_069.655_491_938_3]),
+    (0.5, [302_065_263.506_616_2, 3_120_260.416_254_446]),
+    (2.5, [251_228_305.110_440_2, 4_731_901.754_358_321]),
+    (30.0, [195_489_778.212_862_8, 4_525_444.967_790_989]),
+];
+
 const RISING: [[f64; 2]; 8] = [[1.0, 10.2], [2.0, 10.9], [4.0, 14.1], [8.0, 22.8], [16.0, 33.9], [32.0, 38.6], [64.0, 40.3], [128.0, 39.7]];
 
 /// scipy takes its derivatives by differences: with a step of 1.5e-8 of the value they are right to some 1e-6.
@@ -42,8 +50,11 @@ fn a_falling_response_has_the_curve_and_the_intervals_of_scipy() {
     near(fit.ec50, 10f64.powf(0.399_374_942_801_14));
     near(fit.ec50_interval_95[1].log10(), 0.399_374_942_801_14 + t * 0.051_888_699_832_918_515);
     assert_eq!((fit.n, fit.doses, fit.ec50_is_within_doses), (21, 7, true));
-    near(fit.at(0.0), fit.at_zero.value);
-    near(fit.at(fit.ec50), f64::midpoint(fit.at_zero.value, fit.at_infinity.value));
+    near(fit.at(fit.ec50).unwrap().value, f64::midpoint(fit.at_zero.value, fit.at_infinity.value));
+    for (dose, of_scipy) in FALLING_AT {
+        is(fit.at(dose).unwrap(), of_scipy, t);
+    }
+    is(fit.at(1e9).unwrap(), [fit.at_infinity.value, fit.at_infinity.sd], t);
 }
 
 #[test]
