@@ -33,6 +33,9 @@ pub struct Problem {
     /// States that accept the command, with a 409 for a wrong state.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub accepted_in: Vec<State>,
+    /// The run under way, with a 409 for a wrong state.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub run: Option<String>,
     /// Who has the lease and for how long, with a 423.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) lease: Option<LeaseStatus>,
@@ -59,6 +62,7 @@ impl Problem {
             fault_seq: None,
             errors: Vec::new(),
             accepted_in: Vec::new(),
+            run: None,
             lease: None,
             retry_after_s: None,
         }
@@ -129,7 +133,7 @@ impl Problem {
                 // A run that ends does not come back to a state that accepts a command to it.
                 let is_too_late = state.is_ending() && !accepted_in.contains(&State::Idle);
                 let action = if is_too_late { SchedulerAction::PauseInstrument } else { SchedulerAction::Retry };
-                Self { detail, accepted_in, ..conflict("wrong_state").action(action) }.behind(status)
+                Self { detail, accepted_in, run: run.map(|run| run.id.clone()), ..conflict("wrong_state").action(action) }.behind(status)
             }
             Refusal::UnknownRun { .. } => Self::new(StatusCode::NOT_FOUND, "unknown_run", detail),
             Refusal::UnexpectedWell { .. } => conflict("unexpected_well"),

@@ -104,7 +104,11 @@ fn a_stopped_run_ends_after_its_specimen_and_says_what_was_not_visited() {
     wait(&daemon, "the first well", turning("A01"));
     assert_eq!((post(&daemon, "stop"), post(&daemon, "stop")), (200, 200));
     let (code, problem) = daemon.send("POST", "/v1/runs/r1/hold", &Value::Null);
-    assert_eq!((code, &problem["code"]), (409, &json!("wrong_state")), "an end is not taken back: {problem}");
+    assert_eq!(
+        (code, &problem["code"], &problem["run"]),
+        (409, &json!("wrong_state"), &json!("r1")),
+        "an end is not taken back: {problem}"
+    );
     assert!(problem["accepted_in"].as_array().unwrap().contains(&json!("Execute")), "{problem}");
     let status = wait(&daemon, "the stop", |s| s["state"] == "Stopped");
     assert_eq!(status["run"]["outcome"], "partial", "{status}");

@@ -14,13 +14,19 @@ const EVERY_MS = 1000;
 /** Value of the choice of a file in place of a method of the configuration. */
 const FILE = "";
 
-/** The wells that a reader has typed: `A1, B03` is A01 and B03. Pure. */
+/** The wells that a reader has typed: `A1, B03-B05` is A01, B03, B04 and B05. A range lies in one row. Pure. */
 export function typedWells(text: string): string[] {
   const words = text
     .toUpperCase()
     .split(/[\s,;]+/)
     .filter((w) => w !== "");
-  return words.map((w) => w.replace(/^([A-Z]+)(\d)$/, "$10$2"));
+  return words.flatMap((word) => {
+    const [, row, first, to, last] = /^([A-Z]+)(\d{1,2})(?:[-:]([A-Z]+)(\d{1,2}))?$/.exec(word) ?? [];
+    // The daemon refuses the word as it is.
+    if (row === undefined || (to !== undefined && (to !== row || Number(last) < Number(first)))) return [word];
+    const count = Number(last ?? first) - Number(first) + 1;
+    return Array.from({ length: count }, (_, i) => row + String(Number(first) + i).padStart(2, "0"));
+  });
 }
 
 /** How far it has come: `2 of 5 wells measured by few`. Pure. */

@@ -30,15 +30,15 @@ export class Refused extends Error {
   readonly code: number;
   /** All errors in the request, if the daemon lists them. */
   readonly mistakes: readonly Mistake[];
-  /** The daemon's word for the problem; empty without one. */
-  readonly problem: string;
+  /** The run under way, if the refusal is due to it. */
+  readonly run: string | null;
 
-  constructor(code: number, message: string, mistakes: readonly Mistake[] = [], problem = "") {
+  constructor(code: number, message: string, mistakes: readonly Mistake[] = [], run: string | null = null) {
     // The text becomes part of a sentence.
     super(message.replace(/\.$/, ""));
     this.code = code;
     this.mistakes = mistakes;
-    this.problem = problem;
+    this.run = run;
   }
 }
 
@@ -78,7 +78,7 @@ async function refusal(response: Response): Promise<Refused> {
   // A proxy in between answers without these fields.
   const body = (await response.json().catch(() => ({}))) as Partial<Problem>;
   const words = ON_THIS_PAGE[body.code ?? ""] ?? body.detail ?? body.title ?? code;
-  return new Refused(response.status, words, body.errors ?? [], body.code);
+  return new Refused(response.status, words, body.errors ?? [], body.run ?? null);
 }
 
 /** What to do on this page about a refusal; another program would send another request. */

@@ -243,7 +243,7 @@ export class NewRun {
     } catch (error) {
       const mistakes = error instanceof Refused ? error.mistakes : [];
       // The detail would only repeat the list.
-      const other = otherRun(error);
+      const other = error instanceof Refused ? error.run : null;
       if (other !== null) say(`${refused}. Another run is under way: ${other}.`);
       else say(`${refused}: ${mistakes.length > 0 ? counted(mistakes.length, "mistake") : reason(error)}.`);
       this.#list.replaceChildren(listOf("Mistakes", mistakes.map(mistake)));
@@ -277,12 +277,6 @@ export class NewRun {
 
 function reason(error: unknown): string {
   return error instanceof Refused ? error.message : String(error);
-}
-
-/** The run that is under way in place of the one that was refused; null if the refusal has another cause. */
-function otherRun(error: unknown): string | null {
-  if (!(error instanceof Refused) || error.problem !== "wrong_state") return null;
-  return /\bRun (\S+) of .* is under way/.exec(error.message)?.[1] ?? null;
 }
 
 /** A list with its heading; nothing without entries. */

@@ -76,7 +76,7 @@ test("the emergency stop works over a question and wherever the page is scrolled
 });
 
 test("who exchanges specimens by hand reads each step, and its button is the largest", async (t) => {
-  const { daemon, page, complaints } = await opened(t, 20, ["--sampler", "loader"]);
+  const { daemon, page, complaints } = await opened(t, 5, ["--sampler", "loader"]);
   await daemon.send("PUT", "/v1/runs/hand-1", plan(["A01", "A02", "A03"].map(larva)));
   await page
     .locator("#sentence", { hasText: /^By hand: put the specimen of A01 into the capillary, then confirm\.$/ })

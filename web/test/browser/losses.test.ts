@@ -13,16 +13,24 @@ type Ends = Parameters<typeof onPage>[0];
 
 /** A daemon whose devices are lost, its run, which begins at once, and its page. */
 async function running(t: Ends, timeScale: number, losses: readonly string[], wells: object[]) {
-  const daemon = await Daemon.start(BINARY, timeScale, ["--no-demo", ...losses]);
-  t.after(() => daemon.stop());
-  // Before the page is opened, which takes its time: the devices are lost at fixed times.
-  await daemon.send("PUT", "/v1/runs/lost", plan(wells));
+  const daemon = await begun(t, timeScale, losses, wells);
   return { daemon, ...(await onPage(t, daemon)) };
 }
 
+/** Its run begins before a page is opened, which takes its time: the devices are lost at fixed times. */
+async function begun(t: Ends, timeScale: number, losses: readonly string[], wells: object[]): Promise<Daemon> {
+  const daemon = await Daemon.start(BINARY, timeScale, ["--no-demo", ...losses]);
+  t.after(() => daemon.stop());
+  await daemon.send("PUT", "/v1/runs/lost", plan(wells));
+  return daemon;
+}
+
 async function cameraLost(t: Ends): Promise<void> {
-  const { daemon, page, complaints } = await running(t, 1, ["--camera-out", "8,45"], [larva("A01"), larva("A02")]);
-  const lost = await daemon.follow((s) => !s.hardware.camera.connected);
+  const daemon = await begun(t, 1, ["--camera-out", "8,60"], [larva("A01"), larva("A02")]);
+  const [lost, { page, complaints }] = await Promise.all([
+    daemon.follow((s) => !s.hardware.camera.connected),
+    onPage(t, daemon),
+  ]);
   assert.equal(lost.state, "Execute");
   await page.locator('#now[data-tone="attention"]').waitFor();
   const held = await daemon.follow((s) => s.state === "Held");

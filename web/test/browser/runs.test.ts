@@ -76,7 +76,7 @@ async function darkShare(page: Page): Promise<number> {
 const COARSE = 'asd = 7\norder = "sequential"\nepsilon = 0.05\nvoxel_um = 14.0\n';
 
 test("a run from the empty plate map to the download of all its files", { timeout: 3 * RUN_MS }, async (t) => {
-  const { daemon, page, complaints } = await opened(t, 20);
+  const { daemon, page, complaints } = await opened(t, 5);
   await until(page, "new-run-missing", /^Still needed: a plate map, the plate's barcode, your name\.$/);
   // The template of a plate is a plate map without mistakes.
   await page.locator("#plate-format").selectOption("6");

@@ -51,7 +51,7 @@ export class FixtureServer {
   /** Paths and queries of what was read beside the status, oldest first. */
   readonly read: string[] = [];
   /** Answer to a command in place of 200: a problem in words, with what is wrong. */
-  refusal: { code?: string; detail: string; errors?: object[] } | null = null;
+  refusal: { code?: string; detail: string; errors?: object[]; run?: string } | null = null;
   /** Runs that were taken before: a start of one of them answers 200, of another one 201. */
   readonly known = new Set<string>();
   /** Whether commands get no answer, as from a daemon that hangs. */

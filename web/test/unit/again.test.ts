@@ -5,6 +5,8 @@ import { difference, progressWords, typedWells } from "../../src/again.ts";
 test("wells are read as people type them", () => {
   assert.deepEqual(typedWells(" a1, B03;af48\nh12 "), ["A01", "B03", "AF48", "H12"]);
   assert.deepEqual(typedWells(" "), []);
+  assert.deepEqual(typedWells("a9-a11, C03:C03"), ["A09", "A10", "A11", "C03"]);
+  assert.deepEqual(typedWells("A1-B3 A3-A1 well"), ["A1-B3", "A3-A1", "WELL"], "the daemon says what is wrong");
 });
 
 test("how far measuring again has come is said in words, with the wells that failed", () => {

@@ -54,6 +54,7 @@ class Problem:
     fault_seq: int | None = None
     errors: tuple[Mistake, ...] = ()
     accepted_in: tuple[State, ...] = ()
+    run: str | None = None
     lease: LeaseStatus | None = None
 
 

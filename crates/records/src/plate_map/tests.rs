@@ -167,6 +167,7 @@ fn a_file_of_another_form_is_refused_by_what_is_wrong_with_it() {
     assert!(read(b"PK\x03\x04well,dpf\nA01,3\n", Format::Csv, None).unwrap_err()[0].to_string().contains("workbook"));
     let headless = csv("A01,larva,3\nA02,larva,3\n").unwrap_err();
     assert!(headless.len() == 1 && headless[0].to_string().contains("must name the columns"), "{headless:?}");
+    assert!(read(b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR", Format::Csv, None).unwrap_err()[0].to_string().contains("a picture"));
     assert!(read(b"\xff\xfew\0e\0", Format::Csv, None).unwrap_err()[0].to_string().contains("UTF-16"));
     assert!(refused("well;concentration;concentration_unit\nA01;1.500;mM\n")[0].contains("could be 1500 or 1.500"));
 }

@@ -10,6 +10,9 @@ pub fn decode(bytes: &[u8]) -> Result<String, Mistake> {
     if bytes.starts_with(b"PK\x03\x04") || bytes.starts_with(&[0xd0, 0xcf, 0x11, 0xe0]) {
         return Err(Mistake::in_line(1, "", "this is a workbook as Excel keeps it; save its sheet as \"CSV UTF-8\""));
     }
+    if bytes.contains(&0) {
+        return Err(Mistake::in_line(1, "", "this is a picture or another file that is no text; choose the CSV file of the plate map"));
+    }
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let text = std::str::from_utf8(bytes).map_err(|why| {
         let before = &bytes[..why.valid_up_to()];
