@@ -66,7 +66,7 @@ fn hmac(secret: &[u8], text: &[u8]) -> String {
 fn notices_are_signed_and_come_in_their_order_also_after_failures() {
     let dir = tempfile::tempdir().unwrap();
     let receiver = Receiver::start(&[Reply::Status(500), Reply::Never, Reply::Status(200)]);
-    let notices = notices(&format!("{}/hook", receiver.url), &format!("timeout_s = 0.3\n{}", secret_file(dir.path())));
+    let notices = notices(&format!("{}/hook", receiver.url), &format!("timeout_s = 3.0\n{}", secret_file(dir.path())));
     hold(&notices, 1);
     notices.see(&run(State::Complete, Some(RunOutcome::Partial)));
     let received = receiver.wait(4);

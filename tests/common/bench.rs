@@ -4,7 +4,7 @@
 //! test = plate-loader ── HTTP ──► carved serve (child) ── pty, GigE ──► emulated rig
 //! ```
 
-use super::{Daemon, configured, port};
+use super::{Daemon, configured, patient, port};
 use hardware_sim::scene::{Contents, Scene, SceneSettings, Specimen};
 use hardware_sim::{Rig, RigSettings, Sight};
 use serde_json::{Value, json};
@@ -44,14 +44,9 @@ impl Bench {
 
     /// Starts a daemon with the shipped configuration, with `changes` in it and `more` appended.
     pub fn serve(&self, changes: &[(&str, String)], more: &str) -> Daemon {
-        let usual = [
-            port(&self.rig),
-            ("settle_ms = 50", format!("settle_ms = {:.0}", 50.0 / TIME_SCALE)),
-            // Rendering a picture can take long on a busy machine.
-            ("exposure_us = 5000.0", "exposure_us = 5000.0\nframe_timeout_ms = 20000".into()),
-            ("grab_deadline_ms = 3000", "grab_deadline_ms = 60000".into()),
-        ];
-        let (config, data) = configured("vast-grbl.toml", self.folder(), &self.rig, &[&usual[..], changes].concat());
+        let usual = [port(&self.rig), ("settle_ms = 50", format!("settle_ms = {:.0}", 50.0 / TIME_SCALE))];
+        let changes = [&usual[..], &patient(), changes].concat();
+        let (config, data) = configured("vast-grbl.toml", self.folder(), &self.rig, &changes);
         std::fs::write(&config, std::fs::read_to_string(&config).unwrap() + more).unwrap();
         Daemon::serve(&config, &data)
     }

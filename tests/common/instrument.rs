@@ -1,6 +1,6 @@
 //! An emulated rig with Grbl firmware, specimens loaded by the test, and a daemon that takes it for an instrument.
 
-use super::{Daemon, configured, port};
+use super::{Daemon, configured, patient, port, until};
 use hardware_sim::grbl::Settings;
 use hardware_sim::scene::{Scene, SceneSettings};
 use hardware_sim::{Controller, Rig, RigSettings, SamplerSettings, ShaftSettings, Sight};
@@ -68,11 +68,8 @@ impl Instrument {
             ("order = \"sequential\"", format!("order = {:?}", rate.order)),
             // A budget for a few wells. A whole plate with 500 views per well would not fit.
             ("[store]", "[store]\nbudget_gb = 10".into()),
-            // Rendering a picture can take long on a busy machine.
-            ("exposure_us = 5000.0", "exposure_us = 5000.0\nframe_timeout_ms = 20000".into()),
-            ("grab_deadline_ms = 3000", "grab_deadline_ms = 60000".into()),
         ];
-        let (config, data) = configured("vast-grbl.toml", dir.path(), &rig, &[&changes[..], more].concat());
+        let (config, data) = configured("vast-grbl.toml", dir.path(), &rig, &[&changes[..], &patient(), more].concat());
         Self { daemon: Daemon::serve(&config, &data), rig, scene, config, data, dir }
     }
 
@@ -83,4 +80,15 @@ impl Instrument {
         daemon.ended();
         Self { daemon: Daemon::serve(&config, &data), rig, scene, config, data, dir }
     }
+}
+
+/// Waits until the shaft stands, and returns its angle, rad. A daemon that has stopped the motor may answer, or be gone, before the bytes
+/// of the stop have come through the pty.
+pub fn standing(rig: &Rig) -> f64 {
+    let mut angle = rig.shaft().angle_rad();
+    until("the shaft to stand", || {
+        let before = std::mem::replace(&mut angle, rig.shaft().angle_rad());
+        before.to_bits() == angle.to_bits()
+    });
+    angle
 }

@@ -21,7 +21,7 @@ pub mod strict;
 pub mod venv;
 mod wait;
 
-pub use instrument::{Instrument, QUICK, Rate, SLOW, SLOW_REFERENCE};
+pub use instrument::{Instrument, QUICK, Rate, SLOW, SLOW_REFERENCE, standing};
 pub use shared::shared;
 pub use wait::{PATIENCE, until};
 
@@ -61,6 +61,14 @@ pub fn configured(shipped: &str, folder: &Path, rig: &hardware_sim::Rig, changes
     let config = folder.join("rig.toml");
     std::fs::write(&config, text).unwrap();
     (config, data)
+}
+
+/// Changes of a shipped configuration that wait long for a frame: rendering a picture can take long on a busy machine.
+pub fn patient() -> [(&'static str, String); 2] {
+    [
+        ("exposure_us = 5000.0", "exposure_us = 5000.0\nframe_timeout_ms = 20000".into()),
+        ("grab_deadline_ms = 3000", "grab_deadline_ms = 60000".into()),
+    ]
 }
 
 /// The change that sets the controller's port in a shipped configuration.

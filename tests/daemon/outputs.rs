@@ -2,7 +2,7 @@
 #![cfg(feature = "aravis")]
 
 use crate::common::bench::{bead, plan};
-use crate::common::{Daemon, configured, json, port, until};
+use crate::common::{Daemon, configured, json, patient, port, until};
 use hardware_sim::scene::{Contents, Scene, SceneSettings};
 use hardware_sim::{Controller, OutputPin, Rig, RigSettings, grbl, zaber};
 use serde_json::{Value, json};
@@ -44,13 +44,8 @@ impl Lit {
         let scene = Arc::new(Scene::new(SceneSettings::default()));
         scene.load(Contents::from(bead("A01", 400.0).2)).unwrap();
         let rig = Rig::start(RigSettings { serial_link: Some(dir.path().join("motor")), light: Some(pin), ..settings }, scene).unwrap();
-        let common = [
-            port(&rig),
-            ("settle_ms = 50", "settle_ms = 5".into()),
-            ("exposure_us = 5000.0", "exposure_us = 5000.0\nframe_timeout_ms = 20000".into()),
-            ("grab_deadline_ms = 3000", "grab_deadline_ms = 60000".into()),
-        ];
-        let (config, data) = configured(shipped, dir.path(), &rig, &[&common, changes].concat());
+        let common = [port(&rig), ("settle_ms = 50", "settle_ms = 5".into())];
+        let (config, data) = configured(shipped, dir.path(), &rig, &[&common[..], &patient(), changes].concat());
         let light = format!("\n[rotation.outputs.light]\npin = {named}\non = \"views\"\nsettle_ms = {settle_ms}\n");
         std::fs::write(&config, std::fs::read_to_string(&config).unwrap() + &light).unwrap();
         Self { daemon: Daemon::serve(&config, &data), rig, pin, data, _dir: dir }

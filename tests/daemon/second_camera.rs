@@ -4,7 +4,7 @@
 
 use crate::common::bench::{Bench, larva};
 use crate::common::spoiled::Spoiled;
-use crate::common::{Daemon, configured, contract, json, port, run, stderr};
+use crate::common::{Daemon, configured, contract, json, patient, port, run, stderr};
 use hardware_sim::scene::{Fluorescent, FluorescentSettings, Scene, SceneSettings, Specimen};
 use hardware_sim::{Pixels, RigSettings, Sight};
 use serde_json::{Value, json};
@@ -39,7 +39,7 @@ fn the_signal_per_volume_is_the_truths_and_is_computed_again_from_the_recording(
     let glow = Arc::new(Fluorescent::new(scene.clone(), settings.clone()));
     let second = rig.add_camera(glow.clone()).unwrap();
     let changes = [port(&rig), ("settle_ms = 50", "settle_ms = 5".to_owned()), ("asd = 21", format!("asd = {ASD}"))];
-    let (config, data) = configured("vast-grbl.toml", dir.path(), &rig, &changes);
+    let (config, data) = configured("vast-grbl.toml", dir.path(), &rig, &[&changes[..], &patient()].concat());
     std::fs::write(&config, std::fs::read_to_string(&config).unwrap() + &tables(second, &settings)).unwrap();
     let daemon = Daemon::serve(&config, &data);
     daemon.wait("the second camera", |s| s["hardware"]["camera_second"]["connected"] == true);

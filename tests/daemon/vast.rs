@@ -6,7 +6,7 @@
 //! ```
 #![cfg(feature = "aravis")]
 
-use crate::common::{Daemon, configured, json, port, until};
+use crate::common::{Daemon, configured, json, patient, port, until};
 use hardware_sim::scene::{Scene, SceneSettings, Specimen};
 use hardware_sim::{Controller, RigSettings, bridge, relay};
 use serde_json::{Value, json};
@@ -43,7 +43,7 @@ impl Instrument {
             ("speed_deg_per_s = 90.0", format!("speed_deg_per_s = {:?}", SPEED_DEG_PER_S * SCALE)),
             ("asd = 21", format!("asd = {ASD}")),
         ];
-        let (config, data) = configured(shipped, dir.path(), &rig, &[door, pace.into()].concat());
+        let (config, data) = configured(shipped, dir.path(), &rig, &[door, pace.into(), patient().into()].concat());
         Self { daemon: Daemon::serve(&config, &data), rig, scene, data, dir }
     }
 

@@ -15,20 +15,27 @@ use std::time::Duration;
 struct Bench {
     folder: tempfile::TempDir,
     knobs: Knobs,
+    speed_deg_per_s: f64,
     emulated: hardware_sim::Rig,
 }
 
 impl Bench {
     fn new() -> Self {
-        Self::going(ToSmaller::Shortest)
+        Self::going(ToSmaller::Shortest, SPEED_DEG_PER_S)
     }
 
-    fn going(to_smaller: ToSmaller) -> Self {
+    /// Half a turn takes a second, in which a test can do something.
+    fn slow() -> Self {
+        Self::going(ToSmaller::Shortest, 0.1 * SPEED_DEG_PER_S)
+    }
+
+    fn going(to_smaller: ToSmaller, speed_deg_per_s: f64) -> Self {
         let folder = tempfile::tempdir().unwrap();
-        let machine = bridge::Settings { to_smaller, ..bridge::Settings::reading(folder.path().join("external.txt")) };
+        let reading = bridge::Settings::reading(folder.path().join("external.txt"));
+        let machine = bridge::Settings { to_smaller, speed_deg_per_s, ..reading };
         let knobs = machine.knobs.clone();
         let emulated = crate::motion::rig(RigSettings { controller: Controller::Bridge(machine), ..RigSettings::default() });
-        Self { folder, knobs, emulated }
+        Self { folder, knobs, speed_deg_per_s, emulated }
     }
 
     fn list(&self) -> PathBuf {
@@ -42,7 +49,7 @@ impl Bench {
             list: self.list(),
             x_position_um: 0,
             tray_led: true,
-            speed_deg_per_s: SPEED_DEG_PER_S,
+            speed_deg_per_s: self.speed_deg_per_s,
             turn_margin_ms: 1000,
             first_arrival_timeout_ms: 20_000,
             answer_timeout_ms: 700,
@@ -80,7 +87,7 @@ impl Bench {
 #[test]
 fn a_revolution_through_the_list_shows_every_view_at_the_angle_of_its_ledger() {
     for to_smaller in [ToSmaller::Shortest, ToSmaller::Back] {
-        let bench = Bench::going(to_smaller);
+        let bench = Bench::going(to_smaller, SPEED_DEG_PER_S);
         let axis = bench.open();
         let expected = Capabilities {
             has_position: false,
@@ -199,7 +206,7 @@ fn every_error_of_the_bridge_is_told_by_its_number() {
 
 #[test]
 fn a_bridge_that_restarts_while_vast_turns_makes_the_position_suspect() {
-    let bench = Bench::new();
+    let bench = Bench::slow();
     let mut axis = bench.open();
     bench.take_up(&mut axis, ViewOrder::CoarseToFine);
     let half_a_turn = targets(ViewOrder::CoarseToFine)[1];
@@ -247,7 +254,7 @@ fn split_and_merged_lines_and_noise_between_them_cost_nothing() {
 
 #[test]
 fn a_stop_ends_the_triggers_and_vast_ends_its_step() {
-    let bench = Bench::new();
+    let bench = Bench::slow();
     let mut axis = bench.open();
     bench.take_up(&mut axis, ViewOrder::CoarseToFine);
     let half_a_turn = targets(ViewOrder::CoarseToFine)[1];

@@ -573,7 +573,7 @@ fn a_door_that_opens_during_homing_is_no_failed_homing() {
 fn held_move(bench: &Bench, grbl: &mut Grbl, hold: impl FnOnce()) -> DeviceError {
     let from = bench.true_steps();
     std::thread::scope(|scope| {
-        let moving = scope.spawn(|| grbl.move_to(Steps(5000)));
+        let moving = scope.spawn(|| grbl.move_to(Steps(20_000)));
         let until = Instant::now() + PATIENCE;
         while bench.true_steps() - from < 50.0 {
             assert!(Instant::now() < until, "the shaft never moved");

@@ -29,6 +29,7 @@ fn at(address: &str) -> RelaySettings {
 
 struct Bench {
     knobs: Knobs,
+    speed_deg_per_s: f64,
     emulated: hardware_sim::Rig,
 }
 
@@ -38,12 +39,12 @@ impl Bench {
     }
 
     fn with(machine: relay::Settings) -> Self {
-        let knobs = machine.knobs.clone();
-        Self { knobs, emulated: crate::motion::rig(RigSettings { relay: Some(machine), ..RigSettings::default() }) }
+        let (knobs, speed_deg_per_s) = (machine.knobs.clone(), machine.speed_deg_per_s);
+        Self { knobs, speed_deg_per_s, emulated: crate::motion::rig(RigSettings { relay: Some(machine), ..RigSettings::default() }) }
     }
 
     fn settings(&self) -> RelaySettings {
-        at(&self.emulated.relay_address().unwrap().to_string())
+        RelaySettings { speed_deg_per_s: self.speed_deg_per_s, ..at(&self.emulated.relay_address().unwrap().to_string()) }
     }
 
     fn open(&self) -> Relay {
@@ -158,7 +159,8 @@ fn an_answer_that_is_none_is_told_with_what_came() {
 
 #[test]
 fn a_stop_ends_the_requests_and_vast_ends_its_turn() {
-    let bench = Bench::new();
+    // Half a turn takes a second.
+    let bench = Bench::with(relay::Settings { speed_deg_per_s: 0.1 * SPEED_DEG_PER_S, ..relay::Settings::default() });
     let (mut axis, zero) = bench.referenced();
     let stop = axis.stop_handle();
     std::thread::scope(|scope| {

@@ -296,7 +296,7 @@ def test_a_sila_client_measures_a_plate(
     measurement: Any = sila.PlateMeasurement  # type: ignore[attr-defined]
     execution = measurement.MeasurePlate("sila", "P-1", BEAD_AND_EMPTY, "standard", "kim")
     reports = list(execution.subscribe_to_intermediate_responses())
-    assert {"revolve", "measure"} <= {report.Phase for report in reports}
+    assert "revolve" in {report.Phase for report in reports}
     assert [report.WellsDone for report in reports] == sorted(report.WellsDone for report in reports)
     assert done(execution, sila_process).status is CommandExecutionStatus.finishedSuccessfully
     answer = execution.get_responses()
