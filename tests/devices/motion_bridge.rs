@@ -1,7 +1,7 @@
 //! The driver of the VAST trigger bridge against an emulated VAST behind its bridge.
 #![cfg(feature = "aravis")]
 
-use crate::motion::{PATIENCE, SPEED_DEG_PER_S, is_suspect, targets, true_steps, turn, until, with_camera};
+use crate::motion::{PATIENCE, SCALE, SPEED_DEG_PER_S, is_suspect, targets, true_steps, turn, until, with_camera};
 use carved_core::units::Steps;
 use carved_devices::cancel::CancelToken;
 use carved_devices::rotation::{VastBridge, VastBridgeSettings};
@@ -32,7 +32,7 @@ impl Bench {
     fn going(to_smaller: ToSmaller, speed_deg_per_s: f64) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let reading = bridge::Settings::reading(folder.path().join("external.txt"));
-        let machine = bridge::Settings { to_smaller, speed_deg_per_s, ..reading };
+        let machine = bridge::Settings { to_smaller, speed_deg_per_s: speed_deg_per_s / SCALE, ..reading };
         let knobs = machine.knobs.clone();
         let emulated = crate::motion::rig(RigSettings { controller: Controller::Bridge(machine), ..RigSettings::default() });
         Self { folder, knobs, speed_deg_per_s, emulated }

@@ -1,7 +1,7 @@
 //! The driver of the relay against an emulated relay and its VAST.
 #![cfg(feature = "aravis")]
 
-use crate::motion::{SPEED_DEG_PER_S, is_suspect, true_steps, turn, until, with_camera};
+use crate::motion::{SCALE, SPEED_DEG_PER_S, is_suspect, true_steps, turn, until, with_camera};
 use carved_core::units::Steps;
 use carved_devices::cancel::CancelToken;
 use carved_devices::rotation::{Relay, RelaySettings};
@@ -39,7 +39,7 @@ impl Bench {
     }
 
     fn with(machine: relay::Settings) -> Self {
-        let (knobs, speed_deg_per_s) = (machine.knobs.clone(), machine.speed_deg_per_s);
+        let (knobs, speed_deg_per_s) = (machine.knobs.clone(), SCALE * machine.speed_deg_per_s);
         Self { knobs, speed_deg_per_s, emulated: crate::motion::rig(RigSettings { relay: Some(machine), ..RigSettings::default() }) }
     }
 
@@ -160,7 +160,7 @@ fn an_answer_that_is_none_is_told_with_what_came() {
 #[test]
 fn a_stop_ends_the_requests_and_vast_ends_its_turn() {
     // Half a turn takes a second.
-    let bench = Bench::with(relay::Settings { speed_deg_per_s: 0.1 * SPEED_DEG_PER_S, ..relay::Settings::default() });
+    let bench = Bench::with(relay::Settings { speed_deg_per_s: 0.1 * SPEED_DEG_PER_S / SCALE, ..relay::Settings::default() });
     let (mut axis, zero) = bench.referenced();
     let stop = axis.stop_handle();
     std::thread::scope(|scope| {
