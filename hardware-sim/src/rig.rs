@@ -93,7 +93,7 @@ pub struct RigSettings {
     pub light: Option<OutputPin>,
     /// A relay that also turns the shaft.
     pub relay: Option<relay::Settings>,
-    /// A symbolic link that always points to the serial port. `None`: [`Rig::serial_path`] is the device name.
+    /// A symbolic link to the serial port, while the cable is plugged in. `None`: [`Rig::serial_path`] is the device name.
     pub serial_link: Option<PathBuf>,
 }
 

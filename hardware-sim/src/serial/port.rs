@@ -46,8 +46,8 @@ pub struct SerialPort {
 }
 
 impl SerialPort {
-    /// Plugs the controller in. `link`, if given, always points to the present device name. `firmware` gets the faults that act
-    /// inside the controller.
+    /// Plugs the controller in. `link`, if given, points to the present device name while the cable is plugged in. `firmware` gets the
+    /// faults that act inside the controller.
     pub fn start(
         clock: RigClock,
         firmware: impl FnOnce(Arc<SerialFaults>) -> Box<dyn Firmware>,
@@ -281,6 +281,10 @@ impl Worker {
     fn pull(&mut self) {
         self.firmware.lose_power(self.clock.now_s());
         self.outgoing.clear();
+        // As udev does. The device name is free from now on, and the next pty of this computer gets it.
+        if let Some(link) = &self.link {
+            let _ = std::fs::remove_file(link);
+        }
         self.plug = None;
         self.boot_at = None;
     }
