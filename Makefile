@@ -78,7 +78,9 @@ test-slurm: deps-build deps-slurm ## examples/slurm on a Slurm of this machine, 
 
 # The page's and Python's checks use the core that clippy leaves idle while it checks a large crate.
 lint: deps-build deps-python $(NODE_MODULES) ## formatting, clippy with and without features, types and formatting of page and Python client
-	$(MAKE) --no-print-directory --keep-going --jobs 2 --output-sync=line lint-rust lint-page lint-python
+	@$(MAKE) --no-print-directory --keep-going lint-page lint-python & others=$$!; \
+	$(MAKE) --no-print-directory lint-rust; rust=$$?; \
+	wait $$others && exit $$rust
 
 lint-rust:
 	$(CARGO) fmt --all --check
