@@ -53,7 +53,7 @@ impl Bench {
     }
 
     fn load(&mut self, well: &str) -> Result<bool, DeviceError> {
-        let expected = Expected { well, bead: true, dpf: None };
+        let expected = Expected { well, bead: true, dpf: None, asked_before: false };
         self.sampler.load(self.axis.as_mut(), expected, &CancelToken::new()).map(|loaded| loaded.is_some())
     }
 

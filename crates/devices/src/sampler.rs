@@ -31,6 +31,8 @@ pub struct Expected<'a> {
     pub bead: bool,
     /// Days post fertilisation, if the plate map says it.
     pub dpf: Option<f64>,
+    /// The sampler was asked for this specimen before a restart of the program. It may be in the capillary already.
+    pub asked_before: bool,
 }
 
 /// The wells of a run that have not begun.
@@ -219,7 +221,7 @@ mod tests {
 
     #[test]
     fn a_message_for_another_well_does_not_count_and_a_cancel_ends_the_wait() {
-        let well = |well| Expected { well, bead: false, dpf: None };
+        let well = |well| Expected { well, bead: false, dpf: None, asked_before: false };
         let interlock = LoaderInterlock::default();
         let cancel = CancelToken::default();
         let mut sampler = LoaderSampler::new(interlock.clone());
@@ -236,7 +238,7 @@ mod tests {
     fn a_wait_that_is_given_up_ends_without_a_cancel_and_the_next_run_waits_anew() {
         let interlock = LoaderInterlock::default();
         let mut sampler = LoaderSampler::new(interlock.clone());
-        let expected = Expected { well: "A01", bead: false, dpf: None };
+        let expected = Expected { well: "A01", bead: false, dpf: None, asked_before: false };
         interlock.give_up();
         assert_eq!(sampler.load(&mut FakeAxis::new(), expected, &CancelToken::default()).unwrap(), None);
         interlock.clear();

@@ -112,7 +112,7 @@ impl BesideVendor {
         let token = end.clone();
         let thread = std::thread::spawn(move || {
             for (well, bead, dpf) in wells {
-                let expected = Expected { well: &well, bead, dpf };
+                let expected = Expected { well: &well, bead, dpf, asked_before: false };
                 let turned = scenery
                     .contents(expected)
                     .map_err(anyhow::Error::from)

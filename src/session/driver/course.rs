@@ -84,6 +84,7 @@ fn launch(d: &mut DriverState) {
     let accepted = d.accepted();
     // A specimen that a plate-loader brought is reported through the interlock.
     let inside = d.capillary().brought().filter(|_| !d.loader.fills_capillary()).map(str::to_owned);
+    let asked_before = d.capillary().asked_before().map(str::to_owned);
     let (Some(run), Some(instrument)) = (&mut d.run, d.devices.take()) else {
         tracing::error!("there is no run, or no instrument for it");
         return;
@@ -99,6 +100,7 @@ fn launch(d: &mut DriverState) {
         wells,
         eject_first,
         inside,
+        asked_before,
         method_name: record.plan.method.clone(),
         method: record.method.clone(),
         folder: d.outbox.store().run_folder(&record.id),

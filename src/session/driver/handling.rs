@@ -58,8 +58,7 @@ impl Handling {
 
     /// Asks the sampler to eject a specimen that it could not eject before.
     pub fn remove_what_is_stuck(&mut self, capillary: &Capillary) {
-        let stuck = capillary.inside().filter(|inside| capillary.brought() != Some(inside));
-        if let Some(stuck) = stuck {
+        if let Some(stuck) = capillary.in_the_way() {
             self.eject_first.get_or_insert_with(|| stuck.to_owned());
         }
     }

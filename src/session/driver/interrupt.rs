@@ -3,7 +3,7 @@
 //! ```text
 //! in progress ─┬─ accepted ────────────────────────────────────► its numbers follow from its frames: no event
 //!              ├─ caused by the instrument, the pose is known ─► kept: the run continues with it
-//!              ├─ cannot come again, or the method skips it ───► given up: the well ends
+//!              ├─ cannot come again, or the method skips it ───► given up: the well ends. Not if it is still to come
 //!              └─ otherwise ───────────────────────────────────► begun again, once it is brought
 //! in the capillary and not kept ──► removed first, by the loader or by the sampler
 //! ```
@@ -63,7 +63,9 @@ pub(super) fn interruptions(
 }
 
 fn interruption(run: &RunInProgress, state: &RunState, well: &str, accepted: bool, brings_again: bool, fate: Fate) -> Interruption {
-    let inside = state.capillary().inside() == Some(well);
+    let capillary = state.capillary();
+    // Nobody knows whether a specimen that was asked for before a restart is inside. The sampler is asked for it again.
+    let inside = capillary.inside() == Some(well) && capillary.asked_before() != Some(well);
     // A specimen that has not arrived in this attempt can still come.
     let came = inside || state.is_worked_on(well);
     let skip = run.record().method.policy.interrupted == Interrupted::Skip && fate == Fate::PoseLost;

@@ -103,7 +103,7 @@ fn take_up(d: &mut DriverState, record: RunRecord, run: RunState) {
         run.recall(end_request);
         run.set_may_go_on(end_request.is_none() && resume::is_automatic(run, known));
         // A specimen that the loader brought stays: the run continues with it.
-        if let Some(inside) = capillary.inside().filter(|inside| capillary.brought() != Some(inside)) {
+        if let Some(inside) = capillary.in_the_way() {
             run.handling_mut().remove(inside, by_loader);
         }
     }

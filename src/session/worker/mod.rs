@@ -156,6 +156,8 @@ pub struct RunContext {
     pub eject_first: Option<String>,
     /// A well whose specimen is already in the capillary of a driven sampler. It is not brought again.
     pub inside: Option<String>,
+    /// A well for which a driven sampler was asked before a restart. Its specimen may be in the capillary already.
+    pub asked_before: Option<String>,
     pub method_name: String,
     pub method: Method,
     pub folder: PathBuf,
@@ -175,11 +177,6 @@ struct Worker {
 enum WellEnd {
     Skipped(&'static str),
     Failed(String),
-}
-
-/// What the sampler needs to know about a well.
-fn expected(planned: &PlannedWell) -> Expected<'_> {
-    Expected { well: &planned.well, bead: planned.specimen == SpecimenKind::Bead, dpf: planned.dpf }
 }
 
 fn optics_fault(planned: &PlannedWell, fault: OpticsFault) -> RunError {
@@ -262,7 +259,7 @@ impl Worker {
         if is_ended() {
             return Ok(NextWell::Cancelled);
         }
-        let wells: Vec<Expected> = waiting.iter().map(|planned| expected(planned)).collect();
+        let wells: Vec<Expected> = waiting.iter().map(|planned| context.expected(planned)).collect();
         if let Some(at) = wells.iter().position(|expected| context.inside.as_deref() == Some(expected.well)) {
             return Ok(NextWell::At(at));
         }
@@ -288,6 +285,13 @@ impl Worker {
 }
 
 impl RunContext {
+    /// What the sampler needs to know about a well.
+    fn expected<'a>(&self, planned: &'a PlannedWell) -> Expected<'a> {
+        let well = planned.well.as_str();
+        let asked_before = self.asked_before.as_deref() == Some(well);
+        Expected { well, bead: planned.specimen == SpecimenKind::Bead, dpf: planned.dpf, asked_before }
+    }
+
     fn tell(&self, progress: Progress) {
         // Without a driver nothing else can end this run.
         if self.progress.blocking_send(progress).is_err() {

@@ -170,6 +170,7 @@ mod tests {
             wells: Vec::new(),
             eject_first: None,
             inside: None,
+            asked_before: None,
             method_name: "standard".into(),
             method: config.methods["standard"].clone(),
             config: Arc::new(config),

@@ -12,7 +12,7 @@ use super::science::Science;
 use super::specimen::Work;
 use super::turn::Attempt;
 use super::watch::within;
-use super::{OpticsFault, Progress, RunError, WellEnd, Worker, expected, optics_fault, retry, skip};
+use super::{OpticsFault, Progress, RunError, WellEnd, Worker, optics_fault, retry, skip};
 use crate::session::{Instrument, Live, live, placing};
 use carved_core::frame::RawFrame;
 use carved_core::pipeline::{Pipeline, PipelineError, SegmentedFrame};
@@ -100,7 +100,7 @@ impl Worker {
         let well = planned.well.as_str();
         context.phase(well, Phase::Load, false);
         let list = if rig.rotation.capabilities().trigger_only { Some(context.plan(planned)?.targets()) } else { None };
-        let expected = expected(planned);
+        let expected = context.expected(planned);
         let is_inside = context.inside.as_deref() == Some(well);
         let stop = rig.rotation.stop_handle();
         let began = Instant::now();

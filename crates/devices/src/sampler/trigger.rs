@@ -7,7 +7,8 @@
 //!  done ─────────────────────────────────────────────────────────────────┘▔▔▔▔▔▔▔▔▔┘        (done_output)
 //! ```
 //! An arrival counts only if the capillary was seen empty after the last specimen of this run. A specimen that nobody asked for
-//! belongs to no known well. A specimen that comes after its load was cut short is that of the same well, which is loaded next. While nothing runs the daemon reads the input once a second and reports a specimen that comes in.
+//! belongs to no known well. A specimen that comes after its load was cut short, also by a restart, is that of the same well, which
+//! is loaded next. While nothing runs the daemon reads the input once a second and reports a specimen that comes in.
 //!
 //! ```text
 //! run held, its specimen inside ── look, once a second ──► always there ────────────────────────► go_on: the same specimen
@@ -214,7 +215,7 @@ impl Sampler for TriggerSampler {
             // A stop prevented its ejection.
             self.eject(axis, &left, cancel)?;
         }
-        if !std::mem::take(&mut self.is_empty) {
+        if !std::mem::take(&mut self.is_empty) && !expected.asked_before {
             match self.wait_for(false, axis, BOUNCES * self.settings.debounce_ms, Some(cancel))? {
                 Waited::Reached => {}
                 Waited::Cancelled => return Ok(None),

@@ -24,7 +24,7 @@ fn wired(levels: &[bool]) -> FakeAxis {
 
 const QUICK: TriggerSettings =
     TriggerSettings { inverted: false, debounce_ms: 20, load_timeout_ms: 400, eject_timeout_ms: 300, done_output: true };
-const A01: Expected<'static> = Expected { well: "A01", bead: false, dpf: None };
+const A01: Expected<'static> = Expected { well: "A01", bead: false, dpf: None, asked_before: false };
 
 fn sampler(settings: TriggerSettings) -> TriggerSampler {
     TriggerSampler::with_clock(Box::new(wired(&[])), settings, CLOCK).unwrap().0
@@ -134,6 +134,15 @@ fn a_stop_leaves_the_specimen_to_the_next_load_and_a_cancel_ends_the_wait() {
     let waits = CancelToken::new();
     axis.input().cancels = Some(waits.clone());
     assert_eq!(sampler.load(&mut axis, A01, &waits).unwrap(), None);
+}
+
+#[test]
+fn a_specimen_that_was_asked_for_before_a_restart_is_taken_whether_it_came_meanwhile_or_comes_now() {
+    let asked = Expected { asked_before: true, ..A01 };
+    for levels in [&[true; FOR_LONG][..], &[[false; FOR_LONG], [true; FOR_LONG]].concat()] {
+        let mut sampler = sampler(QUICK);
+        assert!(sampler.load(&mut wired(levels), asked, &CancelToken::new()).unwrap().is_some());
+    }
 }
 
 #[test]

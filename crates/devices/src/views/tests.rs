@@ -102,7 +102,7 @@ impl Rig {
 }
 
 fn expected(well: &str) -> Expected<'_> {
-    Expected { well, bead: false, dpf: None }
+    Expected { well, bead: false, dpf: None, asked_before: false }
 }
 
 fn write(path: &Path, second: u64, pixels: &[u8]) {

@@ -14,13 +14,14 @@ pub struct Capillary {
     inside: Option<String>,
     asked_for: Option<String>,
     brought: Option<String>,
+    asked_before: Option<String>,
     been_inside: BTreeSet<String>,
 }
 
 impl Capillary {
     /// A capillary without a known specimen or request.
     pub const fn empty() -> Self {
-        Self { inside: None, asked_for: None, brought: None, been_inside: BTreeSet::new() }
+        Self { inside: None, asked_for: None, brought: None, asked_before: None, been_inside: BTreeSet::new() }
     }
 
     /// The capillary of a run that begins while the specimen `left` of an earlier run is still inside.
@@ -44,6 +45,16 @@ impl Capillary {
         self.brought.as_deref()
     }
 
+    /// The well for which a driven sampler was asked before a restart. Its specimen is inside or still on its way.
+    pub fn asked_before(&self) -> Option<&str> {
+        self.asked_before.as_deref()
+    }
+
+    /// The well of a specimen that is inside and that the run cannot continue with. It must be taken out.
+    pub fn in_the_way(&self) -> Option<&str> {
+        self.inside().filter(|inside| self.brought() != Some(inside) && self.asked_before() != Some(inside))
+    }
+
     /// Whether the specimen of a well was inside at any time of this run.
     pub fn has_held(&self, well: &str) -> bool {
         self.been_inside.contains(well)
@@ -64,6 +75,7 @@ impl Capillary {
     pub(super) fn take_out(&mut self, well: &str) {
         self.inside.take_if(|inside| inside == well);
         self.brought.take_if(|brought| brought == well);
+        self.asked_before.take_if(|asked| asked == well);
         self.been_inside.insert(well.to_owned());
     }
 
@@ -74,12 +86,15 @@ impl Capillary {
 
     /// The specimen is inside.
     pub(super) fn put(&mut self, well: &str) {
+        self.asked_before = None;
         self.inside = Some(well.to_owned());
         self.been_inside.insert(well.to_owned());
     }
 
     /// The specimen is not inside. A specimen that was brought earlier stays: while it is awaited, another one may be inside.
     pub(super) fn lacks(&mut self, well: &str) {
+        // The sampler is asked again, or has ejected it.
+        self.asked_before.take_if(|asked| asked == well);
         if self.brought.as_deref() != Some(well) {
             self.inside.take_if(|inside| inside == well);
         }
@@ -91,9 +106,10 @@ impl Capillary {
     }
 
     /// After a restart it is unknown whether a driven sampler had brought the specimen that was begun last and not worked on yet. It is
-    /// assumed to be inside.
+    /// assumed to be inside, and may still come.
     pub(super) fn assume(&mut self, begun: Option<&String>) {
         if self.brought.is_none() || self.brought != self.inside {
+            self.asked_before = begun.cloned().or(self.asked_before.take());
             self.inside = begun.cloned().or(self.inside.take());
         }
     }

@@ -1,11 +1,14 @@
 //! Situations in the life of a run that a rig does not produce on demand.
 
 use super::super::*;
-use super::bench::{RUN, bench, count, driver, journalled, on_this_thread, plan, scratch, started};
+use super::bench::{
+    Arm, RUN, bench, bench_of, count, driver, instrument, journalled, on_this_thread, plan, scratch, started, started_with,
+};
 use crate::session::handle::{Accepted, Refusal, Towards};
 use crate::session::search::DevicesFound;
 use crate::session::worker::{Progress, RunEnd, RunError};
 use carved_devices::DeviceError;
+use carved_devices::testing::FakeAxis;
 use carved_records::{EventData, Handoff, HandoffEnd, HandoffIntent, Phase, ResumedBy, ViewTaken, fault_table};
 use futures::FutureExt;
 use std::cell::Cell;
@@ -78,6 +81,30 @@ fn a_run_that_has_to_go_on_without_its_instrument_waits_for_it() {
         b.d.devices.give_back(instrument);
         checks::searched(&mut b.d, DevicesFound { rotation: Ok(()), camera: Ok(()), outputs: Vec::new() });
         assert!(b.works(), "{:?}", b.status().state);
+    });
+}
+
+/// The larva of A01 is on its way out of the sampler when the daemon restarts. It must not be measured as that of A02.
+#[test]
+fn a_driven_sampler_that_was_asked_before_a_restart_is_asked_for_the_same_well_again() {
+    on_this_thread(async {
+        let dir = scratch();
+        let driven = || instrument(FakeAxis::new(), Arm::default());
+        let mut b = started_with(dir.path(), driven(), &["A01", "A02"]);
+        b.phase("A01", Phase::Load, false);
+        for _restart in 0..2 {
+            drop(b);
+            b = bench_of(dir.path(), driven());
+            assert_eq!((b.status().run.unwrap().results[0].outcome, b.works()), (None, true));
+            assert_eq!((b.d.capillary().asked_before(), b.d.capillary().inside()), (Some("A01"), Some("A01")));
+            assert_eq!(b.d.run.as_ref().unwrap().handling().eject_first(), None, "it would be ejected, or the next one taken for it");
+        }
+        b.phase("A01", Phase::Load, false);
+        assert_eq!((b.d.capillary().asked_before(), b.d.capillary().inside()), (None, None), "it is awaited");
+        b.phase("A01", Phase::Position, true);
+        drop(b);
+        let b = bench_of(dir.path(), driven());
+        assert!(b.status().run.unwrap().results[0].outcome.is_some(), "it came, and cannot come again");
     });
 }
 
