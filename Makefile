@@ -1,8 +1,7 @@
 # `make run` shows the instrument at work on its emulated rig; `make help` lists the rest.
 
 .DEFAULT_GOAL := help
-.PHONY: help build run test test-rust test-page test-python test-module test-qa test-service test-features test-slurm qa fuzz tutorial bench deb
-.PHONY: lint lint-rust lint-page lint-python
+.PHONY: help build run test test-rust test-page test-python test-module test-qa test-service test-features test-slurm qa fuzz tutorial lint bench deb
 .PHONY: deb-test offline offline-test wheel web contract deny deps-build deps-web deps-python deps-test deps-slurm deps-bench deps-package
 .PHONY: deps-machine
 
@@ -76,13 +75,7 @@ test-features: deps-build deps-python ## what is not in the default build: Parqu
 test-slurm: deps-build deps-slurm ## examples/slurm on a Slurm of this machine, which is installed where missing (as root, takes minutes)
 	$(CARGO) test --locked --test commands slurm:: -- --ignored --nocapture
 
-# The page's and Python's checks use the core that clippy leaves idle while it checks a large crate.
 lint: deps-build deps-python $(NODE_MODULES) ## formatting, clippy with and without features, types and formatting of page and Python client
-	@$(MAKE) --no-print-directory --keep-going lint-page lint-python & others=$$!; \
-	$(MAKE) --no-print-directory lint-rust; rust=$$?; \
-	wait $$others && exit $$rust
-
-lint-rust:
 	$(CARGO) fmt --all --check
 	$(CARGO) fmt --manifest-path fuzz/Cargo.toml --check
 	$(CARGO) clippy --workspace --all-targets --locked -- -D warnings
@@ -94,11 +87,7 @@ lint-rust:
 	else \
 		echo "carved-core is not checked for $(WASM): rustup target add $(WASM) failed: $$why"; \
 	fi
-
-lint-page:
 	cd web && npm run --silent check
-
-lint-python:
 	clients/python/check lint
 	python/check lint
 

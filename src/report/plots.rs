@@ -3,7 +3,7 @@
 //! ```text
 //!  plate ────────── a square per well, coloured by a number; wells without one are empty; a dot is a flag
 //!  distributions ── a row per group: its wells, mean and 95 % interval; behind them the interval of 95 % of reference larvae
-//!  response ─────── wells over the logarithm of the dose, dose 0 at the left, the fitted curve, the EC50 with its interval
+//!  response ─────── wells over the logarithm of the dose, dose 0 at the left, the fitted curve and the EC50 with their intervals
 //! ```
 
 use crate::tables::statistics::{CurvePoint, DoseSeries, Interval, WellCondition, WellGroup};

@@ -172,8 +172,9 @@ pub(super) fn proceed(d: &mut DriverState) {
     let Some(run) = &d.run else { return };
     if run.handling().take_out().is_some() {
         d.go(Trigger::WaitForLoader);
-    } else if d.devices.at_rest().is_none() || d.nothing_stands_in_the_way().is_err() {
-        // A device was lost, or a fault was found, while the run waited for the loader. Nothing moves before the cause is over.
+    } else if d.devices.at_rest().is_none() || d.nothing_stands_in_the_way().is_err() || d.waits_for_operator() {
+        // A device was lost, or a fault was found, while the run waited for the loader. Nothing moves before somebody continues the run,
+        // or before the cause is over.
         rest(d, true);
     } else if run.wells_left(&accepted).is_empty() && run.handling().eject_first().is_none() {
         finish(d);

@@ -107,6 +107,10 @@ impl DriverState {
         self.state().run.as_ref().is_some_and(RunState::is_held_by_operator)
     }
 
+    pub fn waits_for_operator(&self) -> bool {
+        self.state().run.as_ref().is_some_and(RunState::waits_for_operator)
+    }
+
     /// Whether the daemon ends without ending the run. An abort comes first.
     pub fn leaves_run(&self) -> bool {
         self.life == Life::Stopping(Departure::LeavesRun) && self.run.as_ref().is_some_and(|run| run.request() == Request::ShutDown)

@@ -155,9 +155,9 @@ fn unloaded(d: &mut DriverState, run: &str, well: &str) -> Result<(), Refusal> {
     if !loader_message(d, run, well, &status).unloaded(worked_on)? {
         return Ok(());
     }
-    let was_kept = d.capillary().brought() == Some(well) || d.capillary().asked_before() == Some(well);
+    let was_to_be_measured = d.capillary().brought() == Some(well) || d.capillary().asked_before() == Some(well);
     d.outbox.promise(run_of_event(d, run), Some(well), EventData::WellUnloaded)?;
-    if was_kept && !d.loader.brings_again() {
+    if was_to_be_measured && !d.loader.brings_again() {
         course::give_up(d, well, "the specimen was removed, and this sampler cannot bring it again");
     }
     let waited = d.run.as_mut().is_some_and(|run| run.handling_mut().taken_out(well));

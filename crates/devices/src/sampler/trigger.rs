@@ -102,7 +102,9 @@ pub struct TriggerSampler {
     clock: Clock,
     watch: Watch,
     /// The capillary was seen empty after the last specimen of this run. What is in it now is what the next load asks for.
-    is_empty: bool,
+    arrival_counts: bool,
+    /// The looks have found a specimen since the last load.
+    has_come: bool,
     /// Since when every look has found a specimen.
     there_since: Option<Instant>,
     /// Since when every look has found none.
@@ -135,7 +137,17 @@ impl TriggerSampler {
         }
         let watch = Watch::default();
         let watched = Watched { axis, watch: watch.clone(), inverted: settings.inverted, debounce: settings.debounce(), clock };
-        let sampler = Self { settings, clock, watch, is_empty: false, there_since: None, gone_since: None, left: false, seen: None };
+        let sampler = Self {
+            settings,
+            clock,
+            watch,
+            arrival_counts: false,
+            has_come: false,
+            there_since: None,
+            gone_since: None,
+            left: false,
+            seen: None,
+        };
         Ok((sampler, Box::new(watched)))
     }
 
@@ -185,7 +197,8 @@ impl Sampler for TriggerSampler {
     }
 
     fn begin_run(&mut self) {
-        (self.is_empty, self.there_since, self.gone_since, self.left, self.seen) = (false, None, None, false, None);
+        (self.arrival_counts, self.has_come, self.there_since) = (false, false, None);
+        (self.gone_since, self.left, self.seen) = (None, false, None);
     }
 
     fn look(&mut self, axis: &mut dyn RotationAxis) -> Result<(), DeviceError> {
@@ -193,13 +206,17 @@ impl Sampler for TriggerSampler {
         if active == self.settings.inverted {
             (self.there_since, self.seen) = (None, Some(false));
             let gone_since = *self.gone_since.get_or_insert_with(self.clock.now);
-            self.left |= self.clock.since(gone_since) >= self.settings.debounce();
+            if self.clock.since(gone_since) >= self.settings.debounce() {
+                self.left = true;
+                // What came after its load was cut short is gone again.
+                self.arrival_counts &= !self.has_come;
+            }
             return Ok(());
         }
         self.gone_since = None;
         let there_since = *self.there_since.get_or_insert_with(self.clock.now);
         if self.clock.since(there_since) >= self.settings.debounce() {
-            self.seen = Some(true);
+            (self.seen, self.has_come) = (Some(true), true);
         }
         Ok(())
     }
@@ -215,7 +232,7 @@ impl Sampler for TriggerSampler {
             // A stop prevented its ejection.
             self.eject(axis, &left, cancel)?;
         }
-        if !std::mem::take(&mut self.is_empty) && !expected.asked_before {
+        if !std::mem::take(&mut self.arrival_counts) && !expected.asked_before {
             match self.wait_for(false, axis, BOUNCES * self.settings.debounce_ms, Some(cancel))? {
                 Waited::Reached => {}
                 Waited::Cancelled => return Ok(None),
@@ -227,8 +244,9 @@ impl Sampler for TriggerSampler {
             }
         }
         let waited = self.wait_for(true, axis, self.settings.load_timeout_ms, Some(cancel));
-        // Whatever ended the wait, the specimen is still on its way. If it comes before the next load, it is that of this well.
-        self.is_empty = !matches!(waited, Ok(Waited::Reached | Waited::TimedOut));
+        // Whatever else ended the wait, the specimen is still on its way. If it comes before the next load, it is that of this well.
+        self.has_come = false;
+        self.arrival_counts = !matches!(waited, Ok(Waited::Reached | Waited::TimedOut));
         match waited? {
             Waited::Cancelled => Ok(None),
             Waited::TimedOut => {
@@ -262,7 +280,7 @@ impl Sampler for TriggerSampler {
                 Err(Self::failed(well, why.into()))
             }
             Waited::Reached => {
-                self.is_empty = false;
+                self.arrival_counts = false;
                 self.watch.set(Some(well));
                 Ok(Some(Loaded::default()))
             }
@@ -288,7 +306,7 @@ impl Sampler for TriggerSampler {
             return Err(Self::failed(well, why));
         }
         self.watch.set(None);
-        self.is_empty = true;
+        self.arrival_counts = true;
         Ok(())
     }
     fn wash(&mut self, _axis: &mut dyn RotationAxis, _well: &str, _cancel: &CancelToken) -> Result<(), DeviceError> {

@@ -157,7 +157,17 @@ fn a_specimen_that_comes_after_its_load_was_cut_short_is_that_of_this_well() {
             loaded => assert!(!is_lost && loaded.unwrap().is_none()),
         }
         (axis.input().is_lost, axis.input().cancels, axis.input().last) = (false, None, true);
-        assert!(sampler.load(&mut axis, A01, &CancelToken::new()).unwrap().is_some());
+        if is_lost {
+            for there in [true, true, false, false, true, true] {
+                axis.input().last = there;
+                sampler.look(&mut axis).unwrap();
+                pass(BETWEEN_LOOKS);
+            }
+            let said = words(sampler.load(&mut axis, A01, &CancelToken::new()));
+            assert!(said.contains("none was asked for"), "another one may be there: {said}");
+        } else {
+            assert!(sampler.load(&mut axis, A01, &CancelToken::new()).unwrap().is_some());
+        }
     }
 }
 

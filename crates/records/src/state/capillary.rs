@@ -105,12 +105,12 @@ impl Capillary {
         self.brought = Some(well.to_owned());
     }
 
-    /// After a restart it is unknown whether a driven sampler had brought the specimen that was begun last and not worked on yet. It is
-    /// assumed to be inside, and may still come.
-    pub(super) fn assume(&mut self, begun: Option<&String>) {
+    /// After a restart it is unknown whether a driven sampler has brought the specimen that it was asked for. It is assumed to be inside,
+    /// and may still come.
+    pub(super) fn assume(&mut self, asked: Option<&String>) {
         if self.brought.is_none() || self.brought != self.inside {
-            self.asked_before = begun.cloned().or(self.asked_before.take());
-            self.inside = begun.cloned().or(self.inside.take());
+            self.asked_before = asked.cloned();
+            self.inside = asked.cloned().or(self.inside.take());
         }
     }
 }

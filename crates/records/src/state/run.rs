@@ -1,7 +1,8 @@
 //! The state of one run.
 
 use super::Capillary;
-use crate::{EventBody, EventData, FaultEnd, HeldBy, LoadedBy, Phase, ResumedBy};
+use crate::fault_table;
+use crate::{EventBody, EventData, HeldBy, LoadedBy, Phase, ResumedBy};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// The cause of a hold.
@@ -54,6 +55,7 @@ pub struct RunState {
     end_request: Option<EndRequest>,
     begun: Vec<String>,
     worked_on: BTreeSet<String>,
+    asked_of_sampler: Option<String>,
 }
 
 impl RunState {
@@ -112,7 +114,7 @@ impl RunState {
         self.end_request
     }
 
-    /// Whether work on the specimen of a well has begun in this attempt. It came, and it is not awaited any more.
+    /// Whether the specimen of a well has come in this attempt, and was worked on or taken out.
     pub fn is_worked_on(&self, well: &str) -> bool {
         self.worked_on.contains(well)
     }
@@ -149,21 +151,27 @@ impl RunState {
                 self.resumed_by_itself = if resumed.by == ResumedBy::Instrument { self.resumed_by_itself + 1 } else { 0 };
             }
             (EventData::FaultRaised(fault), _) => {
-                self.waits_for_operator |= matches!(fault.end(), FaultEnd::Acknowledgement | FaultEnd::Resumption);
+                self.waits_for_operator |= !fault.ends_by_itself();
+                // A specimen that comes after its time belongs to no well.
+                if fault.code == fault_table::SAMPLER_FAILED.code {
+                    self.asked_of_sampler = None;
+                }
             }
             (EventData::RunInterrupted(interrupted), _) => {
                 self.held_by.get_or_insert_with(HoldCause::restart);
                 match interrupted.loaded_by {
                     // A specimen that was only awaited is requested again.
                     Some(LoadedBy::Loader) => self.begun.retain(|well| self.worked_on.contains(well)),
-                    // Of a specimen that was worked on, its phases say whether it is inside.
-                    Some(LoadedBy::Sampler) => self.capillary.assume(self.begun.last().filter(|well| !self.worked_on.contains(*well))),
+                    Some(LoadedBy::Sampler) => self.capillary.assume(self.asked_of_sampler.as_ref()),
                     None => {}
                 }
             }
             (EventData::WellAwaited, Some(well)) => self.capillary.ask(well),
             (EventData::WellLoaded(_), Some(well)) => self.capillary.bring(well),
-            (EventData::WellUnloaded, Some(well)) => self.capillary.take_out(well),
+            (EventData::WellUnloaded, Some(well)) => {
+                self.capillary.take_out(well);
+                self.asked_of_sampler.take_if(|asked| asked == well);
+            }
             (EventData::SpecimenPhase(entered), Some(well)) => self.enter(well, entered.phase, entered.in_capillary),
             (EventData::SpecimenRecovering(_), Some(well)) => *self.recoveries.entry(well.to_owned()).or_default() += 1,
             // The disk failed or the daemon was asked to end, so the attempts do not count as crashes.
@@ -196,9 +204,13 @@ impl RunState {
         if !is_taken_out && !self.begun.iter().any(|begun| begun == well) {
             self.begun.push(well.to_owned());
         }
-        if phase != Phase::Load {
+        if phase == Phase::Load {
+            self.asked_of_sampler = Some(well.to_owned());
+        } else {
             self.capillary.begin(well);
-            if !is_taken_out {
+            // It has come. From now on its phases say whether it is inside.
+            self.asked_of_sampler.take_if(|asked| asked == well);
+            if self.begun.iter().any(|begun| begun == well) {
                 self.worked_on.insert(well.to_owned());
             }
         }
@@ -218,7 +230,7 @@ impl RunState {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fault_table::{self, FaultCode};
+    use crate::fault_table::FaultCode;
     use crate::{DaemonStopping, Event, Fault, FaultAcknowledged, InstrumentState};
     use crate::{
         Interrupted, PhaseEntered, PlannedWell, RunAccepted, RunHeld, RunInterrupted, RunResumed, SpecimenDone, SpecimenInterrupted,
@@ -313,6 +325,23 @@ mod tests {
     }
 
     #[test]
+    fn a_load_that_was_cut_short_is_remembered_until_its_specimen_comes_or_is_late() {
+        let load = [phase("A01", Phase::Load, false), interrupted("A01", false)];
+        let asked = |then: &[EventBody]| {
+            let state = after(&[&load[..], then, &[restart(LoadedBy::Sampler)]].concat());
+            (state.capillary().asked_before().map(str::to_owned), state.is_worked_on("A01"))
+        };
+        assert_eq!(asked(&[]), (Some("A01".into()), false));
+        assert_eq!(asked(&[phase("A01", Phase::Load, false)]), (Some("A01".into()), false));
+        let failed = Fault::new(7, &fault_table::SAMPLER_FAILED, String::new(), String::new());
+        assert_eq!(asked(&[event(None, EventData::FaultRaised(failed))]), (None, false));
+        assert_eq!(asked(&[unloaded("A01")]), (None, false));
+        // It has come, and was ejected before any work on it.
+        let ejected = [phase("A01", Phase::Load, false), phase("A01", Phase::Eject, true), phase("A01", Phase::Wash, false)];
+        assert_eq!(asked(&ejected), (None, true));
+    }
+
+    #[test]
     fn a_specimen_stays_inside_while_the_next_is_awaited_until_somebody_says_otherwise() {
         let awaited = [phase("A01", Phase::Eject, true), done("A01"), phase("A02", Phase::Load, false)];
         assert_eq!(inside(&awaited).as_deref(), Some("A01"));
@@ -392,7 +421,7 @@ mod tests {
         let resumed = event(None, EventData::RunResumed(RunResumed { by: ResumedBy::Operator }));
         let waits = |events: &[EventBody]| after(events).waits_for_operator();
         assert!(!waits(&[raised(&fault_table::CAMERA_LOST)]) && !waits(&[raised(&fault_table::DISK_FULL)]));
-        for code in [&fault_table::ROTATION_INTERVENTION, &fault_table::ROTATION_SUSPECT] {
+        for code in [&fault_table::ROTATION_INTERVENTION, &fault_table::ROTATION_SUSPECT, &fault_table::SETUP_UNUSABLE] {
             assert!(waits(&[raised(code), acknowledged.clone(), restart(LoadedBy::Loader)]), "{}", code.code);
             assert!(!waits(&[raised(code), acknowledged.clone(), resumed.clone()]), "{}", code.code);
         }

@@ -108,37 +108,57 @@ fn a_driven_sampler_that_was_asked_before_a_restart_is_asked_for_the_same_well_a
     });
 }
 
-/// A person presses the emergency stop at the controller while the loader is asked to take a specimen out. Its report must not start the
-/// axis before the fault is acknowledged, and the run must not continue by itself when a device comes back or the daemon restarts.
+/// A02 is loaded while the disk fails with the numbers of A01, so it is ejected. The sampler brings A03 next, which is not A02.
 #[test]
-fn a_run_that_waited_for_the_loader_does_not_go_on_over_a_fault_of_a_person() {
+fn a_specimen_that_was_ejected_before_any_work_on_it_cannot_come_again() {
     on_this_thread(async {
         let dir = scratch();
-        let mut b = started(dir.path(), true, &["A01", "A02"]);
-        b.tell(Progress::WaitingForLoader { well: "A01".into() });
-        b.loaded("A01", true).unwrap();
-        b.phase("A01", Phase::Position, true);
-        b.ends(RunEnd::Failed(RunError::Device(gone()))).await;
-        let found = |rotation| DevicesFound { rotation, camera: Ok(()), outputs: Vec::new() };
-        checks::searched(&mut b.d, found(Ok(())));
-        assert_eq!(b.status().state, State::Suspended, "it goes on to have the specimen taken out");
-        let pressed = DeviceError::Intervention { device: "axis", what: "emergency stop".into(), way_out: "Release it." };
-        checks::searched(&mut b.d, found(Err(pressed)));
-        b.loaded("A01", false).unwrap();
-        assert_eq!((b.status().state, b.works()), (State::Held, false), "the axis would turn");
-        let seq = b.status().faults[0].seq;
-        requests::acknowledge(&mut b.d, seq).unwrap();
-        assert!(!b.status().run.unwrap().goes_on_by_itself);
-        checks::searched(&mut b.d, found(Err(gone())));
-        checks::searched(&mut b.d, found(Ok(())));
-        assert_eq!((b.status().state, b.works()), (State::Held, false), "the axis was away for a moment");
-        drop(b);
-        let mut b = bench(dir.path(), true);
-        assert_eq!((b.status().state, b.works()), (State::Held, false), "the daemon was restarted");
-        assert!(b.status().run.unwrap().hold.is_some_and(|hold| hold.next_command == Some(crate::api::NextCommand::Unhold)));
-        course::unhold(&mut b.d, ResumedBy::Operator).unwrap();
-        assert!(b.works());
+        let mut b = started_with(dir.path(), instrument(FakeAxis::new(), Arm::default()), &["A01", "A02", "A03"]);
+        for (phase, inside) in [(Phase::Load, false), (Phase::Eject, true), (Phase::Wash, false)] {
+            b.phase("A02", phase, inside);
+        }
+        let full = carved_store::StoreError::Vanished { path: "/data".into() };
+        b.ends(RunEnd::Failed(RunError::Store(full))).await;
+        assert_eq!(b.status().run.unwrap().results[1].outcome, Some(crate::api::SpecimenOutcome::Interrupted));
     });
+}
+
+/// A person presses the emergency stop at the controller while the loader is asked to take a specimen out. Its report must not start the
+/// axis before the fault is acknowledged and the run is continued, also when a device comes back or the daemon restarts.
+#[test]
+fn a_run_that_waited_for_the_loader_does_not_go_on_over_a_fault_of_a_person() {
+    for acknowledged_first in [false, true] {
+        on_this_thread(async {
+            let dir = scratch();
+            let mut b = started(dir.path(), true, &["A01", "A02"]);
+            b.tell(Progress::WaitingForLoader { well: "A01".into() });
+            b.loaded("A01", true).unwrap();
+            b.phase("A01", Phase::Position, true);
+            b.ends(RunEnd::Failed(RunError::Device(gone()))).await;
+            let found = |rotation| DevicesFound { rotation, camera: Ok(()), outputs: Vec::new() };
+            checks::searched(&mut b.d, found(Ok(())));
+            assert_eq!(b.status().state, State::Suspended, "it goes on to have the specimen taken out");
+            let pressed = DeviceError::Intervention { device: "axis", what: "emergency stop".into(), way_out: "Release it." };
+            checks::searched(&mut b.d, found(Err(pressed)));
+            let seq = b.status().faults[0].seq;
+            if acknowledged_first {
+                requests::acknowledge(&mut b.d, seq).unwrap();
+            }
+            b.loaded("A01", false).unwrap();
+            assert_eq!((b.status().state, b.works()), (State::Held, false), "the axis would turn");
+            requests::acknowledge(&mut b.d, seq).unwrap();
+            assert!(!b.status().run.unwrap().goes_on_by_itself);
+            checks::searched(&mut b.d, found(Err(gone())));
+            checks::searched(&mut b.d, found(Ok(())));
+            assert_eq!((b.status().state, b.works()), (State::Held, false), "the axis was away for a moment");
+            drop(b);
+            let mut b = bench(dir.path(), true);
+            assert_eq!((b.status().state, b.works()), (State::Held, false), "the daemon was restarted");
+            assert!(b.status().run.unwrap().hold.is_some_and(|hold| hold.next_command == Some(crate::api::NextCommand::Unhold)));
+            course::unhold(&mut b.d, ResumedBy::Operator).unwrap();
+            assert!(b.works());
+        });
+    }
 }
 
 #[test]

@@ -83,7 +83,8 @@ pub fn follows_from_the_state(b: &Bench, when: &str) {
 
     // A specimen that nobody brought for this run is in the way.
     let (capillary, handling) = (b.d.capillary(), run.handling());
-    let in_the_way = capillary.in_the_way();
+    let goes_on_with = [capillary.brought(), capillary.asked_before()];
+    let in_the_way = capillary.inside().filter(|inside| !goes_on_with.contains(&Some(inside)));
     let moved = if b.d.loader.fills_capillary() {
         (in_the_way, None)
     } else {
