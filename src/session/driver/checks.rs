@@ -102,6 +102,7 @@ fn find(d: &mut DriverState, finding: Finding) {
         Finding::Stands(code, error) => {
             if !faults::is_open(&d.state().faults, code) {
                 d.raise(&error.into());
+                course::hold_under_fault(d);
             }
         }
     }

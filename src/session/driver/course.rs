@@ -301,6 +301,13 @@ pub(super) fn give_up(d: &mut DriverState, well: &str, reason: &str) {
     d.event_shown(Some(well), EventData::SpecimenInterrupted(interrupted), |d| d.publish(|s| s.run = Some(status)));
 }
 
+/// Holds a run that waits for the loader without a worker, under a fault that was just raised.
+pub(super) fn hold_under_fault(d: &mut DriverState) {
+    if d.has_idle_run() && d.publisher.status().state == State::Suspended {
+        rest(d, true);
+    }
+}
+
 /// Goes to Held from any state of a run. The worker has returned the instrument.
 fn rest(d: &mut DriverState, by_fault: bool) {
     let state = d.publisher.status().state;

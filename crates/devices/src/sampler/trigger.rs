@@ -105,6 +105,8 @@ pub struct TriggerSampler {
     arrival_counts: bool,
     /// The looks have found a specimen since the last load.
     has_come: bool,
+    /// They have found it gone again.
+    has_come_and_left: bool,
     /// Since when every look has found a specimen.
     there_since: Option<Instant>,
     /// Since when every look has found none.
@@ -143,6 +145,7 @@ impl TriggerSampler {
             watch,
             arrival_counts: false,
             has_come: false,
+            has_come_and_left: false,
             there_since: None,
             gone_since: None,
             left: false,
@@ -197,8 +200,8 @@ impl Sampler for TriggerSampler {
     }
 
     fn begin_run(&mut self) {
-        (self.arrival_counts, self.has_come, self.there_since) = (false, false, None);
-        (self.gone_since, self.left, self.seen) = (None, false, None);
+        (self.arrival_counts, self.has_come, self.has_come_and_left) = (false, false, false);
+        (self.there_since, self.gone_since, self.left, self.seen) = (None, None, false, None);
     }
 
     fn look(&mut self, axis: &mut dyn RotationAxis) -> Result<(), DeviceError> {
@@ -208,8 +211,7 @@ impl Sampler for TriggerSampler {
             let gone_since = *self.gone_since.get_or_insert_with(self.clock.now);
             if self.clock.since(gone_since) >= self.settings.debounce() {
                 self.left = true;
-                // What came after its load was cut short is gone again.
-                self.arrival_counts &= !self.has_come;
+                self.has_come_and_left |= self.has_come;
             }
             return Ok(());
         }
@@ -227,12 +229,15 @@ impl Sampler for TriggerSampler {
 
     fn load(&mut self, axis: &mut dyn RotationAxis, expected: Expected<'_>, cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError> {
         let well = expected.well;
+        // Before anything that can fail: the next load of this well is not told again.
+        self.arrival_counts |= expected.asked_before;
         axis.specimen_input().ok_or_else(gone)?.begin(cancel)?;
         if let Some(left) = self.watch.well() {
             // A stop prevented its ejection.
             self.eject(axis, &left, cancel)?;
         }
-        if !std::mem::take(&mut self.arrival_counts) && !expected.asked_before {
+        let counts = std::mem::take(&mut self.arrival_counts) && !self.has_come_and_left;
+        if !counts {
             match self.wait_for(false, axis, BOUNCES * self.settings.debounce_ms, Some(cancel))? {
                 Waited::Reached => {}
                 Waited::Cancelled => return Ok(None),
@@ -245,7 +250,7 @@ impl Sampler for TriggerSampler {
         }
         let waited = self.wait_for(true, axis, self.settings.load_timeout_ms, Some(cancel));
         // Whatever else ended the wait, the specimen is still on its way. If it comes before the next load, it is that of this well.
-        self.has_come = false;
+        (self.has_come, self.has_come_and_left) = (false, false);
         self.arrival_counts = !matches!(waited, Ok(Waited::Reached | Waited::TimedOut));
         match waited? {
             Waited::Cancelled => Ok(None),
@@ -306,7 +311,7 @@ impl Sampler for TriggerSampler {
             return Err(Self::failed(well, why));
         }
         self.watch.set(None);
-        self.arrival_counts = true;
+        (self.arrival_counts, self.has_come, self.has_come_and_left) = (true, false, false);
         Ok(())
     }
     fn wash(&mut self, _axis: &mut dyn RotationAxis, _well: &str, _cancel: &CancelToken) -> Result<(), DeviceError> {

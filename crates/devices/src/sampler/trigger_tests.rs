@@ -141,8 +141,20 @@ fn a_specimen_that_was_asked_for_before_a_restart_is_taken_whether_it_came_meanw
     let asked = Expected { asked_before: true, ..A01 };
     for levels in [&[true; FOR_LONG][..], &[[false; FOR_LONG], [true; FOR_LONG]].concat()] {
         let mut sampler = sampler(QUICK);
-        assert!(sampler.load(&mut wired(levels), asked, &CancelToken::new()).unwrap().is_some());
+        let stopped = CancelToken::new();
+        stopped.cancel();
+        assert!(matches!(sampler.load(&mut wired(levels), asked, &stopped), Err(DeviceError::Stopped)));
+        // The first load is told, the next one is not.
+        assert!(sampler.load(&mut wired(levels), A01, &CancelToken::new()).unwrap().is_some());
     }
+    // While the run was held it came, and was taken out.
+    let (mut sampler, mut axis) = (sampler(QUICK), wired(&[]));
+    for there in [true, true, false, false, true, true] {
+        axis.input().last = there;
+        sampler.look(&mut axis).unwrap();
+        pass(BETWEEN_LOOKS);
+    }
+    assert!(words(sampler.load(&mut axis, asked, &CancelToken::new())).contains("none was asked for"));
 }
 
 #[test]

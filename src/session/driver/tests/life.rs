@@ -123,8 +123,8 @@ fn a_specimen_that_was_ejected_before_any_work_on_it_cannot_come_again() {
     });
 }
 
-/// A person presses the emergency stop at the controller while the loader is asked to take a specimen out. Its report must not start the
-/// axis before the fault is acknowledged and the run is continued, also when a device comes back or the daemon restarts.
+/// A person presses the emergency stop at the controller while the loader is asked to take a specimen out. The run is held, and the loader's
+/// report does not start the axis. It waits for `unhold`, also when a device comes back or the daemon restarts.
 #[test]
 fn a_run_that_waited_for_the_loader_does_not_go_on_over_a_fault_of_a_person() {
     for acknowledged_first in [false, true] {
@@ -140,6 +140,7 @@ fn a_run_that_waited_for_the_loader_does_not_go_on_over_a_fault_of_a_person() {
             assert_eq!(b.status().state, State::Suspended, "it goes on to have the specimen taken out");
             let pressed = DeviceError::Intervention { device: "axis", what: "emergency stop".into(), way_out: "Release it." };
             checks::searched(&mut b.d, found(Err(pressed)));
+            assert_eq!((b.status().state, b.status().plate.take_out.as_deref()), (State::Held, Some("A01")));
             let seq = b.status().faults[0].seq;
             if acknowledged_first {
                 requests::acknowledge(&mut b.d, seq).unwrap();
@@ -159,6 +160,24 @@ fn a_run_that_waited_for_the_loader_does_not_go_on_over_a_fault_of_a_person() {
             assert!(b.works());
         });
     }
+}
+
+#[test]
+fn a_run_that_a_person_has_continued_goes_on_when_the_loader_has_taken_the_specimen_out() {
+    on_this_thread(async {
+        let dir = scratch();
+        let mut b = started(dir.path(), true, &["A01", "A02"]);
+        b.tell(Progress::WaitingForLoader { well: "A01".into() });
+        b.loaded("A01", true).unwrap();
+        b.phase("A01", Phase::Position, true);
+        let suspect = DeviceError::Suspect { why: "it slipped".into() };
+        b.ends(RunEnd::Failed(RunError::Device(suspect))).await;
+        assert_eq!(b.status().state, State::Held);
+        course::unhold(&mut b.d, ResumedBy::Operator).unwrap();
+        assert_eq!((b.status().state, b.works()), (State::Suspended, false), "its specimen is still inside");
+        b.loaded("A01", false).unwrap();
+        assert!(b.works());
+    });
 }
 
 #[test]
