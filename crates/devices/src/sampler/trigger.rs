@@ -96,6 +96,16 @@ enum Waited {
     Cancelled,
 }
 
+/// What the looks have found since the last load.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Visitor {
+    None,
+    /// A specimen.
+    Came,
+    /// A specimen, and then none. One that is there now may be another one.
+    Left,
+}
+
 /// A sampler with a wire to the axis' controller. "Looks" are the readings of the input while nothing runs.
 pub struct TriggerSampler {
     settings: TriggerSettings,
@@ -103,10 +113,7 @@ pub struct TriggerSampler {
     watch: Watch,
     /// The capillary was seen empty after the last specimen of this run. What is in it now is what the next load asks for.
     arrival_counts: bool,
-    /// The looks have found a specimen since the last load.
-    has_come: bool,
-    /// They have found it gone again.
-    has_come_and_left: bool,
+    visitor: Visitor,
     /// Since when every look has found a specimen.
     there_since: Option<Instant>,
     /// Since when every look has found none.
@@ -144,8 +151,7 @@ impl TriggerSampler {
             clock,
             watch,
             arrival_counts: false,
-            has_come: false,
-            has_come_and_left: false,
+            visitor: Visitor::None,
             there_since: None,
             gone_since: None,
             left: false,
@@ -200,7 +206,7 @@ impl Sampler for TriggerSampler {
     }
 
     fn begin_run(&mut self) {
-        (self.arrival_counts, self.has_come, self.has_come_and_left) = (false, false, false);
+        (self.arrival_counts, self.visitor) = (false, Visitor::None);
         (self.there_since, self.gone_since, self.left, self.seen) = (None, None, false, None);
     }
 
@@ -211,14 +217,19 @@ impl Sampler for TriggerSampler {
             let gone_since = *self.gone_since.get_or_insert_with(self.clock.now);
             if self.clock.since(gone_since) >= self.settings.debounce() {
                 self.left = true;
-                self.has_come_and_left |= self.has_come;
+                if self.visitor == Visitor::Came {
+                    self.visitor = Visitor::Left;
+                }
             }
             return Ok(());
         }
         self.gone_since = None;
         let there_since = *self.there_since.get_or_insert_with(self.clock.now);
         if self.clock.since(there_since) >= self.settings.debounce() {
-            (self.seen, self.has_come) = (Some(true), true);
+            self.seen = Some(true);
+            if self.visitor == Visitor::None {
+                self.visitor = Visitor::Came;
+            }
         }
         Ok(())
     }
@@ -236,7 +247,7 @@ impl Sampler for TriggerSampler {
             // A stop prevented its ejection.
             self.eject(axis, &left, cancel)?;
         }
-        let counts = std::mem::take(&mut self.arrival_counts) && !self.has_come_and_left;
+        let counts = std::mem::take(&mut self.arrival_counts) && self.visitor != Visitor::Left;
         if !counts {
             match self.wait_for(false, axis, BOUNCES * self.settings.debounce_ms, Some(cancel))? {
                 Waited::Reached => {}
@@ -250,7 +261,7 @@ impl Sampler for TriggerSampler {
         }
         let waited = self.wait_for(true, axis, self.settings.load_timeout_ms, Some(cancel));
         // Whatever else ended the wait, the specimen is still on its way. If it comes before the next load, it is that of this well.
-        (self.has_come, self.has_come_and_left) = (false, false);
+        self.visitor = Visitor::None;
         self.arrival_counts = !matches!(waited, Ok(Waited::Reached | Waited::TimedOut));
         match waited? {
             Waited::Cancelled => Ok(None),
@@ -311,7 +322,7 @@ impl Sampler for TriggerSampler {
             return Err(Self::failed(well, why));
         }
         self.watch.set(None);
-        (self.arrival_counts, self.has_come, self.has_come_and_left) = (true, false, false);
+        (self.arrival_counts, self.visitor) = (true, Visitor::None);
         Ok(())
     }
     fn wash(&mut self, _axis: &mut dyn RotationAxis, _well: &str, _cancel: &CancelToken) -> Result<(), DeviceError> {
