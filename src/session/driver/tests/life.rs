@@ -2,7 +2,7 @@
 
 use super::super::*;
 use super::bench::{
-    Arm, RUN, bench, bench_of, count, driver, instrument, journalled, on_this_thread, plan, scratch, started, started_with,
+    Arm, Bench, RUN, bench, bench_of, count, driver, instrument, journalled, on_this_thread, plan, scratch, started, started_with,
 };
 use crate::session::handle::{Accepted, Refusal, Towards};
 use crate::session::search::DevicesFound;
@@ -13,6 +13,7 @@ use carved_records::{EventData, Handoff, HandoffEnd, HandoffIntent, Phase, Resum
 use futures::FutureExt;
 use std::cell::Cell;
 use std::future::poll_fn;
+use std::path::Path;
 use std::task::Poll;
 
 /// Timeout of steps that take milliseconds.
@@ -62,16 +63,22 @@ fn a_specimen_that_could_not_be_taken_out_is_not_forgotten_with_its_numbers() {
     }
 }
 
+/// A run of A01 and A02 that this error has interrupted after the loader had brought A01.
+async fn cut_short(root: &Path, error: DeviceError) -> Bench {
+    let mut b = started(root, true, &["A01", "A02"]);
+    b.tell(Progress::WaitingForLoader { well: "A01".into() });
+    b.loaded("A01", true).unwrap();
+    b.phase("A01", Phase::Position, true);
+    b.ends(RunEnd::Failed(RunError::Device(error))).await;
+    b
+}
+
 /// The loader reports that it took a specimen out while the axis is lost. The next well cannot be measured now, and must be measured later.
 #[test]
 fn a_run_that_has_to_go_on_without_its_instrument_waits_for_it() {
     on_this_thread(async {
         let dir = scratch();
-        let mut b = started(dir.path(), true, &["A01", "A02"]);
-        b.tell(Progress::WaitingForLoader { well: "A01".into() });
-        b.loaded("A01", true).unwrap();
-        b.phase("A01", Phase::Position, true);
-        b.ends(RunEnd::Failed(RunError::Device(gone()))).await;
+        let mut b = cut_short(dir.path(), gone()).await;
         checks::searched(&mut b.d, DevicesFound { rotation: Ok(()), camera: Ok(()), outputs: Vec::new() });
         assert_eq!(b.status().state, State::Suspended, "it goes on to have the specimen taken out");
         checks::searched(&mut b.d, DevicesFound { rotation: Err(gone()), camera: Ok(()), outputs: Vec::new() });
@@ -117,8 +124,8 @@ fn a_specimen_that_was_ejected_before_any_work_on_it_cannot_come_again() {
         for (phase, inside) in [(Phase::Load, false), (Phase::Eject, true), (Phase::Wash, false)] {
             b.phase("A02", phase, inside);
         }
-        let full = carved_store::StoreError::Vanished { path: "/data".into() };
-        b.ends(RunEnd::Failed(RunError::Store(full))).await;
+        let vanished = carved_store::StoreError::Vanished { path: "/data".into() };
+        b.ends(RunEnd::Failed(RunError::Store(vanished))).await;
         assert_eq!(b.status().run.unwrap().results[1].outcome, Some(crate::api::SpecimenOutcome::Interrupted));
     });
 }
@@ -130,11 +137,7 @@ fn a_run_that_waited_for_the_loader_does_not_go_on_over_a_fault_of_a_person() {
     for acknowledged_first in [false, true] {
         on_this_thread(async {
             let dir = scratch();
-            let mut b = started(dir.path(), true, &["A01", "A02"]);
-            b.tell(Progress::WaitingForLoader { well: "A01".into() });
-            b.loaded("A01", true).unwrap();
-            b.phase("A01", Phase::Position, true);
-            b.ends(RunEnd::Failed(RunError::Device(gone()))).await;
+            let mut b = cut_short(dir.path(), gone()).await;
             let found = |rotation| DevicesFound { rotation, camera: Ok(()), outputs: Vec::new() };
             checks::searched(&mut b.d, found(Ok(())));
             assert_eq!(b.status().state, State::Suspended, "it goes on to have the specimen taken out");
@@ -166,12 +169,7 @@ fn a_run_that_waited_for_the_loader_does_not_go_on_over_a_fault_of_a_person() {
 fn a_run_that_a_person_has_continued_goes_on_when_the_loader_has_taken_the_specimen_out() {
     on_this_thread(async {
         let dir = scratch();
-        let mut b = started(dir.path(), true, &["A01", "A02"]);
-        b.tell(Progress::WaitingForLoader { well: "A01".into() });
-        b.loaded("A01", true).unwrap();
-        b.phase("A01", Phase::Position, true);
-        let suspect = DeviceError::Suspect { why: "it slipped".into() };
-        b.ends(RunEnd::Failed(RunError::Device(suspect))).await;
+        let mut b = cut_short(dir.path(), DeviceError::Suspect { why: "it slipped".into() }).await;
         assert_eq!(b.status().state, State::Held);
         course::unhold(&mut b.d, ResumedBy::Operator).unwrap();
         assert_eq!((b.status().state, b.works()), (State::Suspended, false), "its specimen is still inside");
