@@ -218,6 +218,10 @@ impl Rig {
         self.camera.address()
     }
 
+    pub fn camera(&self) -> &GigeCamera {
+        &self.camera
+    }
+
     pub fn camera_serial(&self) -> &str {
         self.camera.serial()
     }

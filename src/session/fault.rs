@@ -16,10 +16,7 @@ fn device_error(error: &RunError) -> Option<&DeviceError> {
 /// The device that this error shows as lost. `None` if the error does not show a loss.
 pub fn lost_device(error: &RunError) -> Option<Device> {
     match device_error(error)? {
-        DeviceError::ControlLost
-        | DeviceError::CameraSilent { .. }
-        | DeviceError::NotController { .. }
-        | DeviceError::Open { device: "camera", .. } => Some(Device::Camera),
+        error if error.is_loss_of_camera() => Some(Device::Camera),
         DeviceError::Gone { .. } | DeviceError::Silent { .. } => Some(Device::Rotation),
         DeviceError::Views(ViewsError::FolderLost { .. }) => Some(Device::Pictures),
         _ => None,
@@ -33,8 +30,8 @@ fn needs_a_person(error: &DeviceError) -> bool {
 
 fn code_of_device(error: &DeviceError) -> &'static FaultCode {
     match error {
-        DeviceError::ControlLost | DeviceError::CameraSilent { .. } | DeviceError::Open { device: "camera", .. } => &fault_table::CAMERA_LOST,
         DeviceError::NotController { .. } => &fault_table::CAMERA_TAKEN,
+        error if error.is_loss_of_camera() => &fault_table::CAMERA_LOST,
         DeviceError::NoFrame { .. } => &fault_table::CAMERA_NO_FRAME,
         DeviceError::Camera { .. } | DeviceError::NotArmed => &fault_table::CAMERA_REFUSED,
         DeviceError::Sampler { .. } | DeviceError::Unasked => &fault_table::SAMPLER_FAILED,

@@ -102,6 +102,12 @@ pub enum DeviceError {
     /// The camera does not answer on its control channel.
     #[error("camera: no answer to {request} ({why}). Check its power and cable; it is opened again when it answers")]
     CameraSilent { request: String, why: String },
+    /// Another camera answers where the one of this process was.
+    #[error(
+        "camera: {found} answers in the place of {expected}. Put the first one back. To use the new one, check its scale and axis, and start \
+         carved again"
+    )]
+    OtherCamera { expected: String, found: String },
     /// A frame was requested before an acquisition was started.
     #[error("camera: not armed")]
     NotArmed,
@@ -126,6 +132,18 @@ pub enum DeviceError {
 }
 
 impl DeviceError {
+    /// Whether the camera does not answer, or is not ours. It is opened again when it answers.
+    pub fn is_loss_of_camera(&self) -> bool {
+        matches!(
+            self,
+            Self::ControlLost
+                | Self::CameraSilent { .. }
+                | Self::NotController { .. }
+                | Self::OtherCamera { .. }
+                | Self::Open { device: "camera", .. }
+        )
+    }
+
     /// Whether a person or a safety circuit has the axis, or its machine's program waits for a person. Nothing is sent to the axis then.
     pub fn is_in_a_persons_hands(&self) -> bool {
         matches!(self, Self::Intervention { .. } | Self::VastList { .. } | Self::VastProgram { .. })

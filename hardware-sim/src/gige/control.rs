@@ -222,7 +222,7 @@ impl Control {
         }
         let last = if last == TO_THE_END { frame.last_packet() } else { last.min(frame.last_packet()) };
         for packet in (first..=last).filter_map(|id| frame.packet(id)) {
-            if !self.faults.is_unplugged() {
+            if !self.faults.is_unplugged() && !self.faults.is_too_long(&packet) {
                 let _ = self.stream.socket.send_to(&packet, to);
             }
         }

@@ -3,6 +3,9 @@
 use crate::serial::take_one;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 
+/// Bytes of the headers before the data of a datagram.
+const IP_AND_UDP: usize = 28;
+
 /// Faults of the camera's answers and of its stream. A fault with a count ends after that many times.
 #[derive(Debug, Default)]
 pub struct CameraFaults {
@@ -23,6 +26,7 @@ pub struct CameraFaults {
     restart: AtomicBool,
     unheard_requests: AtomicU32,
     dice: AtomicU64,
+    longest_packet: AtomicU32,
 }
 
 impl CameraFaults {
@@ -39,6 +43,11 @@ impl CameraFaults {
     /// Sends this many of a million stream packets after the packet that follows them.
     pub fn swap_packets_ppm(&self, ppm: u32) {
         self.swapped_packets_ppm.store(ppm, Ordering::Relaxed);
+    }
+
+    /// Loses stream packets of more than this many bytes, also on a resend, as a device between with such an MTU does. 0: none is lost.
+    pub fn lose_packets_longer_than(&self, bytes: u32) {
+        self.longest_packet.store(bytes, Ordering::Relaxed);
     }
 
     /// Loses the second halves of the next `count` frames, also on a resend. Their trailers are sent.
@@ -109,6 +118,11 @@ impl CameraFaults {
 
     pub(super) fn loses_packet(&self) -> bool {
         self.unlucky(&self.lost_packets_ppm)
+    }
+
+    pub(super) fn is_too_long(&self, packet: &[u8]) -> bool {
+        let longest = self.longest_packet.load(Ordering::Relaxed) as usize;
+        longest > 0 && packet.len() + IP_AND_UDP > longest
     }
 
     pub(super) fn doubles_packet(&self) -> bool {

@@ -109,6 +109,15 @@ impl Memory {
         self.streaming = false;
     }
 
+    /// Another camera of the same model takes the place of this one.
+    pub fn exchange(&mut self, serial: &str) {
+        let image = &mut self.at_power_on.0;
+        image[0xd8..0xe8].fill(0);
+        let text = &serial.as_bytes()[..serial.len().min(15)];
+        image[0xd8..0xd8 + text.len()].copy_from_slice(text);
+        image[0x0f] ^= 0xff;
+    }
+
     pub fn discovery(&self) -> &[u8] {
         &self.bootstrap[..DISCOVERY_BYTES]
     }

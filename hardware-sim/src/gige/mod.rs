@@ -117,6 +117,12 @@ impl GigeCamera {
         &self.faults
     }
 
+    /// Puts another camera of the same model, with this serial number, in the place of this one.
+    pub fn exchange(&self, serial: &str) {
+        self.memory.lock().unwrap_or_else(PoisonError::into_inner).exchange(serial);
+        self.faults.restart();
+    }
+
     /// Sends a pulse on the trigger line. It is lost if the camera does not wait for one.
     pub fn pulse_line(&self) {
         let waits = self.memory.lock().unwrap_or_else(PoisonError::into_inner).values.waits_for_line();

@@ -315,7 +315,10 @@ impl Sensor {
     }
 
     fn send_packet(&self, packet: &[u8], to: SocketAddrV4) {
-        let times = match (self.faults.loses_packet() || self.faults.is_unplugged(), self.faults.doubles_packet()) {
+        let times = match (
+            self.faults.loses_packet() || self.faults.is_unplugged() || self.faults.is_too_long(packet),
+            self.faults.doubles_packet(),
+        ) {
             (true, _) => 0,
             (false, true) => 2,
             (false, false) => 1,

@@ -10,10 +10,13 @@ use std::time::Duration;
 
 /// Time for one frame besides its exposure, including repeated triggers.
 const PATIENCE: Duration = Duration::from_secs(3);
+/// Number of triggers for which there is time at least. On a busy computer a frame may be lost.
+const TRIGGERS: u32 = 3;
 
 /// Takes `count` frames, unless `cancel` is cancelled before. Returns the camera's identity and the frames.
 pub fn take(settings: &AravisSettings, count: u32, cancel: &CancelToken) -> anyhow::Result<(String, Vec<RawFrame>)> {
-    let deadline = PATIENCE + Duration::try_from_secs_f64(settings.exposure_us * 1e-6).context("exposure_us")?;
+    let deadline = PATIENCE.max(settings.frame_timeout() * TRIGGERS)
+        + Duration::try_from_secs_f64(settings.exposure_us * 1e-6).context("exposure_us")?;
     let mut camera = camera::open(settings.clone())?;
     camera.arm()?;
     let next = |_| if cancel.is_cancelled() { Err(DeviceError::Stopped) } else { Ok(grab(camera.as_mut(), deadline, cancel)?.frame) };

@@ -73,6 +73,41 @@ fn a_cable_that_stays_out_is_said_and_the_camera_is_opened_again_once_it_is_in()
     bench.take();
 }
 
+/// The cable is out when an acquisition begins. That is a loss, and no refused value.
+#[test]
+fn a_cable_that_is_out_when_the_camera_is_armed_is_a_loss() {
+    let mut bench = Bench::armed();
+    bench.take();
+    bench.camera.disarm().unwrap();
+    bench.faults().pull_cable(true);
+    let seen = bench.camera.arm().unwrap_err();
+    assert!(seen.is_loss_of_camera(), "{seen}");
+    assert!(bench.camera.is_lost(), "{seen}");
+    bench.faults().pull_cable(false);
+    until("the camera", || bench.camera.reopen().is_ok());
+    bench.camera.arm().unwrap();
+    bench.take();
+}
+
+/// The camera is exchanged for another one of the same model, which has the same address.
+#[test]
+fn another_camera_of_the_same_model_is_a_loss_that_names_both() {
+    let mut bench = Bench::armed();
+    bench.take();
+    let first = bench.rig.camera_serial().to_owned();
+    bench.rig.camera().exchange("E1050C-another");
+    let seen = bench.camera.grab(super::bench::DEADLINE).unwrap_err();
+    assert!(seen.is_loss_of_camera() && bench.camera.is_lost(), "{seen}");
+    let other = bench.camera.reopen().unwrap_err();
+    assert!(matches!(other, DeviceError::OtherCamera { .. }) && other.is_loss_of_camera(), "{other}");
+    let said = other.to_string();
+    assert!(said.contains(&first) && said.contains("E1050C-another"), "{said}");
+    bench.rig.camera().exchange(&first);
+    until("the first camera", || bench.camera.reopen().is_ok());
+    bench.camera.arm().unwrap();
+    bench.take();
+}
+
 /// The driver asks a camera to stop that does not answer, and gives it up.
 #[test]
 fn a_camera_whose_loss_was_not_noticed_is_closed_and_can_be_opened_again() {
@@ -122,6 +157,15 @@ impl Host {
         Self(socket)
     }
 
+    fn read(&self, address: u32) -> u32 {
+        let mut packet = vec![0x42, 1, 0, 0x80, 0, 4, 0, 1];
+        packet.extend(address.to_be_bytes());
+        self.0.send(&packet).unwrap();
+        let mut answer = [0; 12];
+        assert_eq!((self.0.recv(&mut answer).unwrap(), &answer[..2]), (12, &[0, 0][..]));
+        u32::from_be_bytes(*answer.last_chunk().unwrap())
+    }
+
     fn write(&self, address: u32, value: u32) {
         let mut packet = vec![0x42, 1, 0, 0x82, 0, 8, 0, 1];
         packet.extend(address.to_be_bytes());
@@ -157,4 +201,44 @@ fn a_living_predecessor_keeps_the_camera_and_is_said_by_name() {
     let said = denied.to_string();
     assert!(said.contains(&bench.rig.camera_address().to_string()) && said.contains("controlled by another program"), "{said}");
     bench.take();
+}
+
+/// A whole frame of the configured format, numbered and stamped in the future, with a leader, packets of data and a trailer.
+fn forged(frame: u16) -> Vec<Vec<u8>> {
+    let head = |kind: u8, packet: u32| {
+        let mut bytes = vec![0, 0];
+        bytes.extend(frame.to_be_bytes());
+        bytes.extend(((u32::from(kind) << 24) | packet).to_be_bytes());
+        bytes
+    };
+    let mut leader = head(1, 0);
+    leader.extend([0, 0, 0, 1]);
+    leader.extend((u64::MAX / 4).to_be_bytes());
+    for word in [0x0108_0001, super::bench::WIDTH, super::bench::HEIGHT, 0, 0, 0] {
+        leader.extend(word.to_be_bytes());
+    }
+    let pixels = vec![0x55; (super::bench::WIDTH * super::bench::HEIGHT) as usize];
+    let data = pixels.chunks(1500 - 36).zip(1..).map(|(chunk, packet)| [head(3, packet), chunk.to_vec()].concat());
+    let mut packets = vec![leader];
+    packets.extend(data);
+    let mut trailer = head(2, packets.len() as u32);
+    trailer.extend([0, 0, 0, 1]);
+    trailer.extend(super::bench::HEIGHT.to_be_bytes());
+    packets.push(trailer);
+    packets
+}
+
+/// Another computer sends frames to the port of the stream.
+#[test]
+fn frames_of_another_sender_are_not_taken() {
+    let mut bench = Bench::armed();
+    let port = Host::of(&bench.rig).read(0xd00) as u16;
+    let stranger = UdpSocket::bind("127.0.0.77:0").unwrap();
+    for frame in 1..20 {
+        for packet in forged(frame) {
+            stranger.send_to(&packet, ("127.0.0.1", port)).unwrap();
+        }
+        bench.take();
+    }
+    assert_eq!(bench.camera.counters().ignored_packets, 0, "no packet of it reaches the stream");
 }

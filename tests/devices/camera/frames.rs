@@ -64,7 +64,7 @@ fn a_truncated_frame_is_not_taken_and_is_triggered_again() {
     bench.faults().cut_frames(u32::MAX);
     let error = bench.try_take().unwrap_err();
     let said = error.to_string();
-    assert!(said.contains("not whole") && said.contains("of 16384 bytes"), "what came and what should have: {said}");
+    assert!(said.contains("not whole") && said.contains("of its 16384 bytes"), "what should have come: {said}");
 }
 
 /// The last trigger before the deadline may have no time left for its frame. That is not the reported cause.
@@ -78,7 +78,7 @@ fn the_cause_of_the_frames_that_came_is_told_though_the_last_one_did_not_come() 
     bench.faults().reformat_frames(0);
     bench.faults().cut_frames(u32::MAX);
     let said = bench.camera.grab(std::time::Duration::from_millis(1100)).unwrap_err().to_string();
-    assert!(said.contains("of 16384 bytes"), "what came and what should have: {said}");
+    assert!(said.contains("of its 16384 bytes"), "what should have come: {said}");
 }
 
 #[test]
@@ -99,4 +99,15 @@ fn a_deaf_trigger_is_repeated_and_given_up_at_the_deadline() {
     bench.faults().ignore_triggers(u32::MAX);
     let error = bench.try_take().unwrap_err();
     assert!(matches!(&error, DeviceError::NoFrame { last, .. } if last.contains("nothing came")), "{error}");
+}
+
+/// A switch between was replaced by one that drops long packets. The leader and the trailer of a frame are short.
+#[test]
+fn packets_too_long_for_the_way_are_named_as_that() {
+    let mut bench = Bench::armed_with(|s| AravisSettings { frame_timeout_ms: 300, ..s });
+    bench.faults().lose_packets_longer_than(1400);
+    let said = bench.try_take().unwrap_err().to_string();
+    assert!(said.contains("packets of 1500 bytes do not pass") && said.contains("MTU"), "{said}");
+    bench.faults().lose_packets_longer_than(0);
+    bench.take();
 }

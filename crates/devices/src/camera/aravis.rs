@@ -20,6 +20,7 @@ mod accept;
 mod clock;
 mod configure;
 mod find;
+mod socket;
 mod stream;
 
 pub(super) use find::discover;
@@ -119,19 +120,34 @@ impl Open {
             let flag = Arc::clone(&control_lost);
             device.connect_control_lost(move |_| flag.store(true, Ordering::Release));
         }
+        let open = Self { camera, clock, control_lost };
+        let configured = open.identify().and_then(|identity| configure::configure(&open.camera, settings).map(|()| identity));
+        let identity = match configured {
+            Ok(identity) => identity,
+            Err(error) => {
+                let error = open.judged(error);
+                // A camera that was lost meanwhile must be closed in the background.
+                close_in_background(None, error.is_loss_of_camera().then_some(open));
+                return Err(error);
+            }
+        };
+        if open.clock.is_none() {
+            tracing::warn!(identity, "this camera's clock cannot be read: late frames are recognised by their numbers only");
+        }
+        tracing::info!(identity, select = %settings.select, "camera opened");
+        Ok((open, identity))
+    }
+
+    /// Vendor, model and serial number.
+    fn identify(&self) -> Result<String, DeviceError> {
+        let camera = &self.camera;
         let said = |what: &str, text: Result<glib::GString, glib::Error>| text.map_err(|e| refused(what, &e));
-        let identity = format!(
+        Ok(format!(
             "{} {} ({})",
             said("the vendor's name", camera.vendor_name())?,
             said("the model's name", camera.model_name())?,
             said("the serial number", camera.device_serial_number())?
-        );
-        configure::configure(&camera, settings)?;
-        if clock.is_none() {
-            tracing::warn!(identity, "this camera's clock cannot be read: late frames are recognised by their numbers only");
-        }
-        tracing::info!(identity, select = %settings.select, "camera opened");
-        Ok((Self { camera, clock, control_lost }, identity))
+        ))
     }
 
     fn is_lost(&self) -> bool {
@@ -144,6 +160,14 @@ impl Open {
 
     fn answers(&self) -> bool {
         self.gv().is_none_or(|gv| gv.read_register(HEARTBEAT).is_ok())
+    }
+
+    /// The error of a request. Aravis may report a camera that does not answer as one that lacks something.
+    fn judged(&self, error: DeviceError) -> DeviceError {
+        match error {
+            DeviceError::Camera { what, why } if !self.answers() => DeviceError::CameraSilent { request: what, why },
+            error => error,
+        }
     }
 
     /// The camera's time now, ns; `None` without a clock.
@@ -180,20 +204,17 @@ impl AravisCamera {
         self.open.as_ref().filter(|open| !open.is_lost()).ok_or(DeviceError::ControlLost)
     }
 
-    /// The error of a request. Without an answer the camera is lost, because the control channel has repeated the request by itself. A
-    /// denied request means that the camera has another controller, or has dropped this one.
-    fn failed(&self, request: &str, error: &glib::Error) -> DeviceError {
-        let silent = error.matches(aravis::DeviceError::Timeout);
-        // Aravis has no error code for it.
-        let denied = error.message().contains("access-denied");
-        if silent || denied {
+    /// Notes that the camera is lost, if an error says so.
+    fn noted(&self, error: DeviceError) -> DeviceError {
+        let error = self.open.iter().fold(error, |error, open| open.judged(error));
+        if error.is_loss_of_camera() {
             self.note_loss();
         }
-        match (silent, denied) {
-            (true, _) => DeviceError::CameraSilent { request: request.into(), why: error.message().into() },
-            (_, true) => DeviceError::ControlLost,
-            _ => refused(request, error),
-        }
+        error
+    }
+
+    fn failed(&self, request: &str, error: &glib::Error) -> DeviceError {
+        self.noted(refused(request, error))
     }
 
     fn link_state(&self) -> std::sync::MutexGuard<'_, LinkState> {
@@ -290,8 +311,7 @@ impl Camera for AravisCamera {
         let (open, identity) = Open::new(&self.settings, Predecessor::NotWaitedFor)?;
         if identity != self.identity {
             close_in_background(None, Some(open));
-            let why = format!("{identity} answers now; put the first one back, or start carved again");
-            return Err(DeviceError::Camera { what: format!("expected {}", self.identity), why });
+            return Err(DeviceError::OtherCamera { expected: self.identity.clone(), found: identity });
         }
         self.link_state().control_lost = Arc::clone(&open.control_lost);
         self.open = Some(open);
@@ -303,7 +323,7 @@ impl Camera for AravisCamera {
             self.disarm()?;
         }
         self.reopen()?;
-        self.armed = Some(Armed::start(&self.device()?.camera, &self.settings)?);
+        self.armed = Some(Armed::start(&self.device()?.camera, &self.settings).map_err(|e| self.noted(e))?);
         Ok(())
     }
 
@@ -384,8 +404,18 @@ impl Drop for AravisCamera {
     }
 }
 
+/// The error of a request. Without an answer the camera is lost, because Aravis has repeated the request by itself. A denied request means
+/// that the camera has another controller, or has dropped this one. Everything else is a refused value.
 fn refused(what: &str, error: &glib::Error) -> DeviceError {
-    DeviceError::Camera { what: what.into(), why: error.message().into() }
+    let why = error.message();
+    if error.matches(aravis::DeviceError::Timeout) {
+        return DeviceError::CameraSilent { request: what.into(), why: why.into() };
+    }
+    // Aravis has no error code for it.
+    if why.contains("access-denied") {
+        return DeviceError::ControlLost;
+    }
+    DeviceError::Camera { what: what.into(), why: why.into() }
 }
 
 /// Closes a camera that does not answer, without waiting for it. Aravis' heartbeat thread reports the loss of control after some seconds.

@@ -6,7 +6,6 @@ use carved_core::frame::PixelFormat;
 use carved_core::range::{OutOfRange, Range, Ranged, outside_in};
 use carved_core::ranges;
 use serde::{Deserialize, Serialize};
-#[cfg(feature = "aravis")]
 use std::time::Duration;
 
 /// How a camera is found, and its configuration.
@@ -226,8 +225,8 @@ impl AravisSettings {
         in_range("camera", self)
     }
 
-    #[cfg(feature = "aravis")]
-    pub(super) fn frame_timeout(&self) -> Duration {
+    /// Longest wait for the frame of one trigger.
+    pub fn frame_timeout(&self) -> Duration {
         Duration::from_millis(self.frame_timeout_ms.into())
     }
 

@@ -1,6 +1,6 @@
 //! Open faults: raised, and not over.
 
-use crate::{EventData, Fault};
+use crate::{EventData, Fault, FaultEnd};
 
 /// The open faults, oldest first.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -36,8 +36,8 @@ impl OpenFaults {
             EventData::FaultsCleared(over) => self.open.retain(|f| !over.seq.contains(&f.seq)),
             // These faults ask for a retry, which happens now.
             EventData::RunAccepted(_) | EventData::RunResumed(_) => self.open.retain(|f| f.operator_required),
-            // Causes that end by themselves are checked again after a start.
-            EventData::DaemonStarted(_) => self.open.retain(|f| f.operator_required && !f.ends_by_itself()),
+            // Causes that end by themselves, and those that end with a start, are checked again after it.
+            EventData::DaemonStarted(_) => self.open.retain(|f| matches!(f.end(), FaultEnd::Acknowledgement)),
             _ => {}
         }
     }
@@ -89,5 +89,13 @@ mod tests {
         assert_eq!(after(std::slice::from_ref(&suspect)), [1]);
         assert!(after(&[suspect.clone(), resumed]).is_empty());
         assert!(after(&[suspect, started()]).is_empty());
+    }
+
+    #[test]
+    fn what_asks_for_a_start_is_over_after_it() {
+        for code in [&fault_table::CAMERA_REFUSED, &fault_table::SETUP_UNUSABLE] {
+            assert_eq!(after(&[raised(1, code)]), [1]);
+            assert!(after(&[raised(1, code), started()]).is_empty(), "{}: it is raised again if its cause lasts", code.code);
+        }
     }
 }

@@ -19,8 +19,7 @@ pub(super) enum Verdict {
 pub(super) fn accept(buffer: &aravis::Buffer, settings: &AravisSettings, last_frame_id: Option<u64>, since_ns: Option<u64>) -> Verdict {
     let status = buffer.status();
     if status != BufferStatus::Success {
-        let (_, came) = buffer.data();
-        return Verdict::Lost(format!("the frame is not whole ({status:?}): {came} of {} bytes came", settings.frame_bytes()));
+        return Verdict::Lost(format!("the frame is not whole ({status:?}): {}", missing(settings)));
     }
     let payload = buffer.payload_type();
     if payload != BufferPayloadType::Image {
@@ -51,6 +50,15 @@ pub(super) fn accept(buffer: &aravis::Buffer, settings: &AravisSettings, last_fr
         Ok(frame) => Verdict::Taken { frame, frame_id },
         Err(e) => Verdict::Lost(e.to_string()),
     }
+}
+
+/// What to look for if frames are not whole. Aravis does not tell how many bytes of an incomplete frame came: it counts none or all.
+fn missing(settings: &AravisSettings) -> String {
+    let (all, packet) = (settings.frame_bytes(), settings.packet_size);
+    format!(
+        "packets are missing of its {all} bytes. If no frame comes whole, packets of {packet} bytes do not pass: look for a device between with \
+         an MTU below {packet}, or lower packet_size"
+    )
 }
 
 /// GenICam's name of a known format; the number of another one.

@@ -1,6 +1,6 @@
 //! One acquisition and its stream.
 
-use super::AravisSettings;
+use super::{AravisSettings, socket};
 use crate::{DeviceError, StreamCounters};
 use aravis::glib::prelude::Cast;
 use aravis::prelude::*;
@@ -26,6 +26,12 @@ impl Armed {
             gv.set_stream_options(packets);
         }
         let stream = camera.create_stream().map_err(|e| super::refused("a stream", &e))?;
+        if let (Some(device), Some(gv)) = (camera.device().and_then(|d| d.downcast().ok()), stream.downcast_ref::<GvStream>()) {
+            let bytes = settings.socket_buffer_bytes as usize;
+            if let Err(why) = socket::prepare(&device, gv.port(), bytes) {
+                tracing::warn!(%why, "the stream's socket keeps its small buffer until the first packet, and takes packets of any sender");
+            }
+        }
         if let Some(gv) = stream.downcast_ref::<GvStream>() {
             gv.set_socket_buffer(GvStreamSocketBuffer::Fixed);
             // `AravisSettings::check` ensures that it fits.
@@ -59,6 +65,11 @@ impl Armed {
         while let Some(stale) = self.stream.try_pop_buffer() {
             self.give_back(stale);
         }
+    }
+
+    #[cfg(test)]
+    pub fn port(&self) -> u16 {
+        self.stream.downcast_ref::<GvStream>().map(GvStream::port).unwrap_or_default()
     }
 
     pub fn counters(&self) -> StreamCounters {

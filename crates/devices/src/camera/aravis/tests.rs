@@ -69,6 +69,19 @@ fn takes_what_it_is_told(deadline: Duration) {
     assert!(said.contains("TriggerSource = Line9"), "{said}");
 }
 
+/// The receive buffer of the stream's socket, bytes, as the kernel counts it.
+fn receive_buffer(camera: &AravisCamera) -> u64 {
+    let device = camera.device().unwrap().gv().unwrap();
+    let socket = socket::of_stream(&device, camera.armed.as_ref().unwrap().port()).unwrap();
+    socket2::SockRef::from(&socket).recv_buffer_size().unwrap() as u64
+}
+
+/// What the kernel grants of the configured buffer. It doubles a size for its own needs.
+fn granted(settings: &AravisSettings) -> u64 {
+    let most: u64 = std::fs::read_to_string("/proc/sys/net/core/rmem_max").unwrap().trim().parse().unwrap();
+    2 * most.min(settings.socket_buffer_bytes.into())
+}
+
 #[test]
 fn a_strict_run_leaves_no_test_out() {
     strict::holds(&[(cfg!(has_fake_camera), "no arv-fake-gv-camera-0.8: apt-get install aravis-tools")]);
@@ -87,6 +100,7 @@ fn a_camera_of_another_maker_is_opened_driven_refused_to_others_and_missed_when_
     // Twice, since a second acquisition on an old stream would lose every frame.
     for _ in 0..2 {
         camera.arm().unwrap();
+        assert_eq!(receive_buffer(&camera), granted(&settings()), "before the first frame");
         let mut last = None;
         for _ in 0..4 {
             let grabbed = camera.grab(deadline).unwrap();
