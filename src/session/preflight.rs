@@ -100,6 +100,8 @@ pub struct Known<'a> {
     pub gate: Option<&'a GateStatus>,
     /// Barcode of the plate inside, if it was handed over.
     pub plate_handed_over: Option<&'a str>,
+    /// The well whose specimen has to be taken out before a run starts.
+    pub left: Option<&'a str>,
     pub free_bytes: Option<u64>,
     pub budget: Option<Budget>,
 }
@@ -164,9 +166,9 @@ pub fn checks(config: &Config, plan: &RunPlan, seen: &DeviceReport, known: &Know
     checks.push(check(
         "capillary",
         true,
-        match &status.plate.needs {
+        match known.left {
             None => Ok("nothing has to be taken out of the capillary".into()),
-            Some(needs) => Err((format!("the instrument waits for {needs}"), "take it out and say so")),
+            Some(well) => Err((format!("the specimen of well {well} is still in the capillary"), "take it out and say so")),
         },
     ));
     if let Some(method) = config.methods.get(&plan.method) {
@@ -236,8 +238,15 @@ mod tests {
             let plan = RunPlan::new("P-1", "standard", "kim", vec![PlannedWell::new("A01", specimen, None)]);
             let seen =
                 DeviceReport { axis: Ok(()), outputs: None, light: Ok(Some(Light { background: 200.0, saturated: 0.0, focus: 1.0 })) };
-            let known =
-                Known { status, mode: Mode::Hardware, gate: None, plate_handed_over: None, free_bytes: Some(u64::MAX), budget: None };
+            let known = Known {
+                status,
+                mode: Mode::Hardware,
+                gate: None,
+                plate_handed_over: None,
+                left: None,
+                free_bytes: Some(u64::MAX),
+                budget: None,
+            };
             let checks = checks(&config, &plan, &seen, &known);
             checks.into_iter().find(|c| c.code == "calibration").unwrap()
         };

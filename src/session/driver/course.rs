@@ -286,19 +286,37 @@ pub(super) fn interrupt_specimens(d: &mut DriverState, reason: &str, fate: Fate)
     }
 }
 
-/// Ends a well whose specimen cannot be measured any more.
-pub(super) fn give_up(d: &mut DriverState, well: &str, reason: &str) {
-    let Some(run) = &mut d.run else { return };
-    let views = views_stored(d.outbox.store(), &run.record().id, well);
-    if !run.give_up(well, reason, views) {
-        return;
+/// The specimen was taken out of a sampler that cannot bring it again: its well ends, unless only its numbers are missing. `run`: the run that
+/// the message belongs to.
+///
+/// # Errors
+/// The disk refused the message, which then has no effect.
+pub(super) fn taken_for_good(d: &mut DriverState, run: Option<&str>, well: &str) -> Result<(), Refusal> {
+    let reason = "the specimen was removed, and this sampler cannot bring it again";
+    let lacks_numbers = d.accepted().iter().any(|accepted| accepted.well == well);
+    let Some(current) = d.run.as_mut().filter(|_| !lacks_numbers) else {
+        return Ok(d.outbox.promise(run, Some(well), EventData::WellUnloaded)?);
+    };
+    let before = current.record().clone();
+    let views = views_stored(d.outbox.store(), &before.id, well);
+    let is_given_up = current.give_up(well, reason, views);
+    let (record, policy) = (current.record().clone(), before.method.policy.interrupted);
+    // The record first: a start after a crash between the two must not take the next specimen for this one.
+    if let Err(refused) = d.outbox.promise_of_well(&record, well, EventData::WellUnloaded) {
+        if let Some(current) = &mut d.run {
+            current.restore(before.clone());
+        }
+        // It may be on the disk already.
+        d.save(before);
+        return Err(refused.into());
     }
-    let (record, policy) = (run.record().clone(), run.record().method.policy.interrupted);
-    seal_well(d.outbox.store(), &record.id, well);
-    let status = run_status(&record);
-    d.save(record);
-    let interrupted = SpecimenInterrupted { reason: reason.to_owned(), policy, kept: false };
-    d.event_shown(Some(well), EventData::SpecimenInterrupted(interrupted), |d| d.publish(|s| s.run = Some(status)));
+    if is_given_up {
+        seal_well(d.outbox.store(), &record.id, well);
+        let status = run_status(&record);
+        let interrupted = SpecimenInterrupted { reason: reason.to_owned(), policy, kept: false };
+        d.event_shown(Some(well), EventData::SpecimenInterrupted(interrupted), |d| d.publish(|s| s.run = Some(status)));
+    }
+    Ok(())
 }
 
 /// Holds a run that waits for the loader without a worker, under a fault that was just raised.

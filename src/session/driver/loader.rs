@@ -69,14 +69,15 @@ impl Loader {
         self.interlock.say_loaded(well);
     }
 
-    /// The well whose specimen only the loader can take out. `None` with a driven sampler, which ejects a specimen before the next one.
-    pub fn has_to_take_out<'a>(&self, capillary: &'a Capillary) -> Option<&'a str> {
+    /// The well whose specimen keeps a new run from starting. `None` with a driven sampler: the new run ejects the specimen first.
+    pub fn keeps_run_out<'a>(&self, capillary: &'a Capillary) -> Option<&'a str> {
         capillary.inside().filter(|_| self.fills_capillary)
     }
 
-    /// The requests to the loader: the specimen to take out, then the specimen to bring.
+    /// The requests to the loader: the specimen to take out, then the specimen to bring. After the end of a run nobody ejects a specimen
+    /// that is still inside, also with a driven sampler.
     pub fn requests(&self, capillary: &Capillary, run: Option<&Handling>) -> (Option<String>, Option<String>) {
-        let left = self.has_to_take_out(capillary).map(str::to_owned);
+        let left = capillary.inside().map(str::to_owned);
         match run {
             Some(run) => match run.awaited() {
                 Some(next) => (left, Some(next.to_owned())),
@@ -111,10 +112,21 @@ pub(super) struct LoaderMessage<'a> {
     /// The newest run and its outcome.
     pub newest: Option<(&'a str, Option<RunOutcome>)>,
     pub capillary: &'a Capillary,
-    /// Whether the run measures this well. `true` after the end of the run.
+    /// Whether the run has this well.
     pub is_planned: bool,
     /// What the run wants moved. `None` after the end of the run.
     pub wanted: Option<&'a Handling>,
+    pub bringer: Bringer,
+}
+
+/// Who brings the specimens of the run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Bringer {
+    Loader,
+    /// A driven sampler. `is_asked`: a worker uses it now.
+    Sampler {
+        is_asked: bool,
+    },
 }
 
 impl LoaderMessage<'_> {
@@ -151,18 +163,19 @@ impl LoaderMessage<'_> {
     /// and does not eject.
     ///
     /// # Errors
-    /// The message names another run, this specimen was never inside, or the worker uses it.
+    /// The message names another run, this specimen cannot have been inside, or the worker uses it.
     pub fn unloaded(&self, worked_on: Option<&str>) -> Result<bool, Refusal> {
         self.outcome_of_run()?;
-        if self.capillary.inside() != Some(self.well) {
-            // `false` for a repeated message, and for a specimen that another one has replaced. A specimen that was never inside is a
-            // mistake.
-            return if self.capillary.has_held(self.well) { Ok(false) } else { Err(self.unexpected()) };
+        if self.capillary.inside() == Some(self.well) {
+            return if worked_on == Some(self.well) { Err(self.unexpected()) } else { Ok(true) };
         }
-        if worked_on == Some(self.well) {
-            return Err(self.unexpected());
+        // A repeated message, or a specimen that another one has replaced.
+        if self.capillary.has_held(self.well) {
+            return Ok(false);
         }
-        Ok(true)
+        // It came late or unasked. While the sampler is asked for one, the next that comes would be taken for this one. A loader reports
+        // what it brings.
+        if self.bringer == (Bringer::Sampler { is_asked: false }) && self.is_planned { Ok(true) } else { Err(self.unexpected()) }
     }
 
     /// The outcome of the run that the message names. It must be the newest run.
@@ -188,6 +201,9 @@ impl LoaderMessage<'_> {
         let say = |well: &str, loaded: bool| format!("PUT /v1/runs/{run}/wells/{well} {{\"loaded\": {loaded}}}");
         let awaited = self.wanted.and_then(Handling::awaited);
         let instead = match (awaited, self.to_be_taken_out(), self.capillary.inside()) {
+            _ if self.bringer == (Bringer::Sampler { is_asked: true }) => {
+                "the instrument uses the sampler; hold the run, and say it again once the state is Held".to_owned()
+            }
             (Some(next), ..) => format!("that of well {next} is waited for; once it is in the capillary, say {}", say(next, true)),
             (None, Some(inside), _) => format!("that of well {inside} is to be taken out; once it is, say {}", say(inside, false)),
             (None, None, Some(inside)) => format!("that of well {inside} is in the capillary; wait until plate.needs asks for one"),
@@ -222,7 +238,15 @@ mod tests {
     }
 
     fn message<'a>(well: &'a str, state: &'a RunState, wanted: Option<&'a Handling>) -> LoaderMessage<'a> {
-        LoaderMessage { run: "r", well, newest: Some(("r", None)), capillary: state.capillary(), is_planned: true, wanted }
+        LoaderMessage {
+            run: "r",
+            well,
+            newest: Some(("r", None)),
+            capillary: state.capillary(),
+            is_planned: true,
+            wanted,
+            bringer: Bringer::Loader,
+        }
     }
 
     fn is_full(answer: Result<Option<WellLoaded>, Refusal>, by: &str) -> bool {
@@ -261,6 +285,21 @@ mod tests {
         let out = after(&[inside("A01"), ("A01", EventData::WellUnloaded)]);
         assert_eq!(message("A01", &out, Some(&none)).unloaded(None), Ok(false));
         assert!(message("A02", &out, Some(&none)).unloaded(None).is_err(), "it was never inside");
+    }
+
+    /// The run does not know of it: it came after its time, unasked, or after the end of the run.
+    #[test]
+    fn a_specimen_can_be_out_that_the_sampler_may_have_brought() {
+        let state = after(&[("A01", EventData::SpecimenPhase(PhaseEntered { phase: Phase::Load, in_capillary: false }))]);
+        let none = Handling::default();
+        for wanted in [Some(&none), None] {
+            let of = |well, is_asked| LoaderMessage { bringer: Bringer::Sampler { is_asked }, ..message(well, &state, wanted) };
+            assert_eq!(of("A01", false).unloaded(None), Ok(true), "late");
+            assert_eq!(of("A02", false).unloaded(None), Ok(true), "unasked");
+            let Err(Refusal::UnexpectedWell { instead, .. }) = of("A01", true).unloaded(None) else { panic!("the next one would be A01") };
+            assert!(instead.contains("hold the run"), "{instead}");
+            assert!(LoaderMessage { is_planned: false, ..of("H12", false) }.unloaded(None).is_err());
+        }
     }
 
     #[test]

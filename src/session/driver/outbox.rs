@@ -101,9 +101,18 @@ impl Outbox {
     /// # Errors
     /// The disk refused the write, and the event has no effect.
     pub fn promise_with(&mut self, record: &RunRecord, data: EventData) -> Result<(), StoreError> {
+        self.promise_of(record, None, data)
+    }
+
+    /// As `promise_with`, for an event of a well.
+    pub fn promise_of_well(&mut self, record: &RunRecord, well: &str, data: EventData) -> Result<(), StoreError> {
+        self.promise_of(record, Some(well), data)
+    }
+
+    fn promise_of(&mut self, record: &RunRecord, well: Option<&str>, data: EventData) -> Result<(), StoreError> {
         self.flush()?;
         self.store.save_run(record)?;
-        self.promise(Some(&record.id), None, data)
+        self.promise(Some(&record.id), well, data)
     }
 
     /// Whether a write failed and the published state is not all on disk.

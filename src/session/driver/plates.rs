@@ -10,18 +10,23 @@ pub(super) struct Surroundings<'a> {
     /// A run exists that has no outcome yet.
     pub has_run: bool,
     pub capillary: &'a Capillary,
+    /// A specimen that no run requested is in the capillary.
+    pub has_unexpected: bool,
     /// Some events or records are not on disk yet.
     pub is_failing: bool,
 }
 
 impl Surroundings<'_> {
-    /// What must happen before the plate is moved. `None` if nothing.
+    /// What must happen before the plate is moved. `None` if nothing. The plate is removable by this rule and no other.
     pub fn needs(&self) -> Option<String> {
         if self.has_run {
             return Some("the run to end".into());
         }
         if self.is_failing {
             return Some("the disk to take what is not written yet".into());
+        }
+        if self.has_unexpected {
+            return Some("the specimen that no run asked for to be taken out of the capillary".into());
         }
         self.capillary.inside().map(to_be_taken_out)
     }
@@ -75,7 +80,8 @@ mod tests {
     use carved_records::{EventBody, InstrumentState};
 
     const EMPTY: &Capillary = &Capillary::empty();
-    const AT_REST: Surroundings = Surroundings { state: State::Idle, has_run: false, capillary: EMPTY, is_failing: false };
+    const AT_REST: Surroundings =
+        Surroundings { state: State::Idle, has_run: false, capillary: EMPTY, has_unexpected: false, is_failing: false };
 
     fn handoff(intent: HandoffIntent, barcode: &str) -> Handoff {
         Handoff { intent, barcode: barcode.into() }
@@ -109,7 +115,11 @@ mod tests {
     #[test]
     fn a_plate_is_moved_once_nothing_needs_it_and_a_handover_may_be_called_off_at_any_time() {
         let open = after(&[EventData::PlateAnnounced(handoff(HandoffIntent::Unload, "P-1"))]);
-        for (waits, word) in [(Surroundings { has_run: true, ..AT_REST }, "run"), (Surroundings { is_failing: true, ..AT_REST }, "disk")] {
+        for (waits, word) in [
+            (Surroundings { has_run: true, ..AT_REST }, "run"),
+            (Surroundings { is_failing: true, ..AT_REST }, "disk"),
+            (Surroundings { has_unexpected: true, ..AT_REST }, "no run asked for"),
+        ] {
             assert!(matches!(waits.end(&open, HandoffEnd::Completed), Err(Refusal::PlateNeeded { needs }) if needs.contains(word)));
             assert!(matches!(waits.end(&open, HandoffEnd::Aborted), Ok(Some(EventData::PlateHandoffAborted(_)))));
         }

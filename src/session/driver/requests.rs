@@ -7,7 +7,7 @@ use super::commands::{self, reply};
 use super::devices::PreflightRequest;
 use super::driver_state::DriverState;
 use super::handling::Waited;
-use super::loader::{LoaderMessage, capillary_full};
+use super::loader::{Bringer, LoaderMessage, capillary_full};
 use super::plates::Surroundings;
 use super::room;
 use super::run::RunInProgress;
@@ -79,7 +79,7 @@ fn put_run(d: &mut DriverState, id: &str, plan: RunPlan) -> Result<Accepted, Ref
     let status = d.publisher.status();
     commands::is_startable(d.run.is_some(), status.state)?;
     d.nothing_stands_in_the_way()?;
-    if let Some(left) = d.loader.has_to_take_out(d.capillary()) {
+    if let Some(left) = d.loader.keeps_run_out(d.capillary()) {
         return Err(capillary_full(status.run.as_ref().map(|newest| newest.id.as_str()), left));
     }
     commands::is_of_this_plate(&plan, &d.state().plate)?;
@@ -115,8 +115,9 @@ fn steer(d: &mut DriverState, id: &str, towards: Towards) -> Result<(), Refusal>
 fn loader_message<'a>(d: &'a DriverState, run: &'a str, well: &'a str, status: &'a Status) -> LoaderMessage<'a> {
     let newest = status.run.as_ref().map(|newest| (newest.id.as_str(), newest.outcome));
     let wanted = d.run.as_ref().map(RunInProgress::handling);
-    let is_planned = d.run.as_ref().is_none_or(|run| run.record().plan.plate_map.iter().any(|planned| planned.well == well));
-    LoaderMessage { run, well, newest, capillary: d.capillary(), is_planned, wanted }
+    let is_planned = status.run.as_ref().is_some_and(|newest| newest.results.iter().any(|result| result.well == well));
+    let bringer = if d.loader.fills_capillary() { Bringer::Loader } else { Bringer::Sampler { is_asked: d.works() } };
+    LoaderMessage { run, well, newest, capillary: d.capillary(), is_planned, wanted, bringer }
 }
 
 /// The run that an event of the loader belongs to. `None` if the run was pruned: its folder must not be created again.
@@ -155,10 +156,10 @@ fn unloaded(d: &mut DriverState, run: &str, well: &str) -> Result<(), Refusal> {
     if !loader_message(d, run, well, &status).unloaded(worked_on)? {
         return Ok(());
     }
-    let was_to_be_measured = d.capillary().brought() == Some(well) || d.capillary().asked_before() == Some(well);
-    d.outbox.promise(run_of_event(d, run), Some(well), EventData::WellUnloaded)?;
-    if was_to_be_measured && !d.loader.brings_again() {
-        course::give_up(d, well, "the specimen was removed, and this sampler cannot bring it again");
+    if d.works() || d.loader.brings_again() {
+        d.outbox.promise(run_of_event(d, run), Some(well), EventData::WellUnloaded)?;
+    } else {
+        course::taken_for_good(d, run_of_event(d, run).map(str::to_owned).as_deref(), well)?;
     }
     let waited = d.run.as_mut().is_some_and(|run| run.handling_mut().taken_out(well));
     let at_rest = d.run.is_none();
@@ -173,7 +174,13 @@ fn unloaded(d: &mut DriverState, run: &str, well: &str) -> Result<(), Refusal> {
 }
 
 fn surroundings<'a>(d: &'a DriverState, status: &'a Status) -> Surroundings<'a> {
-    Surroundings { state: status.state, has_run: d.run.is_some(), capillary: d.capillary(), is_failing: d.outbox.is_failing() }
+    Surroundings {
+        state: status.state,
+        has_run: d.run.is_some(),
+        capillary: d.capillary(),
+        has_unexpected: d.loader.has_unexpected(),
+        is_failing: d.outbox.is_failing(),
+    }
 }
 
 /// Announces that a plate will be moved. Returns what must happen first.

@@ -41,16 +41,22 @@ pub(super) fn hold(run: &RunInProgress, state: Option<&RunState>, faults: &OpenF
     let cause = known.held_by()?;
     let comes_back = known.resumed_by_itself() >= RESUMED_BY_ITSELF;
     let under = under_fault(Some(run), state, faults);
-    // A fault that needs an operator comes first: the run cannot continue before it is acknowledged.
-    let fault = faults.open().iter().find(|f| f.operator_required).or_else(|| faults.open().last());
+    // A fault that needs an operator comes first: the run cannot continue before it is acknowledged. Of these, one that a command ends.
+    let stands = || faults.open().iter().filter(|f| f.operator_required);
+    let fault = stands().find(|f| !f.ends_by_itself()).or_else(|| stands().next()).or_else(|| faults.open().last());
     let (next_action, next_command) = match (fault, under) {
         (Some(fault), _) => {
-            let command = match fault.end() {
-                FaultEnd::Acknowledgement => Some(NextCommand::Acknowledge),
-                FaultEnd::Resumption if under == RunUnderFault::Waits => Some(NextCommand::Unhold),
-                FaultEnd::Cause | FaultEnd::Resumption | FaultEnd::Restart => None,
-            };
-            (Some(fault.advice(under)), command)
+            let advice = fault.advice(under);
+            match fault.end() {
+                FaultEnd::Acknowledgement => (Some(advice), Some(NextCommand::Acknowledge)),
+                // It stands also after the restart, until somebody acknowledges it.
+                FaultEnd::Restart => {
+                    let advice = format!("{advice} Then acknowledge the fault and let the run go on.");
+                    (Some(advice), Some(NextCommand::Acknowledge))
+                }
+                FaultEnd::Resumption if under == RunUnderFault::Waits => (Some(advice), Some(NextCommand::Unhold)),
+                FaultEnd::Cause | FaultEnd::Resumption => (Some(advice), None),
+            }
         }
         (None, RunUnderFault::None | RunUnderFault::GoesOnByItself) => (None, None),
         (None, RunUnderFault::Waits) if comes_back => {
@@ -124,9 +130,9 @@ mod tests {
                 assert_eq!(next.contains("continues by itself"), goes_on, "{}: {next}", code.code);
                 assert!(fault.needs_a_person(under_fault(Some(&r), state.run.as_ref(), &state.faults)), "{}", code.code);
                 let command = match fault.end() {
-                    FaultEnd::Acknowledgement => Some(NextCommand::Acknowledge),
+                    FaultEnd::Acknowledgement | FaultEnd::Restart => Some(NextCommand::Acknowledge),
                     FaultEnd::Resumption => Some(NextCommand::Unhold),
-                    FaultEnd::Cause | FaultEnd::Restart => None,
+                    FaultEnd::Cause => None,
                 };
                 assert_eq!((hold.next_command, hold.fault_seq), (command, Some(1)), "{}: not while the cause stands", code.code);
             }
@@ -134,6 +140,34 @@ mod tests {
         let (r, state) = (run(&["A01"]), after(&three));
         let over = hold(&r, state.run.as_ref(), &state.faults).unwrap();
         assert_eq!((over.next_command, over.fault_seq, over.times), (Some(NextCommand::Unhold), None, 4));
+    }
+
+    /// Of every two faults, held by an operator too, or by a cause that comes back.
+    #[test]
+    fn the_next_command_is_named_in_every_state_that_waits_for_one() {
+        let three = [held(), resumed(), held(), resumed(), held(), resumed(), held()];
+        let numbered = |seq, code| EventData::FaultRaised(Fault::new(seq, code, "found".into(), String::new()));
+        let none: &[EventData] = &[];
+        for before in [&three[..1], &three[..]] {
+            for by_operator in [none, &[EventData::RunHoldRequested]] {
+                for first in carved_records::FAULT_CODES {
+                    for second in carved_records::FAULT_CODES {
+                        let events = [before, by_operator, &[numbered(1, first), numbered(2, second)]].concat();
+                        let state = after(&events);
+                        let hold = hold(&run(&["A01"]), state.run.as_ref(), &state.faults).unwrap();
+                        let stands = state.faults.open().iter().find(|f| f.operator_required && !f.ends_by_itself());
+                        let expected = match stands {
+                            Some(fault) => (Some(NextCommand::Acknowledge), Some(fault.seq)),
+                            None if state.faults.open().iter().any(Fault::ends_by_itself) => (None, hold.fault_seq),
+                            None => (Some(NextCommand::Unhold), hold.fault_seq),
+                        };
+                        assert_eq!((hold.next_command, hold.fault_seq), expected, "{}, {}", first.code, second.code);
+                        let says = hold.next_action.unwrap();
+                        assert!(expected.0 != Some(NextCommand::Acknowledge) || says.contains("cknowledge"), "{says}");
+                    }
+                }
+            }
+        }
     }
 
     #[test]

@@ -192,6 +192,11 @@ impl RunInProgress {
         slot.map(|slot| slot.end_early(SpecimenOutcome::Interrupted, reason, views)).is_some()
     }
 
+    /// Takes back a change of the record that the disk has refused.
+    pub fn restore(&mut self, before: RunRecord) {
+        self.record = before;
+    }
+
     /// The record of the run after its last well.
     pub fn finished(&self) -> RunRecord {
         let mut record = self.record.clone();

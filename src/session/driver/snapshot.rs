@@ -2,7 +2,7 @@
 
 use super::super::{Pending, Refusal, RunStatus, SpecimenStatus, State, Status, sentence};
 use super::loader::Loader;
-use super::plates::to_be_taken_out;
+use super::plates::{Surroundings, to_be_taken_out};
 use super::resume;
 use super::run::{Request, RunInProgress};
 use super::{Departure, Life};
@@ -47,11 +47,20 @@ impl Parts<'_> {
         s.plate.barcode = self.state.plate.inside().map(str::to_owned);
         s.plate.present = self.state.plate.handed_over().is_some();
         (s.plate.take_out, s.plate.bring) = self.loader.requests(capillary, self.run.map(RunInProgress::handling));
-        s.plate.needs = needs(s.plate.take_out.as_deref(), s.plate.bring.as_deref());
-        // The specimen is out only if the loader or the sampler has reported it. During a start a run may still be restored.
-        let is_empty = capillary.inside().is_none() && !self.loader.has_unexpected();
-        let is_over = self.life != Life::Starting && self.run.is_none() && is_empty;
-        s.plate.removable = is_over && s.plate.barcode.is_some() && !self.is_failing;
+        let keeps_plate = Surroundings {
+            state: s.state,
+            has_run: self.run.is_some(),
+            capillary,
+            has_unexpected: self.loader.has_unexpected(),
+            is_failing: self.is_failing,
+        }
+        .needs();
+        // During a start a run may still be restored.
+        s.plate.removable = self.life != Life::Starting && s.plate.barcode.is_some() && keeps_plate.is_none();
+        s.plate.needs = match self.run {
+            Some(_) => needs(s.plate.take_out.as_deref(), s.plate.bring.as_deref()),
+            None => keeps_plate,
+        };
         s.not_ready_reason = self.not_ready();
         s.ready = s.not_ready_reason.is_none();
         s.doing = sentence::of(s);
@@ -91,7 +100,7 @@ impl Parts<'_> {
             Life::Up => {}
         }
         let stands = self.state.faults.open().iter().find(|f: &&Fault| f.operator_required);
-        let left = self.loader.has_to_take_out(capillary(self.state));
+        let left = self.loader.keeps_run_out(capillary(self.state));
         let lost = self.lost.map(|lost| lost.way_out().to_owned());
         lost.or_else(|| stands.map(|f| format!("a fault stands: {}", f.plainly())))
             .or_else(|| self.run.map(|_| "a run is under way".into()))
@@ -225,11 +234,13 @@ mod tests {
         ] {
             assert!(!snapshot(&parts).plate.removable);
         }
+        assert!(snapshot(&Parts { is_failing: true, ..parts(&empty, &loader) }).plate.needs.unwrap().contains("disk"));
         let inside = after(&[(Some("A01"), EventData::SpecimenPhase(PhaseEntered { phase: Phase::Eject, in_capillary: true }))]);
         let left = snapshot(&parts(&inside, &loader)).plate;
         assert!(!left.removable && left.take_out.as_deref() == Some("A01") && left.needs.unwrap().contains("A01"));
         loader.read_wire(true);
-        assert!(!snapshot(&parts(&empty, &loader)).plate.removable, "nobody knows what is inside");
+        let plate = snapshot(&parts(&empty, &loader)).plate;
+        assert!(!plate.removable && plate.needs.unwrap().contains("no run asked for"), "nobody knows what is inside");
     }
 
     #[test]

@@ -1,14 +1,16 @@
 //! The content of the capillary, the requests to the loader, the causes of a hold and the readiness, as loader and operator see them.
 
 use super::super::*;
-use super::bench::{Bench, RUN, bench, journalled, on_this_thread, plan, scratch, started};
-use crate::api::RunOutcome;
+use super::bench::{Arm, Bench, RUN, bench, bench_of, count, instrument, journalled, on_this_thread, plan, scratch, started, started_with};
+use crate::api::{NextCommand, RunOutcome, SpecimenOutcome};
 use crate::session::handle::{Accepted, Refusal, Towards};
 use crate::session::search::DevicesFound;
 use crate::session::worker::{Progress, RunEnd, RunError};
 use carved_devices::DeviceError;
-use carved_records::{EventData, Phase, WellLoaded, kind};
+use carved_devices::testing::FakeAxis;
+use carved_records::{EventData, Handoff, HandoffEnd, HandoffIntent, Phase, WellLoaded, fault_table, kind};
 use carved_store::StoreError;
+use carved_store::testing::trace as disk_trace;
 use std::path::PathBuf;
 use tokio::sync::oneshot;
 
@@ -119,7 +121,7 @@ fn a_run_that_ends_while_the_next_is_awaited_leaves_the_one_before() {
     });
 }
 
-/// No loader is there to take it out. The next run ejects it first, also after restarts.
+/// The next run ejects it first, also after restarts. Until then somebody has to take it out before the plate is taken.
 #[test]
 fn what_an_aborted_run_left_is_ejected_by_the_next_where_a_sampler_is_driven() {
     on_this_thread(async {
@@ -130,7 +132,8 @@ fn what_an_aborted_run_left_is_ejected_by_the_next_where_a_sampler_is_driven() {
         b.ends(RunEnd::Cancelled).await;
         for restarted in [false, true] {
             let status = b.status();
-            assert!(status.ready && !status.plate.removable && status.plate.needs.is_none(), "{restarted}: {:?}", status.not_ready_reason);
+            assert!(status.ready && !status.plate.removable, "{restarted}: {:?}", status.not_ready_reason);
+            assert_eq!((status.plate.take_out, status.plate.needs), (Some("A01".into()), Some(out("A01"))), "{restarted}");
             assert_eq!(b.inside_by_status().as_deref(), Some("A01"));
             drop(b);
             b = bench(dir.path(), false);
@@ -207,5 +210,122 @@ fn what_is_ready_takes_a_run() {
         b.d.look_for_room();
         assert!(b.status().not_ready_reason.is_some_and(|why| why.contains("budget_gb")));
         assert!(matches!(b.put("r1"), Err(Refusal::OverBudget { .. })));
+    });
+}
+
+/// A run of a sampler that brings the specimens of a plate one after the other. That of A01 came after its time.
+async fn sampler_is_late(root: &std::path::Path) -> Bench {
+    let mut b = started_with(root, instrument(FakeAxis::new(), Arm::default()), &["A01", "A02", "A03"]);
+    b.phase("A01", Phase::Load, false);
+    b.ends(RunEnd::Failed(DeviceError::Sampler { well: "A01".into(), why: "no specimen".into() }.into())).await;
+    b
+}
+
+fn outcomes(b: &Bench) -> Vec<Option<SpecimenOutcome>> {
+    b.status().run.unwrap().results.iter().map(|result| result.outcome).collect()
+}
+
+/// It is in nobody's hands any more, and the next one that comes belongs to the next well.
+#[test]
+fn a_specimen_that_came_late_or_unasked_can_be_taken_out() {
+    on_this_thread(async {
+        for (well, at) in [("A01", 0), ("A02", 1)] {
+            let dir = scratch();
+            let mut b = sampler_is_late(dir.path()).await;
+            assert_eq!((b.loaded(well, false), b.loaded(well, false)), (Ok(()), Ok(())));
+            assert!(matches!(b.loaded("H12", false), Err(Refusal::UnexpectedWell { .. })));
+            for _restart in 0..2 {
+                let expected: Vec<_> = (0..3).map(|i| (i == at).then_some(SpecimenOutcome::Interrupted)).collect();
+                assert_eq!(outcomes(&b), expected);
+                drop(b);
+                b = bench_of(dir.path(), instrument(FakeAxis::new(), Arm::default()));
+                assert_eq!(b.loaded(well, false), Ok(()), "repeated after a restart");
+            }
+            let events = journalled(dir.path());
+            assert_eq!((count(&events, kind::WELL_UNLOADED), count(&events, "specimen.interrupted")), (1, 2), "the load, the message");
+            let seq = b.status().faults[0].seq;
+            requests::acknowledge(&mut b.d, seq).unwrap();
+            b.steer(Towards::Unhold).unwrap();
+            let left = b.d.run.as_ref().unwrap().wells_left(&std::collections::VecDeque::new());
+            let asked = ["A01", "A02", "A03"].into_iter().filter(|planned| *planned != well).collect::<Vec<_>>();
+            assert_eq!(left.iter().map(|planned| planned.well.as_str()).collect::<Vec<_>>(), asked);
+            assert!(matches!(b.loaded("A03", false), Err(Refusal::UnexpectedWell { .. })), "the sampler is asked for one");
+        }
+    });
+}
+
+#[test]
+fn a_message_that_a_specimen_is_out_outlasts_a_death_at_any_moment() {
+    on_this_thread(async {
+        let mut deaths = 0;
+        loop {
+            let dir = scratch();
+            let mut b = sampler_is_late(dir.path()).await;
+            disk_trace::begin(None);
+            disk_trace::die(deaths);
+            let answer = b.loaded("A01", false);
+            let has_died = disk_trace::was_full();
+            drop(b);
+            disk_trace::begin(None);
+            let mut b = bench_of(dir.path(), instrument(FakeAxis::new(), Arm::default()));
+            let is_told = answer.is_ok() || count(&journalled(dir.path()), kind::WELL_UNLOADED) == 1;
+            assert!(!is_told || outcomes(&b)[0].is_some(), "the next one would be A01, death {deaths}");
+            assert_eq!((b.loaded("A01", false), outcomes(&b)[0]), (Ok(()), Some(SpecimenOutcome::Interrupted)), "death {deaths}");
+            disk_trace::end();
+            if !has_died {
+                break;
+            }
+            deaths += 1;
+        }
+        assert!(deaths > 3, "{deaths}");
+    });
+}
+
+/// The run has no use for the message, and the person who sends it needs no other answer.
+#[test]
+fn a_late_specimen_can_be_taken_out_after_the_end_of_the_run() {
+    on_this_thread(async {
+        let dir = scratch();
+        let mut b = sampler_is_late(dir.path()).await;
+        b.steer(Towards::Abort).unwrap();
+        for well in ["A01", "A01", "A02"] {
+            assert_eq!(b.loaded(well, false), Ok(()));
+        }
+        let status = b.status();
+        assert!(status.plate.removable && status.plate.needs.is_none(), "{:?}", status.plate);
+    });
+}
+
+/// A run that no frame has held is aborted with its specimen inside, and nobody starts another.
+#[test]
+fn the_plate_of_an_aborted_run_can_be_taken_from_a_driven_sampler() {
+    on_this_thread(async {
+        for restarted in [false, true] {
+            let dir = scratch();
+            let mut b = bench(dir.path(), false);
+            requests::handoff(&mut b.d, Handoff { intent: HandoffIntent::Load, barcode: "P-1".into() }).unwrap();
+            requests::end_handoff(&mut b.d, HandoffEnd::Completed).unwrap();
+            b.put_run(&plan(&["A01", "A02"])).unwrap();
+            b.tell(Progress::Ready);
+            b.phase("A01", Phase::Position, true);
+            b.ends(RunEnd::Failed(DeviceError::NoFrame { waited_ms: 1, attempts: 1, last: "nothing came".into() }.into())).await;
+            let hold = b.status().run.unwrap().hold.unwrap();
+            assert_eq!((hold.code.as_str(), hold.next_command), (fault_table::CAMERA_NO_FRAME.code, Some(NextCommand::Unhold)));
+            b.steer(Towards::Abort).unwrap();
+            if restarted {
+                drop(b);
+                b = bench(dir.path(), false);
+            }
+            let faults: Vec<u64> = b.status().faults.iter().map(|fault| fault.seq).collect();
+            faults.into_iter().for_each(|seq| requests::acknowledge(&mut b.d, seq).unwrap());
+            let plate = b.status().plate;
+            assert_eq!((plate.removable, plate.take_out.as_deref(), plate.needs), (false, Some("A01"), Some(out("A01"))));
+            assert!(b.status().doing.contains("A01"), "{}", b.status().doing);
+            b.loaded("A01", false).unwrap();
+            assert!(b.status().plate.removable);
+            let unload = requests::handoff(&mut b.d, Handoff { intent: HandoffIntent::Unload, barcode: "P-1".into() }).unwrap();
+            assert_eq!((unload.needs, requests::end_handoff(&mut b.d, HandoffEnd::Completed)), (None, Ok(())));
+            assert!(b.status().ready && b.status().plate.barcode.is_none());
+        }
     });
 }

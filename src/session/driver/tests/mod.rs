@@ -11,4 +11,5 @@ mod recovery;
 mod replayed;
 mod restart;
 mod shown;
+mod way_on;
 mod words;

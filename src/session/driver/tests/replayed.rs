@@ -22,13 +22,13 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-const WELLS: [&str; 3] = ["A01", "A02", "A03"];
+pub(super) const WELLS: [&str; 3] = ["A01", "A02", "A03"];
 const PHASES: [Phase; 8] =
     [Phase::Load, Phase::Position, Phase::Detect, Phase::Revolve, Phase::Reconstruct, Phase::Measure, Phase::Eject, Phase::Wash];
 
 /// One step of the driver's environment. An impossible step is skipped, or the driver refuses it.
 #[derive(Debug, Clone)]
-enum Step {
+pub(super) enum Step {
     Put,
     Ready,
     Awaits(usize),
@@ -64,7 +64,7 @@ enum Step {
     DiesAt(usize),
 }
 
-fn step() -> impl Strategy<Value = Step> {
+pub(super) fn step() -> impl Strategy<Value = Step> {
     let well = 0..WELLS.len();
     prop_oneof![
         2 => Just(Step::Put),
@@ -79,11 +79,11 @@ fn step() -> impl Strategy<Value = Step> {
         1 => Just(Step::Hardware),
         2 => well.clone().prop_map(Step::Done),
         2 => Just(Step::Recovered),
-        2 => (0..6_u8).prop_map(Step::WorkerEnds),
+        2 => (0..10_u8).prop_map(Step::WorkerEnds),
         3 => (0..4_u8).prop_map(Step::Steer),
         4 => (well, any::<bool>()).prop_map(|(w, loaded)| Step::Loader(w, loaded)),
         2 => (0..4_u8).prop_map(Step::Plate),
-        1 => (0..4_u8).prop_map(Step::Fault),
+        1 => (0..8_u8).prop_map(Step::Fault),
         1 => any::<bool>().prop_map(Step::AxisAnswers),
         2 => (1..6_u64).prop_map(Step::Acknowledge),
         2 => (0..12_usize).prop_map(Step::DiskFails),
@@ -102,12 +102,16 @@ fn error(which: u8) -> RunError {
         0 => RunError::SpecimenThread,
         1 => RunError::Device(intervention),
         2 => RunError::Device(DeviceError::ControlLost),
+        3 => RunError::Device(DeviceError::NoFrame { waited_ms: 1000, attempts: 3, last: "nothing came".into() }),
+        4 => RunError::Device(DeviceError::NotArmed),
+        5 => RunError::Device(DeviceError::Sampler { well: "A01".into(), why: "no specimen".into() }),
+        6 => RunError::Device(DeviceError::Suspect { why: "it slipped".into() }),
         _ => RunError::Store(StoreError::Vanished { path: "/data".into() }),
     }
 }
 
 /// The worker accepts the turn of a well. It has no views, so none is missing. A disk that refuses this ends the worker with an error.
-fn accepts(b: &Bench, well: usize) -> Result<(), StoreError> {
+pub(super) fn accepts(b: &Bench, well: usize) -> Result<(), StoreError> {
     let planned = &b.d.run.as_ref().unwrap().record().plan.plate_map[well];
     let mut recording = a_recording(RUN, planned);
     recording.ended_after_views = Some(0);
@@ -115,7 +119,7 @@ fn accepts(b: &Bench, well: usize) -> Result<(), StoreError> {
 }
 
 /// Waits for the numbers that are being computed. `false` if there are none.
-async fn recovers(b: &mut Bench) -> bool {
+pub(super) async fn recovers(b: &mut Bench) -> bool {
     let Some(run) = b.d.run.as_mut().filter(|run| run.numbers().are_being_made()) else { return false };
     let made = run.numbers_mut().made().await;
     course::recovered(&mut b.d, made);
@@ -123,12 +127,12 @@ async fn recovers(b: &mut Bench) -> bool {
 }
 
 /// Waits for the thread that computes numbers: it must not write after the end of the process. The driver has not taken the result.
-async fn thread_ends(b: &mut Bench) -> Option<Made> {
+pub(super) async fn thread_ends(b: &mut Bench) -> Option<Made> {
     let run = b.d.run.as_mut().filter(|run| run.numbers().are_being_made())?;
     Some(run.numbers_mut().made().await)
 }
 
-async fn takes(b: &mut Bench, axis_answers: &AtomicBool, step: &Step) {
+pub(super) async fn takes(b: &mut Bench, axis_answers: &AtomicBool, step: &Step) {
     let open = |b: &Bench, well: usize| {
         let Some(run) = &b.d.run else { return false };
         let is_open = run.record().wells.iter().any(|w| w.well == WELLS[well] && w.outcome.is_none());
@@ -137,7 +141,9 @@ async fn takes(b: &mut Bench, axis_answers: &AtomicBool, step: &Step) {
     match *step {
         Step::Put => drop(b.put_run(&plan(&WELLS))),
         Step::Ready if b.works() => drop(b.tell(Progress::Ready)),
-        Step::Awaits(well) if b.works() && open(b, well) => drop(b.tell(Progress::WaitingForLoader { well: WELLS[well].into() })),
+        Step::Awaits(well) if b.works() && open(b, well) && b.d.loader.fills_capillary() => {
+            b.tell(Progress::WaitingForLoader { well: WELLS[well].into() });
+        }
         Step::Enters(well, phase, inside) if b.works() => drop(b.phase(WELLS[well], PHASES[phase], inside)),
         Step::Detected(well, judged) if b.works() => {
             let found = judged.then(a_larva);
@@ -192,7 +198,10 @@ async fn takes(b: &mut Bench, axis_answers: &AtomicBool, step: &Step) {
             2 => requests::end_handoff(&mut b.d, HandoffEnd::Completed),
             _ => requests::end_handoff(&mut b.d, HandoffEnd::Aborted),
         }),
-        Step::Fault(which) => b.d.raise(&error(which)),
+        Step::Fault(which) => match error(which) {
+            RunError::Store(refused) => b.d.keep(Err(refused)),
+            error => b.d.raise(&error),
+        },
         Step::AxisAnswers(answers) => axis_answers.store(answers, Ordering::SeqCst),
         Step::Acknowledge(seq) => drop(requests::acknowledge(&mut b.d, seq)),
         Step::DiskFails(at) => disk_trace::fill(at, || ()),
@@ -231,28 +240,33 @@ fn a_larva() -> carved_core::profile::Detection {
 
 /// The sampler, and the method's policy for an interrupted specimen.
 #[derive(Debug, Clone, Copy)]
-struct Sampling {
-    loaded_from_outside: bool,
+pub(super) struct Sampling {
+    pub loaded_from_outside: bool,
     brings_again: bool,
+    /// Another program turns the capillary, as on a stock VAST.
+    steps_through_a_list: bool,
     interrupted: Interrupted,
 }
 
-fn sampling() -> impl Strategy<Value = Sampling> {
-    let samplers = prop_oneof![Just((true, true)), Just((false, true)), Just((false, false))];
+pub(super) fn sampling() -> impl Strategy<Value = Sampling> {
+    let samplers =
+        prop_oneof![Just((true, true, false)), Just((false, true, false)), Just((false, false, false)), Just((false, true, true))];
     let policies = prop_oneof![Just(Interrupted::Redo), Just(Interrupted::Skip)];
-    (samplers, policies).prop_map(|((loaded_from_outside, brings_again), interrupted)| Sampling {
+    (samplers, policies).prop_map(|((loaded_from_outside, brings_again, steps_through_a_list), interrupted)| Sampling {
         loaded_from_outside,
         brings_again,
+        steps_through_a_list,
         interrupted,
     })
 }
 
 /// A driver on this folder. `axis_answers`: whether its axis answers a check.
-fn bench(root: &Path, sampling: Sampling, axis_answers: &Arc<AtomicBool>) -> Bench {
-    let Sampling { loaded_from_outside, brings_again, interrupted } = sampling;
+pub(super) fn bench(root: &Path, sampling: Sampling, axis_answers: &Arc<AtomicBool>) -> Bench {
+    let Sampling { loaded_from_outside, brings_again, steps_through_a_list, interrupted } = sampling;
     let answers = Arc::clone(axis_answers);
     let gone = || DeviceError::Gone { device: "rotation axis", why: "the cable".into() };
     let axis = FakeAxis::new().answering(move || if answers.load(Ordering::SeqCst) { Ok(()) } else { Err(gone()) });
+    let axis = if steps_through_a_list { axis.trigger_only() } else { axis };
     bench_with(root, instrument(axis, Arm { waits: loaded_from_outside, brings_again, ..Arm::default() }), interrupted)
 }
 

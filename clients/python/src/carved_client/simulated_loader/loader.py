@@ -120,6 +120,8 @@ class PlateLoader:
         if run is None:
             self._start(status, run_id, plan)
         elif run.outcome is not None:
+            # A driven sampler leaves the specimen of an aborted run inside. A person takes it out.
+            self.capillary = self.capillary or status.plate.take_out
             if self.capillary is not None:
                 self._take_out(run_id)
             elif not status.plate.present:
