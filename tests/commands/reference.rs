@@ -194,6 +194,7 @@ impl Recorded {
             sense: Sense::default(),
             rotation_identity: String::new(),
             camera_identity: String::new(),
+            camera_features: std::collections::BTreeMap::default(),
             second: None,
         };
         let well = PlannedWell::new("A01", SpecimenKind::Bead, None);

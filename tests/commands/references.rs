@@ -144,6 +144,7 @@ fn recorded(folder: &Path, well: PlannedWell, references: &[References], record:
         sense: config.acquisition.sense,
         rotation_identity: String::new(),
         camera_identity: String::new(),
+        camera_features: std::collections::BTreeMap::default(),
         second: None,
     };
     let recording = Recording::new("r", well, Mode::Simulated, rig, "standard", config.methods["standard"].clone());

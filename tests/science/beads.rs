@@ -23,6 +23,7 @@ fn record(folder: &Path, rig: &str, bead: &Bead) {
         sense: Sense::default(),
         rotation_identity: String::new(),
         camera_identity: String::new(),
+        camera_features: std::collections::BTreeMap::default(),
         second: None,
     };
     let mut psi = config.optics.clone();

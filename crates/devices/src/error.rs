@@ -102,6 +102,12 @@ pub enum DeviceError {
     /// The camera does not answer on its control channel.
     #[error("camera: no answer to {request} ({why}). Check its power and cable; it is opened again when it answers")]
     CameraSilent { request: String, why: String },
+    /// A feature of the camera that changes the picture has another value than when it was opened.
+    #[error(
+        "camera: {name} is {found} and was {expected} when the camera was configured; another program, a knob or the camera itself changed it. It \
+         is set back, and the specimen is begun anew"
+    )]
+    CameraChanged { name: String, expected: String, found: String },
     /// Another camera answers where the one of this process was.
     #[error(
         "camera: {found} answers in the place of {expected}. Put the first one back. To use the new one, check its scale and axis, and start \

@@ -294,6 +294,10 @@ pub struct StreamCounters {
 pub trait Camera: Send {
     /// Vendor, model and serial number, for the record.
     fn identity(&self) -> &str;
+    /// The camera's own features that change the picture, such as exposure and gain, for the record. Empty if none are known.
+    fn features(&self) -> std::collections::BTreeMap<String, String> {
+        std::collections::BTreeMap::new()
+    }
     /// Starts an acquisition: the camera then waits for triggers. A lost camera is opened again first.
     ///
     /// # Errors

@@ -127,6 +127,10 @@ pub struct RigRecord {
     pub sense: Sense,
     pub rotation_identity: String,
     pub camera_identity: String,
+    /// The camera's own features that change the picture, such as exposure and gain, as it reported them when it was configured. Empty for
+    /// imported pictures and in files of versions that did not write them.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub camera_features: BTreeMap<String, String>,
     /// The second camera, if there was one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub second: Option<SecondRecord>,

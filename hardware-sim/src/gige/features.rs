@@ -42,11 +42,20 @@ pub(super) enum Register {
     GainRaw,
     StreamBytesPerSecond,
     PacketSize,
+    ReverseX,
+    ReverseY,
+    GainAuto,
+    Gamma,
+    BinningHorizontal,
 }
 
 impl Register {
     pub const fn address(self) -> u32 {
         FEATURES + 4 * self as u32
+    }
+
+    pub fn named(name: &str) -> Option<Self> {
+        FEATURE_TABLE.iter().find(|f| f.name == name).map(|f| f.register)
     }
 
     pub fn at(address: u32) -> Option<Self> {
@@ -60,6 +69,7 @@ pub(super) enum Kind {
     ReadOnly,
     Float { min: f32, max: f32, unit: &'static str },
     Enumeration(&'static [(&'static str, u32)]),
+    Boolean,
     Command,
 }
 
@@ -90,6 +100,10 @@ pub(super) const SOFTWARE: u32 = 6;
 pub(super) const CONTINUOUS: u32 = 0;
 pub(super) const SINGLE_FRAME: u32 = 1;
 pub(super) const MULTI_FRAME: u32 = 2;
+
+const AUTO: &[(&str, u32)] = &[("Off", 0), ("Once", 1), ("Continuous", CONTINUOUSLY)];
+/// The camera changes the value by itself.
+const CONTINUOUSLY: u32 = 2;
 
 const IMAGE: &str = "ImageFormat";
 const ACQUISITION: &str = "Acquisition";
@@ -159,7 +173,7 @@ pub(super) const FEATURE_TABLE: &[Feature] = &[
     ),
     feature(ACQUISITION, "TriggerSoftware", Register::TriggerSoftware, Kind::Command),
     feature(EXPOSURE, "ExposureMode", Register::ExposureMode, Kind::Enumeration(&[("Timed", 0)])),
-    feature(EXPOSURE, "ExposureAuto", Register::ExposureAuto, Kind::Enumeration(&[("Off", 0)])),
+    feature(EXPOSURE, "ExposureAuto", Register::ExposureAuto, Kind::Enumeration(AUTO)),
     feature(EXPOSURE, "ExposureTimeAbs", Register::ExposureTimeAbs, Kind::Float { min: 10.0, max: 60_000_000.0, unit: "us" }),
     feature(EXPOSURE, "GainRaw", Register::GainRaw, Kind::Integer { min: 0, max: Max::Value(24), step: 1 }),
     feature(
@@ -169,6 +183,11 @@ pub(super) const FEATURE_TABLE: &[Feature] = &[
         Kind::Integer { min: 1_000_000, max: Max::Value(124_000_000), step: 1 },
     ),
     feature(TRANSPORT, "GevSCPSPacketSize", Register::PacketSize, Kind::Integer { min: 500, max: Max::Value(16_384), step: 4 }),
+    feature(IMAGE, "ReverseX", Register::ReverseX, Kind::Boolean),
+    feature(IMAGE, "ReverseY", Register::ReverseY, Kind::Boolean),
+    feature(EXPOSURE, "GainAuto", Register::GainAuto, Kind::Enumeration(AUTO)),
+    feature(EXPOSURE, "Gamma", Register::Gamma, Kind::Float { min: 0.45, max: 1.0, unit: "" }),
+    feature(IMAGE, "BinningHorizontal", Register::BinningHorizontal, Kind::Integer { min: 1, max: Max::Value(8), step: 1 }),
 ];
 
 /// Text features in the bootstrap registers: name, address, length, whether they can be written.
@@ -199,6 +218,12 @@ pub(super) struct Values {
     pub gain_db: u32,
     pub bytes_per_second: u32,
     pub packet_size: u32,
+    /// Whether the columns, and the rows, are read out from the other end.
+    pub reversed: [bool; 2],
+    exposure_auto: u32,
+    gain_auto: u32,
+    gamma: f32,
+    binning: u32,
 }
 
 impl Values {
@@ -220,11 +245,23 @@ impl Values {
             gain_db: 0,
             bytes_per_second: 115_000_000,
             packet_size: 1500,
+            reversed: [false; 2],
+            exposure_auto: 0,
+            gain_auto: 0,
+            gamma: 1.0,
+            binning: 1,
         }
     }
 
     pub fn payload(&self) -> u32 {
         self.width * self.height * self.format.bytes_per_pixel() as u32
+    }
+
+    /// Shortens the exposure a little if the camera chooses it by itself.
+    pub fn choose_exposure(&mut self) {
+        if self.exposure_auto == CONTINUOUSLY {
+            self.exposure_us = (0.9 * self.exposure_us).max(10.0);
+        }
     }
 
     /// Whether each frame waits for a software trigger.
@@ -267,8 +304,13 @@ impl Values {
             Register::GainRaw => self.gain_db,
             Register::StreamBytesPerSecond => self.bytes_per_second,
             Register::PacketSize => self.packet_size,
+            Register::ReverseX => u32::from(self.reversed[0]),
+            Register::ReverseY => u32::from(self.reversed[1]),
+            Register::ExposureAuto => self.exposure_auto,
+            Register::GainAuto => self.gain_auto,
+            Register::Gamma => self.gamma.to_bits(),
+            Register::BinningHorizontal => self.binning,
             Register::ExposureMode
-            | Register::ExposureAuto
             | Register::AcquisitionStart
             | Register::AcquisitionStop
             | Register::AcquisitionAbort
@@ -300,6 +342,12 @@ impl Values {
             Register::GainRaw => self.gain_db = value,
             Register::StreamBytesPerSecond => self.bytes_per_second = value,
             Register::PacketSize => self.packet_size = value,
+            Register::ReverseX => self.reversed[0] = value == 1,
+            Register::ReverseY => self.reversed[1] = value == 1,
+            Register::ExposureAuto => self.exposure_auto = value,
+            Register::GainAuto => self.gain_auto = value,
+            Register::Gamma => self.gamma = f32::from_bits(value),
+            Register::BinningHorizontal => self.binning = value,
             _ => {}
         }
         true
@@ -310,6 +358,7 @@ impl Values {
         match feature.kind {
             Kind::ReadOnly => false,
             Kind::Command => true,
+            Kind::Boolean => value <= 1,
             Kind::Enumeration(entries) => entries.iter().any(|(_, v)| *v == value),
             Kind::Float { min, max, .. } => (min..=max).contains(&f32::from_bits(value)),
             Kind::Integer { min, max, step } => {
@@ -333,7 +382,7 @@ pub(super) fn is_locked_while_streaming(register: Register) -> bool {
 pub(super) fn description(vendor: &str, model: &str) -> String {
     let mut groups: Vec<(&str, Vec<&str>)> = vec![("DeviceInformation", TEXTS.iter().map(|t| t.0).collect())];
     for feature in FEATURE_TABLE {
-        match groups.last_mut().filter(|g| g.0 == feature.group) {
+        match groups.iter_mut().find(|g| g.0 == feature.group) {
             Some((_, names)) => names.push(feature.name),
             None => groups.push((feature.group, vec![feature.name])),
         }
@@ -393,6 +442,11 @@ fn node(feature: &Feature) -> String {
                 .collect::<Vec<_>>()
                 .concat();
             (format!("<Enumeration Name=\"{name}\" NameSpace=\"Standard\">{entries}{value}</Enumeration>"), "IntReg", "RW")
+        }
+        Kind::Boolean => {
+            let text =
+                format!("<Boolean Name=\"{name}\" NameSpace=\"Standard\">{value}<OnValue>1</OnValue><OffValue>0</OffValue></Boolean>");
+            (text, "IntReg", "RW")
         }
         Kind::Command => {
             let text = format!("<Command Name=\"{name}\" NameSpace=\"Standard\">{value}<CommandValue>1</CommandValue></Command>");

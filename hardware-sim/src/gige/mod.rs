@@ -117,6 +117,12 @@ impl GigeCamera {
         &self.faults
     }
 
+    /// Sets a feature as another program, a knob or the camera itself does. Returns whether the camera has it and takes the value.
+    pub fn leave(&self, feature: &str, raw: u32) -> bool {
+        let Some(register) = features::Register::named(feature) else { return false };
+        self.memory.lock().unwrap_or_else(PoisonError::into_inner).values.write(register, raw)
+    }
+
     /// Puts another camera of the same model, with this serial number, in the place of this one.
     pub fn exchange(&self, serial: &str) {
         self.memory.lock().unwrap_or_else(PoisonError::into_inner).exchange(serial);

@@ -197,7 +197,11 @@ impl Sensor {
 
     /// Exposes, reads out and sends one frame, unless the acquisition ends meanwhile.
     fn frame(&mut self) {
-        let values = self.lock().values.clone();
+        let values = {
+            let mut memory = self.lock();
+            memory.values.choose_exposure();
+            memory.values.clone()
+        };
         let begin = Instant::now();
         let half = self.clock.real(f64::from(values.exposure_us) * 0.5e-6);
         if !self.pause_until(begin + half) {
@@ -217,6 +221,7 @@ impl Sensor {
         });
         self.state.block = next_block(self.state.block);
         let mut bytes = picture.crop(values.offset.0, values.offset.1, values.width, values.height);
+        reverse(&mut bytes, values.width as usize, values.format.bytes_per_pixel(), values.reversed);
         let longer = self.nominal_exposure_us.map_or(1.0, |nominal| f64::from(values.exposure_us / nominal));
         amplify(&mut bytes, longer * 10f64.powf(f64::from(values.gain_db) / 20.0));
         let sent = !self.faults.takes_frame();
@@ -340,6 +345,16 @@ fn another(format: PixelFormat) -> PixelFormat {
         PixelFormat::Mono8 => PixelFormat::BayerRG8,
         PixelFormat::BayerRG8 => PixelFormat::Mono8,
         PixelFormat::RGB8Packed => PixelFormat::RGB8Packed,
+    }
+}
+
+/// Reads the columns, and the rows, out from the other end.
+fn reverse(bytes: &mut Vec<u8>, width: usize, pixel: usize, [columns, rows]: [bool; 2]) {
+    if columns {
+        *bytes = bytes.chunks(width * pixel).flat_map(|row| row.chunks(pixel).rev().flatten()).copied().collect();
+    }
+    if rows {
+        *bytes = bytes.chunks(width * pixel).rev().flatten().copied().collect();
     }
 }
 

@@ -311,6 +311,7 @@ fn recording(rig: Rig, run: &str, specimen: PlannedWell, kind: Kind, imported: &
         sense: imported.turn.sense,
         rotation_identity: format!("imported: {}", imported.angles_from),
         camera_identity: format!("imported: {}", imported.camera_from),
+        camera_features: std::collections::BTreeMap::new(),
         second: None,
     };
     Ok(Recording::new(run, specimen, Mode::Imported, record, &rig.method_name, method))

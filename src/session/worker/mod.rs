@@ -394,6 +394,7 @@ impl RunContext {
             empty_capillary_sha256: None,
             rotation_identity: instrument.rig.rotation.identity().to_owned(),
             camera_identity: instrument.rig.camera.identity().to_owned(),
+            camera_features: instrument.rig.camera.features(),
             second: second
                 .map(|(camera, configured)| SecondRecord { optics: configured.optics.clone(), identity: camera.identity().to_owned() }),
         };

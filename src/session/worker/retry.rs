@@ -2,6 +2,7 @@
 //!
 //! ```text
 //!                                       retried   if the retry fails too   the specimen
+//! a feature of the camera that changed     x       the run is held          stays: the run continues with it
 //! a frame that did not come                x       the run is held          stays: the run continues with it
 //! any error of the second camera           frame   the run is held          stays: the run continues with it
 //! detect, revolve overran                  x       the well fails           is ejected
@@ -36,6 +37,7 @@ pub fn may_be_tried_again(error: &RunError) -> bool {
                 || matches!(
                     e,
                     DeviceError::NoFrame { .. }
+                        | DeviceError::CameraChanged { .. }
                         | DeviceError::Translation { .. }
                         | DeviceError::Suspect { .. }
                         | DeviceError::Missed { .. }
@@ -66,7 +68,7 @@ fn is_camera(error: &RunError) -> bool {
     match error {
         RunError::Second(_) => true,
         RunError::Device(e) | RunError::Acquisition(AcquisitionError::Device { source: e, .. }) => {
-            matches!(e, DeviceError::NoFrame { .. } | DeviceError::Views(_))
+            matches!(e, DeviceError::NoFrame { .. } | DeviceError::CameraChanged { .. } | DeviceError::Views(_))
         }
         _ => false,
     }

@@ -4,6 +4,7 @@
 
 mod bench;
 mod control;
+mod features;
 mod frames;
 mod numbers;
 mod selection;

@@ -19,6 +19,7 @@
 mod accept;
 mod clock;
 mod configure;
+mod features;
 mod find;
 mod socket;
 mod stream;
@@ -68,6 +69,8 @@ struct Open {
     camera: aravis::Camera,
     clock: Option<CameraClock>,
     control_lost: Arc<AtomicBool>,
+    /// The features that change the picture, as they were once it was configured.
+    values: features::Values,
 }
 
 /// Tells other threads whether the camera is there.
@@ -112,7 +115,7 @@ impl Open {
                 // If another program, or a crashed predecessor, controls the camera, it can be read but not driven.
                 let ours = gv.is_controller() || (predecessor == Predecessor::MayHaveCrashed && inherits(gv));
                 if !ours {
-                    close_in_background(None, Some(Self { camera, clock, control_lost }));
+                    close_in_background(None, Some(Self { camera, clock, control_lost, values: features::Values::new() }));
                     return Err(DeviceError::NotController { address: settings.select.to_string() });
                 }
                 clock = CameraClock::of(gv);
@@ -120,10 +123,16 @@ impl Open {
             let flag = Arc::clone(&control_lost);
             device.connect_control_lost(move |_| flag.store(true, Ordering::Release));
         }
-        let open = Self { camera, clock, control_lost };
-        let configured = open.identify().and_then(|identity| configure::configure(&open.camera, settings).map(|()| identity));
+        let mut open = Self { camera, clock, control_lost, values: features::Values::new() };
+        let configured = open.identify().and_then(|identity| {
+            configure::configure(&open.camera, settings)?;
+            Ok((identity, features::values(&open.camera, settings)?))
+        });
         let identity = match configured {
-            Ok(identity) => identity,
+            Ok((identity, values)) => {
+                open.values = values;
+                identity
+            }
             Err(error) => {
                 let error = open.judged(error);
                 // A camera that was lost meanwhile must be closed in the background.
@@ -213,6 +222,29 @@ impl AravisCamera {
         error
     }
 
+    /// Compares the features that change the picture with those of the configured camera, and sets back what differs.
+    fn held(&self, which: features::Which) -> Result<(), DeviceError> {
+        let open = self.device()?;
+        features::hold(&open.camera, &open.values, which).map_err(|e| self.noted(e))
+    }
+
+    /// Brings the features back to the configuration before an acquisition.
+    fn settle(&self) -> Result<(), DeviceError> {
+        match self.held(features::Which::All) {
+            Err(DeviceError::CameraChanged { name, expected, found }) => {
+                tracing::warn!(name, expected, found, "a feature of the camera was changed; it is set back");
+            }
+            settled => return settled,
+        }
+        self.held(features::Which::All).map_err(|error| match error {
+            DeviceError::CameraChanged { name, expected, found } => {
+                let why = format!("it was {expected} when the camera was opened, and cannot be set back");
+                DeviceError::Camera { what: format!("{name} = {found}"), why }
+            }
+            error => error,
+        })
+    }
+
     fn failed(&self, request: &str, error: &glib::Error) -> DeviceError {
         self.noted(refused(request, error))
     }
@@ -295,6 +327,10 @@ impl Camera for AravisCamera {
         &self.identity
     }
 
+    fn features(&self) -> std::collections::BTreeMap<String, String> {
+        self.open.as_ref().map(|open| open.values.clone()).unwrap_or_default()
+    }
+
     fn link(&self) -> Link {
         let state = Arc::clone(&self.link_state);
         Link::new(move || {
@@ -323,6 +359,7 @@ impl Camera for AravisCamera {
             self.disarm()?;
         }
         self.reopen()?;
+        self.settle()?;
         self.armed = Some(Armed::start(&self.device()?.camera, &self.settings).map_err(|e| self.noted(e))?);
         Ok(())
     }
@@ -338,7 +375,10 @@ impl Camera for AravisCamera {
             let ignored = self.counters().ignored_packets;
             attempts += 1;
             let last = match self.attempt(until, &mut since_ns)? {
-                Attempt::Taken(grabbed) => return Ok(Grabbed { attempts, ..grabbed }),
+                Attempt::Taken(grabbed) => {
+                    self.held(features::Which::OfEveryFrame)?;
+                    return Ok(Grabbed { attempts, ..grabbed });
+                }
                 Attempt::Refused(why) => {
                     refused = Some((attempts, why.clone()));
                     why

@@ -91,6 +91,9 @@ codes! {
     CAMERA_NO_FRAME = "camera_no_frame", Camera, Retry, operator: false, recoverable: true,
         "No whole frame came within the step's deadline, though the camera answers.",
         "If it comes again, check the network cable and the other traffic on its network.";
+    CAMERA_CHANGED = "camera_changed", Camera, Retry, operator: false, recoverable: true,
+        "A feature of the camera, such as exposure, gain or a mirrored picture, was changed while the run took views.",
+        "If it comes again, exit the other program that changes the camera, and look at the camera's own automatic functions.";
     CAMERA_REFUSED = "camera_refused", Camera, EscalateOperator, operator: true, recoverable: false,
         "The camera does not take a value of the configuration.",
         "Correct the value that the message names in the configuration, and start the daemon again.";

@@ -9,6 +9,7 @@ use aravis::{AcquisitionMode, RangeCheckPolicy};
 pub(super) fn configure(camera: &aravis::Camera, settings: &AravisSettings) -> Result<(), DeviceError> {
     // Without this policy a value out of range is accepted and ignored.
     camera.set_range_check_policy(RangeCheckPolicy::Enable);
+    super::features::set_neutral(camera, settings)?;
     if let Some(device) = camera.device() {
         for (name, value) in &settings.features {
             let what = || format!("{name} = {value}");
