@@ -93,10 +93,11 @@ impl RotationAxis for FolderAxis {
     }
 
     fn reference(&mut self, cancel: &CancelToken) -> Result<Achieved, DeviceError> {
+        // A stop cancels the work before it stops the axis. So a stop before this line has cancelled it, and one after it stays.
+        self.stopped.store(false, Ordering::SeqCst);
         if cancel.is_cancelled() {
             return Err(DeviceError::NotReferenced);
         }
-        self.stopped.store(false, Ordering::Release);
         Ok(Achieved { steps: Steps(0), epoch: self.turn.get().reference() })
     }
 
@@ -114,7 +115,7 @@ impl RotationAxis for FolderAxis {
 
     fn stop_handle(&self) -> StopHandle {
         let stopped = Arc::clone(&self.stopped);
-        StopHandle::new(move || stopped.store(true, Ordering::Release))
+        StopHandle::new(move || stopped.store(true, Ordering::SeqCst))
     }
 }
 

@@ -173,6 +173,24 @@ fn the_same_pixels_written_again_change_nothing_and_others_begin_the_turn_again(
     assert_eq!(rig.again().unwrap(), [1, 1, 7, 3, 4]);
 }
 
+/// After the last view nothing is waited for that would notice it.
+#[test]
+fn the_last_picture_is_looked_at_again_too() {
+    let mut rig = Rig::new();
+    rig.store_well("A01", 1);
+    fs::remove_file(rig.path("W_A01_1_4.png")).unwrap();
+    let path = rig.path("W_A01_1_4.png");
+    // The picture is quiet for long enough to be read before its program writes it again.
+    for (second, value) in [(10, 4), (13, 9)] {
+        let path = path.clone();
+        at(second, move || write(&path, second, &[value; 4]));
+    }
+    rig.next(&["A01"]).unwrap();
+    let error = views_error(rig.turn("A01"));
+    assert!(matches!(&error, ViewsError::Replaced { path } if path.ends_with("W_A01_1_4.png")), "{error}");
+    assert_eq!(rig.again().unwrap(), [1, 1, 2, 3, 9]);
+}
+
 #[test]
 fn a_view_that_the_other_program_has_left_out_ends_its_well_and_one_that_may_still_come_holds_the_run() {
     let mut rig = Rig::new();
@@ -263,9 +281,12 @@ fn a_stop_ends_the_wait_and_the_next_reference_releases_it() {
     assert!(matches!(rig.axis.move_to(Steps(0)), Err(DeviceError::NotReferenced)));
     rig.store("W_A01_1_4.png", 20, &[4; 4]);
     assert_eq!(rig.again().unwrap(), [1, 1, 2, 3, 4]);
+    // A stop cancels the work, then stops the axis. It may come while the reference begins.
     let cancelled = CancelToken::new();
     cancelled.cancel();
     assert!(rig.axis.reference(&cancelled).is_err());
+    rig.axis.stop_handle().stop();
+    assert!(matches!(rig.axis.position(), Position::Suspect { .. }), "the stop is lost");
 }
 
 #[test]

@@ -148,6 +148,9 @@ impl Turn {
         }
         let well = self.well.clone().ok_or(ViewsError::NoWell)?;
         let began = (self.clock.now)();
+        // No later wait looks at the last picture again, so this one does, for as long as a picture must be quiet.
+        let is_last = self.stops.len().checked_sub(1).is_some_and(|last| view == self.settings.first_view + last as u32);
+        let mut read = None;
         loop {
             if self.is_stopped() {
                 return Err(DeviceError::Suspect { why: "the wait for a picture was stopped".into() });
@@ -155,11 +158,14 @@ impl Turn {
             self.inbox.scan()?;
             let is_settled = self.used_are_the_same()?;
             if let Some(frame) = self.read(&well, view)?.filter(|_| is_settled) {
-                self.frame = Some((view, frame.clone()));
-                return Ok(frame);
+                let since = *read.get_or_insert_with(self.clock.now);
+                if !is_last || self.clock.since(since) >= self.settings.quiet() {
+                    self.frame = Some((view, frame.clone()));
+                    return Ok(frame);
+                }
             }
             let waited = self.inbox.silent_since(began).unwrap_or_else(|| self.clock.since(began));
-            if waited >= self.settings.next_picture() {
+            if read.is_none() && waited >= self.settings.next_picture() {
                 let folder = self.inbox.folder().to_owned();
                 return Err(ViewsError::Late { well, view, waited_s: waited.as_secs(), folder }.into());
             }
