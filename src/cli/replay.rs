@@ -12,7 +12,7 @@ use crate::session::numbers::{self, MESH};
 use crate::session::replays;
 use anyhow::{Context, ensure};
 use carved_records::{Method, is_plain_name};
-use carved_store::{MEASUREMENT, RecordingReader, ReplayWriter, RunRecord};
+use carved_store::{MEASUREMENT, RecordingReader, ReplayWriter, RunClaim, RunRecord};
 use std::path::{Component, Path, PathBuf};
 
 #[derive(Debug, clap::Args)]
@@ -42,6 +42,8 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         let is_name = matches!(Path::new(well).components().collect::<Vec<_>>()[..], [Component::Normal(_)]);
         ensure!(is_name, "{well:?} is no well of a run; expected the name of a folder in it, as A01 or A01.attempt-1");
     }
+    // No prune takes away results that are written meanwhile.
+    let _claim = RunClaim::shared(&args.run)?;
     let other = args.method.as_deref().map(|name| method(name, args.config.as_deref())).transpose()?;
     let folders = if args.wells.is_empty() {
         measure::expand(std::slice::from_ref(&args.run))?

@@ -81,7 +81,7 @@ pub(super) struct RunRow {
 
 impl From<carved_store::RunRow> for RunRow {
     fn from(row: carved_store::RunRow) -> Self {
-        // `started_us` is only needed for the `next` of a page.
+        // `place_us` is only needed for the `next` of a page.
         let carved_store::RunRow {
             id,
             external_id,
@@ -94,7 +94,7 @@ impl From<carved_store::RunRow> for RunRow {
             ended,
             outcome,
             wells,
-            started_us: _,
+            place_us: _,
         } = row;
         let wells = wells.into();
         Self { id, external_id, mode, software_version, plate_barcode, method, operator, started, ended, outcome, wells }
@@ -240,8 +240,8 @@ fn json<T: Serialize>(headers: &HeaderMap, value: &T) -> Response {
 }
 
 fn cursor(text: &str) -> Option<Cursor> {
-    let (started_us, id) = text.split_once('-')?;
-    Some(Cursor { started_us: started_us.parse().ok()?, id: id.to_owned() })
+    let (place_us, id) = text.split_once('-')?;
+    Some(Cursor { place_us: place_us.parse().ok()?, id: id.to_owned() })
 }
 
 /// Runs that are stored, newest first.
@@ -280,7 +280,7 @@ pub(super) async fn list(
     let mut runs = read(&app, move |store| store.runs(&query)).await?;
     let more = runs.len() > limit;
     runs.truncate(limit);
-    let next = runs.last().filter(|_| more).map(carved_store::RunRow::cursor).map(|c| format!("{}-{}", c.started_us, c.id));
+    let next = runs.last().filter(|_| more).map(carved_store::RunRow::cursor).map(|c| format!("{}-{}", c.place_us, c.id));
     Ok(json(&headers, &Runs { runs: runs.into_iter().map(Into::into).collect(), next }))
 }
 

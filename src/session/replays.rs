@@ -14,7 +14,7 @@ use super::{SessionHandle, Status};
 use carved_offline::Stopped;
 use carved_offline::recording::{self, Computed, NumbersError};
 use carved_records::Method;
-use carved_store::RecordingReader;
+use carved_store::{RecordingReader, RunClaim};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::collections::VecDeque;
 use std::num::NonZeroUsize;
@@ -153,8 +153,16 @@ impl Replays {
 
     fn work(&self, replay: Replay, pool: &ThreadPool, runtime: &Handle) {
         let Replay { name, method, wells, run } = replay;
+        // For all wells, so that no prune takes away those that are done.
+        let run_folder = wells.front().and_then(|(_, folder)| folder.parent()).map(Path::to_owned);
+        let mut claim = None;
         for (well, folder) in wells {
-            let measured = catch_unwind(AssertUnwindSafe(|| pool.install(|| self.measure(&folder, &name, &method, runtime))));
+            let measured = catch_unwind(AssertUnwindSafe(|| {
+                if claim.is_none() {
+                    claim = run_folder.as_deref().map(RunClaim::shared).transpose()?;
+                }
+                pool.install(|| self.measure(&folder, &name, &method, runtime))
+            }));
             let why = match measured {
                 Ok(Ok(())) => None,
                 Ok(Err(NumbersError::Stopped(_))) => return,

@@ -186,6 +186,121 @@ fn an_archive_into_the_run_itself_is_refused_and_leaves_nothing_there() {
     }
 }
 
+/// A run with a link to its own folder, to a folder and a file of somebody else, and a pipe, is refused by what it has. Nothing is followed.
+#[test]
+fn links_in_a_run_are_followed_by_no_command() {
+    use std::os::unix::fs::symlink;
+    type Make<'a> = &'a dyn Fn(&Path);
+    let dir = tempfile::tempdir().unwrap();
+    let (data, copies, other) = (dir.path().join("data"), dir.path().join("copies"), dir.path().join("other"));
+    stored(&data, "r1", Some(RunOutcome::Failed));
+    let here = data.join("runs/r1");
+    let carved = |args: &[&str]| run(args);
+    let archive = || carved(&["archive", here.to_str().unwrap(), "--to", copies.to_str().unwrap()]);
+    assert!(archive().status.success());
+    std::fs::create_dir_all(other.join("frames")).unwrap();
+    std::fs::write(other.join("frames/view_000.png"), "of somebody else").unwrap();
+    let odd: [(&str, Make); 4] = [
+        ("l1", &|path| symlink("..", path).unwrap()),
+        ("A02", &|path| symlink(&other, path).unwrap()),
+        ("A01/frames/view_009.png", &|path| symlink(other.join("frames/view_000.png"), path).unwrap()),
+        ("A01/pipe", &|path| nix::unistd::mkfifo(path, nix::sys::stat::Mode::S_IRWXU).unwrap()),
+    ];
+    let before = (files_of(&other), files_of(&copies), files_of(&here));
+    for (name, make) in odd {
+        make(&here.join(name));
+        for output in [
+            archive(),
+            carved(&["prune", data.to_str().unwrap(), "r1", "--yes"]),
+            carved(&["prune", data.to_str().unwrap(), "r1", "--all", "--yes"]),
+        ] {
+            assert!(!output.status.success() && text(&output).contains(name), "{name}: {}", text(&output));
+        }
+        std::fs::remove_file(here.join(name)).unwrap();
+        assert_eq!((files_of(&other), files_of(&copies), files_of(&here)), before, "{name}");
+    }
+    // A run that is a link is none of this data folder.
+    symlink(&here, data.join("runs/r2")).unwrap();
+    let output = carved(&["prune", data.to_str().unwrap(), "r2", "--all", "--yes"]);
+    assert!(!output.status.success() && text(&output).contains("r2") && here.is_dir(), "{}", text(&output));
+    let output = carved(&["prune", data.to_str().unwrap(), "r1", "--all", "--yes"]);
+    assert!(output.status.success() && !here.exists(), "{}", text(&output));
+    assert_eq!(files_of(&other), before.0);
+}
+
+/// Copies in memory. Something happens to the run while one is read again.
+struct Copies<'a> {
+    objects: &'a std::sync::Mutex<std::collections::BTreeMap<String, Vec<u8>>>,
+    meanwhile: &'a dyn Fn(),
+}
+
+impl carved_store::Objects for Copies<'_> {
+    fn get(&self, address: &str) -> Result<Option<Vec<u8>>, carved_store::StoreError> {
+        (self.meanwhile)();
+        Ok(self.objects.lock().unwrap().get(address).cloned())
+    }
+
+    fn put(&self, address: &str, bytes: Vec<u8>) -> Result<(), carved_store::StoreError> {
+        self.objects.lock().unwrap().insert(address.to_owned(), bytes);
+        Ok(())
+    }
+}
+
+/// A replay, another program or an operator adds files while the copy is read, which takes minutes.
+#[test]
+fn what_is_added_to_a_run_while_its_copy_is_read_is_not_removed() {
+    use carved_store::{Packing, RunClaim, archive_to_objects, prune};
+    static HERE: std::sync::OnceLock<PathBuf> = std::sync::OnceLock::new();
+    static OBJECTS: std::sync::Mutex<std::collections::BTreeMap<String, Vec<u8>>> =
+        std::sync::Mutex::new(std::collections::BTreeMap::new());
+    let dir = tempfile::tempdir().unwrap();
+    let data = dir.path().join("data");
+    stored(&data, "r1", Some(RunOutcome::Failed));
+    let here = HERE.get_or_init(|| data.join("runs/r1"));
+    archive_to_objects(here, "s3://copies", Packing::Files, &Copies { objects: &OBJECTS, meanwhile: &|| () }).unwrap();
+    let pruned = |all: bool, meanwhile: &'static (dyn Fn() + Sync)| {
+        prune(&data, "r1", all, true, &|_| Ok(Box::new(Copies { objects: &OBJECTS, meanwhile })))
+    };
+    let whole = files_of(here);
+    let added: [(&str, &'static (dyn Fn() + Sync)); 3] = [
+        ("A01/replays/m2/measurement.json", &|| {
+            std::fs::create_dir_all(HERE.get().unwrap().join("A01/replays/m2")).unwrap();
+            std::fs::write(HERE.get().unwrap().join("A01/replays/m2/measurement.json"), "{}").unwrap();
+        }),
+        ("A01/frames/view_001.png", &|| {
+            std::fs::write(HERE.get().unwrap().join("A01/frames/view_001.png"), "another frame").unwrap();
+        }),
+        ("A01/mesh.ply", &|| {
+            // The same bytes in another file: it has been replaced, so what was verified is not what is there.
+            std::fs::write(HERE.get().unwrap().join("new"), "ply").unwrap();
+            std::fs::rename(HERE.get().unwrap().join("new"), HERE.get().unwrap().join("A01/mesh.ply")).unwrap();
+        }),
+    ];
+    let frame = std::fs::read(here.join("A01/frames/view_001.png")).unwrap();
+    for (name, meanwhile) in added {
+        for all in [true, false] {
+            let error = pruned(all, meanwhile).unwrap_err().to_string();
+            assert!(error.contains(name) && error.contains("nothing is removed"), "{name}, all {all}: {error}");
+            assert!(here.join(name).is_file(), "{name}, all {all}: it is lost");
+            let _added = std::fs::remove_dir_all(here.join("A01/replays"));
+            std::fs::write(here.join("A01/frames/view_001.png"), &frame).unwrap();
+            assert_eq!(files_of(here), whole, "{name}, all {all}");
+        }
+    }
+    // A replay that is under way when the prune begins.
+    let claim = RunClaim::shared(here).unwrap();
+    let error = pruned(true, &|| ()).unwrap_err().to_string();
+    assert!(error.contains("works on this run now"), "{error}");
+    drop(claim);
+    // A replay that begins after it.
+    pruned(true, &|| {
+        let error = RunClaim::shared(HERE.get().unwrap()).unwrap_err().to_string();
+        assert!(error.contains("carved prune works on this run now"), "{error}");
+    })
+    .unwrap();
+    assert!(!here.exists() && !data.join("runs/.r1.pruned").exists());
+}
+
 /// A script reads the exit code. For a whole data folder, too, a copy that cannot be trusted is a failure. A run that was never archived is
 /// not.
 #[test]

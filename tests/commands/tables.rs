@@ -108,6 +108,26 @@ fn rows(file: &Path) -> Vec<BTreeMap<String, String>> {
     reader.records().map(|record| row(record.unwrap())).collect()
 }
 
+/// A text of the plate map that Excel would run as a command.
+#[test]
+fn a_file_for_a_spreadsheet_has_no_formula_and_one_for_programs_has_every_text_as_it_is() {
+    let dir = tempfile::tempdir().unwrap();
+    let run = plate(dir.path(), "r1", "=cmd|'/C calc'!A0", 3);
+    let table = |more: &[&str]| {
+        let file = dir.path().join("table.csv");
+        let output = carved().args(["export", "table"]).arg(&run).arg("--out").arg(&file).args(more).output().unwrap();
+        assert!(output.status.success(), "{}", stderr(&output));
+        std::fs::read_to_string(file).unwrap()
+    };
+    let (programs, spreadsheet) = (table(&[]), table(&["--spreadsheet"]));
+    let marked = "'=cmd|'/C calc'!A0";
+    assert!(programs.contains(",=cmd|") && !programs.contains(marked) && !programs.starts_with('\u{feff}'), "{programs}");
+    assert_eq!(spreadsheet.matches(",'=cmd|").count(), spreadsheet.matches("=cmd|").count(), "{spreadsheet}");
+    assert!(spreadsheet.starts_with('\u{feff}') && spreadsheet.contains(marked), "{spreadsheet}");
+    let output = carved().args(["export", "table"]).arg(&run).arg("--spreadsheet").output().unwrap();
+    assert!(String::from_utf8(output.stdout).unwrap().contains(marked), "standard output too");
+}
+
 #[test]
 fn the_examples_are_numbers_of_today() {
     for name in ["larva.json", "bead.json"] {

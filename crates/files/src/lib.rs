@@ -1,11 +1,16 @@
 //! Reading of files that a user names, only if they are regular files. Reading a pipe may wait for ever, and opening a serial port
-//! may reset the device behind it.
+//! may reset the device behind it. Below a folder of the instrument's own, links are not followed either: one to a folder above it has no
+//! end, and what it leads to belongs to somebody else.
+
+mod tree;
+
+pub use tree::Tree;
 
 use nix::fcntl::OFlag;
 use std::fs::{File, FileType, OpenOptions};
 use std::io::{self, Read};
 use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
-use std::path::Path;
+use std::path::{Component, Path};
 
 /// Opens a regular file for reading, without waiting.
 ///
@@ -17,6 +22,53 @@ pub fn open(path: &Path) -> io::Result<File> {
     let file = OpenOptions::new().read(true).custom_flags(OFlag::O_NONBLOCK.bits()).open(path)?;
     check(file.metadata()?.file_type())?;
     Ok(file)
+}
+
+/// Opens a regular file for reading, and follows no link below `folder`.
+///
+/// # Errors
+/// As [`open`]; `name` leads out of the folder, or a part of it is a link.
+pub fn open_below(folder: &Path, name: &Path) -> io::Result<File> {
+    let mut path = folder.to_owned();
+    let mut parts = name.components().peekable();
+    while let Some(part) = parts.next() {
+        if !matches!(part, Component::Normal(_)) {
+            return Err(io::Error::new(io::ErrorKind::InvalidInput, "it leads out of its folder"));
+        }
+        path.push(part);
+        let found = path.symlink_metadata()?.file_type();
+        if parts.peek().is_none() || !found.is_dir() {
+            check(found)?;
+        }
+    }
+    let file = OpenOptions::new().read(true).custom_flags((OFlag::O_NONBLOCK | OFlag::O_NOFOLLOW).bits()).open(&path)?;
+    check(file.metadata()?.file_type())?;
+    Ok(file)
+}
+
+/// Opens a file of the instrument's own, which nobody else makes a link, a pipe or a device. `how` says what for; without the file it may
+/// create one.
+///
+/// # Errors
+/// There is something else than a regular file, or it cannot be opened or created.
+pub fn open_own(path: &Path, how: &mut OpenOptions) -> io::Result<File> {
+    match path.symlink_metadata() {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => {}
+        found => check(found?.file_type())?,
+    }
+    let file = how.custom_flags((OFlag::O_NONBLOCK | OFlag::O_NOFOLLOW).bits()).open(path)?;
+    check(file.metadata()?.file_type())?;
+    Ok(file)
+}
+
+/// The bytes of a regular file below a folder, as [`open_below`] opens it.
+///
+/// # Errors
+/// As [`open_below`], or the file cannot be read.
+pub fn read_below(folder: &Path, name: &Path) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    open_below(folder, name)?.read_to_end(&mut bytes)?;
+    Ok(bytes)
 }
 
 /// The bytes of a regular file.
@@ -46,6 +98,7 @@ pub fn read_to_string(path: &Path) -> io::Result<String> {
 pub fn check(found: FileType) -> io::Result<()> {
     let what = match found {
         found if found.is_file() => return Ok(()),
+        found if found.is_symlink() => "a link",
         found if found.is_dir() => "a folder",
         found if found.is_fifo() => "a pipe",
         found if found.is_socket() => "a socket",
@@ -80,5 +133,44 @@ mod tests {
             assert!(error.contains(what), "{}: {error}", path.display());
         }
         assert_eq!(open(&dir.path().join("none")).unwrap_err().kind(), io::ErrorKind::NotFound);
+    }
+
+    #[test]
+    fn no_link_is_followed_below_a_folder_and_nothing_is_created_through_one() {
+        let dir = tempfile::tempdir().unwrap();
+        let (own, other) = (dir.path().join("own"), dir.path().join("other"));
+        std::fs::create_dir_all(own.join("A01")).unwrap();
+        std::fs::create_dir(&other).unwrap();
+        std::fs::write(own.join("A01/file"), "own").unwrap();
+        std::fs::write(other.join("file"), "other").unwrap();
+        std::os::unix::fs::symlink(&other, own.join("folder")).unwrap();
+        std::os::unix::fs::symlink(other.join("file"), own.join("link")).unwrap();
+        std::os::unix::fs::symlink(other.join("new"), own.join("dangling")).unwrap();
+        nix::unistd::mkfifo(&own.join("pipe"), nix::sys::stat::Mode::S_IRWXU).unwrap();
+        assert_eq!(read_below(&own, Path::new("A01/file")).unwrap(), b"own");
+        for (name, what) in [
+            ("link", "a link"),
+            ("folder/file", "a link"),
+            ("dangling", "a link"),
+            ("pipe", "a pipe"),
+            ("A01", "a folder"),
+            ("../other/file", "leads out"),
+            ("/etc/hostname", "leads out"),
+        ] {
+            let error = read_below(&own, Path::new(name)).unwrap_err().to_string();
+            assert!(error.contains(what), "{name}: {error}");
+        }
+        // The folder itself may be reached through a link: the data folder may be on another disk.
+        std::os::unix::fs::symlink(&own, dir.path().join("to_own")).unwrap();
+        assert_eq!(read_below(&dir.path().join("to_own"), Path::new("A01/file")).unwrap(), b"own");
+
+        let create = |name: &str| open_own(&own.join(name), OpenOptions::new().write(true).create(true)).map(drop);
+        create("new").unwrap();
+        create("new").unwrap();
+        for (name, what) in [("link", "a link"), ("dangling", "a link"), ("pipe", "a pipe"), ("A01", "a folder")] {
+            let error = create(name).unwrap_err().to_string();
+            assert!(error.contains(what), "{name}: {error}");
+        }
+        assert!(!other.join("new").exists());
     }
 }

@@ -445,11 +445,19 @@ fn one_or_more<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<u64>, D
     })
 }
 
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde calls it so")]
+fn is_zero(number: &usize) -> bool {
+    *number == 0
+}
+
 /// Data of `journal.repaired`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct JournalRepaired {
     /// Number of events with a new id.
     pub renumbered: usize,
+    /// Number of lines that are no events and were left out.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub set_aside: usize,
     /// File name of the journal before the repair.
     pub kept: String,
 }

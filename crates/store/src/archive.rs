@@ -13,7 +13,8 @@
 use super::index;
 use super::objects::{self, Objects, Reach, is_address};
 use super::pack::{self, Pack, RecordingFiles};
-use super::{RunRecord, Software, StoreError, disk, durable, run, schema, sums};
+use super::{RunClaim, RunRecord, Software, StoreError, disk, durable, is_own_folder, run, schema, sums};
+use carved_files::Tree;
 use carved_records::{is_plain_name, sha256_hex};
 use nix::fcntl::{PosixFadviseAdvice, posix_fadvise};
 use serde::{Deserialize, Serialize};
@@ -74,6 +75,11 @@ pub struct Pruned {
 fn ended(folder: &Path) -> Result<RunRecord, StoreError> {
     let record = RunRecord::read(&folder.join(run::FILE))?;
     if record.outcome.is_none() { Err(StoreError::Unended { path: folder.to_owned() }) } else { Ok(record) }
+}
+
+/// All that is in a run's folder, which nobody has put links, pipes or devices into.
+fn tree_of(folder: &Path) -> Result<Tree, StoreError> {
+    Tree::of(folder).and_then(Tree::regular).map_err(StoreError::io("list", folder))
 }
 
 /// The files of a run with their hashes, without the receipts.
@@ -166,24 +172,9 @@ fn id(path: &Path) -> Result<(u64, u64), StoreError> {
 
 impl Own {
     fn of(folder: &Path) -> Result<Self, StoreError> {
-        fn add(folder: &Path, ids: &mut BTreeSet<(u64, u64)>) -> Result<(), StoreError> {
-            let list = StoreError::io("list", folder);
-            ids.insert(id(folder)?);
-            for entry in std::fs::read_dir(folder).map_err(&list)? {
-                let path = entry.map_err(&list)?.path();
-                // The target of a link counts too, because a copy must not be that file. A link to a folder is not followed.
-                let is_link = path.is_symlink();
-                if path.is_dir() && !is_link {
-                    add(&path, ids)?;
-                } else if path.exists() || !is_link {
-                    ids.insert(id(&path)?);
-                }
-            }
-            Ok(())
-        }
-        let mut ids = BTreeSet::new();
-        add(folder, &mut ids)?;
-        Ok(Self { folder: folder.to_owned(), ids })
+        let tree = tree_of(folder)?;
+        let all = tree.folders.iter().chain(&tree.files).map(|name| id(&folder.join(name)));
+        Ok(Self { folder: folder.to_owned(), ids: std::iter::once(id(folder)).chain(all).collect::<Result<_, _>>()? })
     }
 
     /// Checks that a path does not lead into the run's folder or to one of its files. Checks the existing part of the path.
@@ -281,7 +272,7 @@ impl Receipt {
                 }
                 continue;
             }
-            let bytes = carved_files::read(&path).map_err(StoreError::io("read", &path))?;
+            let bytes = carved_files::read_below(from, name).map_err(StoreError::io("read", &path))?;
             sums::same(&path, expected, &sha256_hex(&bytes))?;
             durable::create_folder(durable::folder_of(&copy))?;
             durable::write(&copy, &bytes)?;
@@ -316,7 +307,7 @@ impl Receipt {
         let name = Path::new(object.strip_prefix(address).unwrap_or(object).trim_start_matches('/'));
         if let Some(expected) = self.files.get(name) {
             let path = from.join(name);
-            let bytes = carved_files::read(&path).map_err(StoreError::io("read", &path))?;
+            let bytes = carved_files::read_below(from, name).map_err(StoreError::io("read", &path))?;
             return sums::same(&path, expected, &sha256_hex(&bytes)).map(|()| bytes);
         }
         let recording = name.file_stem().and_then(|stem| stem.to_str());
@@ -360,6 +351,7 @@ impl Receipt {
 pub fn archive(folder: &Path, to: &Path, packing: Packing) -> Result<Receipt, StoreError> {
     let record = ended(folder)?;
     let from = whole(folder)?;
+    let _claim = RunClaim::shared(&from)?;
     let own = Own::of(&from)?;
     // Check this first: no folder may be created inside the run.
     own.is_apart(&to.join(&record.id))?;
@@ -383,6 +375,7 @@ pub fn archive(folder: &Path, to: &Path, packing: Packing) -> Result<Receipt, St
 pub fn archive_to_objects(folder: &Path, to: &str, packing: Packing, objects: &dyn Objects) -> Result<Receipt, StoreError> {
     let record = ended(folder)?;
     let from = whole(folder)?;
+    let _claim = RunClaim::shared(&from)?;
     let address = format!("{}/{}", to.trim_end_matches('/'), record.id);
     let receipt = Receipt::new(&from, record, address.clone().into(), packing)?;
     receipt
@@ -472,24 +465,63 @@ fn good_copy(folder: &Path, id: &str, taken: &BTreeMap<PathBuf, String>, reach: 
     Err(why.map_or_else(|| StoreError::NeverArchived { path: path() }, |why| StoreError::NoGoodCopy { path: path(), why }))
 }
 
+/// All files of a run, by what tells that one was changed.
+#[derive(PartialEq, Eq)]
+struct Stamps(BTreeMap<PathBuf, (u64, u64, u64, i64, i64)>);
+
+impl Stamps {
+    fn of(folder: &Path) -> Result<Self, StoreError> {
+        let stamp = |name: PathBuf| {
+            let path = folder.join(&name);
+            let found = path.symlink_metadata().map_err(StoreError::io("look at", &path))?;
+            Ok((name, (found.dev(), found.ino(), found.len(), found.mtime_nsec() + found.mtime() * 1_000_000_000, found.ctime())))
+        };
+        tree_of(folder)?.files.into_iter().map(stamp).collect::<Result<_, _>>().map(Self)
+    }
+
+    /// Checks that the folder, which may have another name now, has these files and no others.
+    fn are_of(&self, folder: &Path) -> Result<(), StoreError> {
+        let Self(now) = Self::of(folder)?;
+        let changed = self.0.iter().find(|(name, stamp)| now.get(*name) != Some(stamp)).map(|(name, _)| name);
+        match changed.or_else(|| now.keys().find(|name| !self.0.contains_key(*name))) {
+            Some(name) => Err(StoreError::NoGoodCopy {
+                path: folder.to_owned(),
+                why: format!("{} was added or changed while the copy was read. Archive the run again, then prune it", name.display()),
+            }),
+            None => Ok(()),
+        }
+    }
+}
+
 /// Removes the raw frames of a run, or the whole run, from the data folder. The copy is read again first and must contain every removed
-/// file. Without `really` nothing is removed. `reach` opens the object store of a copy that is in one.
+/// file. Meanwhile nobody else of carved adds files to the run, and what another program adds or changes stops the removal. Without
+/// `really` nothing is removed. `reach` opens the object store of a copy that is in one.
 ///
 /// # Errors
-/// The run has not ended, has no receipt, its copy differs from the receipt, or the copy lacks a file.
+/// The run has not ended, has no receipt, its copy differs from the receipt, the copy lacks a file, or somebody works on the run.
 pub fn prune(root: &Path, id: &str, all: bool, really: bool, reach: Reach) -> Result<Pruned, StoreError> {
     let folder = root.join("runs").join(id);
+    if folder.exists() && !is_own_folder(&folder) {
+        return Err(StoreError::NoGoodCopy { path: folder, why: "it is a link, and what it leads to is not of this data folder".into() });
+    }
+    let _claim = RunClaim::alone(&folder)?;
     ended(&folder)?;
+    let seen = Stamps::of(&folder)?;
     let mut taken = contents(&folder)?;
     taken.retain(|name, _| all || is_raw(name));
     let receipt = good_copy(&folder, id, &taken, reach)?;
     let bytes = bytes_of(&folder, &taken);
     if really {
+        seen.are_of(&folder)?;
         if all {
             // Rename first, so that a partly removed run does not look like a run.
             let gone = left(root, id);
             durable::rename(&folder, &gone)?;
-            remove(&gone)?;
+            if let Err(error) = seen.are_of(&gone) {
+                durable::rename(&gone, &folder)?;
+                return Err(error);
+            }
+            remove(&gone, &taken)?;
         } else {
             for name in taken.keys() {
                 let path = folder.join(name);
@@ -514,21 +546,30 @@ fn left(root: &Path, id: &str) -> PathBuf {
     root.join("runs").join(format!(".{id}.pruned"))
 }
 
-/// Removes a renamed run. The receipts go last, so that they say where the copy is until all files are removed.
-fn remove(gone: &Path) -> Result<(), StoreError> {
-    let io = |what| StoreError::io(what, gone);
-    for entry in std::fs::read_dir(gone).map_err(io("list"))? {
-        let entry = entry.map_err(io("list"))?;
-        if entry.file_name() == RECEIPTS {
-            continue;
-        }
-        let path = entry.path();
-        let is_folder = entry.file_type().map_err(io("list"))?.is_dir();
-        let removed = if is_folder { std::fs::remove_dir_all(&path) } else { disk::remove(&path) };
-        removed.map_err(StoreError::io("remove", &path))?;
+/// Removes a renamed run: the files `taken`, what interrupted writes have left, and the receipts. These go last, so that they say where the
+/// copy is until all files are removed. Another file stops it.
+fn remove(gone: &Path, taken: &BTreeMap<PathBuf, String>) -> Result<(), StoreError> {
+    let mut tree = tree_of(gone)?;
+    let is_receipt = |name: &Path| name.parent() == Some(Path::new(RECEIPTS)) && name.extension().is_some_and(|e| e == "json");
+    let is_known = |name: &Path| taken.contains_key(name) || is_receipt(name) || sums::is_part(name) || name == Path::new(sums::FILE);
+    if let Some(name) = tree.files.iter().find(|name| !is_known(name)) {
+        let why = format!("{} is in no copy. Take it out of the run, then repeat the prune", name.display());
+        return Err(StoreError::NoGoodCopy { path: gone.to_owned(), why });
     }
-    durable::sync_folder(gone)?;
-    std::fs::remove_dir_all(gone).map_err(io("remove"))?;
+    let gone_with = |name: &Path, removed: std::io::Result<()>| removed.map_err(StoreError::io("remove", &gone.join(name)));
+    // Folders from the inside to the outside.
+    tree.folders.reverse();
+    for receipts in [false, true] {
+        let part = |name: &&PathBuf| name.starts_with(RECEIPTS) == receipts;
+        for name in tree.files.iter().filter(part) {
+            gone_with(name, disk::remove(&gone.join(name)))?;
+        }
+        for name in tree.folders.iter().filter(part) {
+            gone_with(name, std::fs::remove_dir(gone.join(name)))?;
+        }
+        durable::sync_folder(gone)?;
+    }
+    std::fs::remove_dir(gone).map_err(StoreError::io("remove", gone))?;
     durable::sync_folder(durable::folder_of(gone))
 }
 
@@ -543,7 +584,7 @@ pub fn cut_short(root: &Path) -> Result<Vec<String>, StoreError> {
         let entry = entry.map_err(StoreError::io("list", &runs))?;
         let name = entry.file_name().into_string().unwrap_or_default();
         let run = name.strip_prefix('.').and_then(|name| name.strip_suffix(".pruned")).filter(|run| is_plain_name(run));
-        found.extend(run.filter(|_| entry.path().is_dir()).map(str::to_owned));
+        found.extend(run.filter(|_| is_own_folder(&entry.path())).map(str::to_owned));
     }
     found.sort();
     Ok(found)
@@ -555,12 +596,15 @@ pub fn cut_short(root: &Path) -> Result<Vec<String>, StoreError> {
 /// The copy is not good, or lacks a file.
 pub fn end_prune(root: &Path, id: &str, really: bool, reach: Reach) -> Result<Pruned, StoreError> {
     let gone = left(root, id);
+    let _claim = RunClaim::alone(&gone)?;
+    let seen = Stamps::of(&gone)?;
     let taken = contents(&gone)?;
     // Without receipts the rest is empty, because receipts are removed last.
     let receipt = if taken.is_empty() { None } else { Some(good_copy(&gone, id, &taken, reach)?) };
     let bytes = bytes_of(&gone, &taken);
     if really {
-        remove(&gone)?;
+        seen.are_of(&gone)?;
+        remove(&gone, &taken)?;
     }
     Ok(pruned(root, id, &taken, bytes, receipt, really))
 }

@@ -1,9 +1,12 @@
 //! The file operations behind durable writes. The tests hook in here: they simulate a power loss after each operation, and a failure of
-//! each operation (`power_loss`).
+//! each operation (`power_loss`). A watch tells how long an operation of its thread takes.
 
-use std::fs::{self, File};
+use std::cell::RefCell;
+use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
 use std::path::Path;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 #[cfg(any(test, feature = "testing"))]
 use crate::testing::trace;
@@ -25,12 +28,78 @@ fn is_traced() -> bool {
     false
 }
 
+/// What a thread does on the disk: since when, and how long the slowest operation took. A thread that waits for a slow disk does not hang.
+#[derive(Debug, Clone, Default)]
+pub struct DiskWatch(Arc<Mutex<Watched>>);
+
+#[derive(Debug, Default)]
+struct Watched {
+    began: Option<Instant>,
+    ended: Option<Instant>,
+    slowest: Duration,
+}
+
+thread_local!(static WATCH: RefCell<Option<DiskWatch>> = const { RefCell::new(None) });
+
+impl DiskWatch {
+    /// Watches the calling thread from now on.
+    pub fn of_this_thread(&self) {
+        WATCH.set(Some(self.clone()));
+    }
+
+    fn with<T>(&self, work: impl FnOnce(&mut Watched) -> T) -> T {
+        work(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// How long the operation in progress has taken so far. `None` outside of one.
+    pub fn takes(&self) -> Option<Duration> {
+        self.with(|watched| watched.began).map(|began| began.elapsed())
+    }
+
+    /// How long ago the newest operation ended. `None` before the first.
+    pub fn idle(&self) -> Option<Duration> {
+        self.with(|watched| watched.ended).map(|ended| ended.elapsed())
+    }
+
+    /// The time of the slowest write since the last call.
+    pub fn take_slowest(&self) -> Duration {
+        self.with(|watched| std::mem::take(&mut watched.slowest))
+    }
+
+    /// An operation begins.
+    pub fn begin(&self) {
+        self.with(|watched| watched.began = Some(Instant::now()));
+    }
+
+    /// The operation has ended after `took`.
+    pub fn end(&self, took: Duration) {
+        self.with(|watched| {
+            (watched.began, watched.ended) = (None, Some(Instant::now()));
+            watched.slowest = watched.slowest.max(took);
+        });
+    }
+}
+
+/// Does an operation under the watch of this thread, if it has one. An operation within another one belongs to it. `is_write`: its time
+/// tells how fast the disk is.
+pub(super) fn watched<T>(is_write: bool, work: impl FnOnce() -> T) -> T {
+    let watch = WATCH.with_borrow(Option::clone).filter(|watch| watch.takes().is_none());
+    let Some(watch) = watch else { return work() };
+    watch.begin();
+    let began = Instant::now();
+    let done = work();
+    watch.end(if is_write { began.elapsed() } else { Duration::ZERO });
+    done
+}
+
 /// Creates a file with these bytes. It is not synced yet.
 pub(super) fn create(path: &Path, bytes: &[u8]) -> io::Result<File> {
     step!(Create, path, bytes);
-    let mut file = File::create(path)?;
-    file.write_all(bytes)?;
-    Ok(file)
+    watched(true, || {
+        let mut file = carved_files::open_own(path, OpenOptions::new().write(true).create(true).truncate(true))?;
+        file.write_all(bytes)?;
+        Ok(file)
+    })
 }
 
 pub(super) fn append(file: &mut File, path: &Path, bytes: &[u8]) -> io::Result<()> {
@@ -38,7 +107,7 @@ pub(super) fn append(file: &mut File, path: &Path, bytes: &[u8]) -> io::Result<(
     let (front, back) = bytes.split_at(if is_traced() { bytes.len() / 2 } else { 0 });
     for part in [front, back].into_iter().filter(|part| !part.is_empty()) {
         step!(Append, path, part);
-        file.write_all(part)?;
+        watched(true, || file.write_all(part))?;
     }
     Ok(())
 }
@@ -46,31 +115,63 @@ pub(super) fn append(file: &mut File, path: &Path, bytes: &[u8]) -> io::Result<(
 /// Truncates a file to its first `bytes`.
 pub(super) fn cut(file: &File, path: &Path, bytes: u64) -> io::Result<()> {
     step!(Cut, path, bytes);
-    file.set_len(bytes)
+    watched(true, || file.set_len(bytes))
 }
 
 pub(super) fn sync(file: &File, path: &Path) -> io::Result<()> {
     step!(Sync, path);
-    file.sync_data()
+    watched(true, || file.sync_data())
 }
 
 pub(super) fn rename(from: &Path, to: &Path) -> io::Result<()> {
     step!(Rename, from, to);
-    fs::rename(from, to)
+    watched(true, || fs::rename(from, to))
 }
 
 pub(super) fn remove(path: &Path) -> io::Result<()> {
     step!(Remove, path);
-    fs::remove_file(path)
+    watched(true, || fs::remove_file(path))
 }
 
 pub(super) fn create_folder(folder: &Path) -> io::Result<()> {
     step!(CreateFolder, folder);
-    fs::create_dir(folder)
+    watched(true, || fs::create_dir(folder))
 }
 
 /// Makes the names in a folder durable.
 pub(super) fn sync_folder(folder: &Path) -> io::Result<()> {
     step!(SyncFolder, folder);
-    File::open(folder)?.sync_all()
+    watched(true, || File::open(folder)?.sync_all())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_watch_tells_what_its_thread_does_and_no_other() {
+        let dir = tempfile::tempdir().unwrap();
+        let watch = DiskWatch::default();
+        let other = watch.clone();
+        std::thread::spawn(move || {
+            watch.of_this_thread();
+            assert!(watch.takes().is_none() && watch.idle().is_none());
+            let seen = watch.clone();
+            let both = watched(true, || {
+                let before = seen.takes();
+                // An operation within another one does not end it.
+                watched(false, || ());
+                (before, seen.takes())
+            });
+            assert!(both.0.is_some() && both.1 >= both.0);
+            assert!(watch.takes().is_none() && watch.idle().is_some());
+            assert!(watch.take_slowest() > Duration::ZERO && watch.take_slowest() == Duration::ZERO);
+            watched(false, std::thread::yield_now);
+            assert_eq!(watch.take_slowest(), Duration::ZERO, "reading tells nothing about the disk's writes");
+        })
+        .join()
+        .unwrap();
+        create(&dir.path().join("file"), b"x").unwrap();
+        assert_eq!(other.take_slowest(), Duration::ZERO);
+    }
 }

@@ -67,6 +67,8 @@ pub enum StoreError {
         path.display(), run.display()
     )]
     NoCopy { path: PathBuf, run: PathBuf },
+    #[error("{}: {by} works on this run now; nothing was changed. Wait until that has ended, and repeat the command", path.display())]
+    InUse { path: PathBuf, by: &'static str },
     #[error("{}: exists already; nothing is overwritten", path.display())]
     Exists { path: PathBuf },
     #[error(

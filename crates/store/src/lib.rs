@@ -34,6 +34,7 @@ mod reader;
 mod recording;
 mod replay;
 mod run;
+mod run_claim;
 mod run_files;
 mod schema;
 mod software;
@@ -45,6 +46,7 @@ pub mod testing;
 pub use archive::{CRATE, Packing, Pruned, Receipt, RunContents, archive, archive_to_objects, cut_short, end_prune, prune, run_names};
 pub use attempts::set_aside;
 pub use budget::{Budget, bytes_per_specimen, size};
+pub use disk::DiskWatch;
 pub use error::StoreError;
 pub use index::{Cursor, EventsAfter, RunRow, RunScan, RunsQuery, Unreadable, follow_run};
 pub use instrument::instrument_uuid;
@@ -56,16 +58,17 @@ pub use reader::{SpecimenFile, StoreReader, StoredFile, StoredSpecimen};
 pub use recording::{MEASUREMENT, MeasurementFile, Recording, RecordingReader, RecordingWriter, RigRecord, SecondRecord, fluorescence};
 pub use replay::{ReplayWriter, Replayed};
 pub use run::RunRecord;
+pub use run_claim::RunClaim;
 pub use run_files::RunFiles;
 pub use software::Software;
 pub use stored_run::{Computation, StoredRun, StoredWell, place_among_references};
 pub use sums::{seal, seal_run};
 
-use carved_records::{Event, EventData, JournalRepaired, Mode, RunUnreadable, kind};
+use carved_records::{Event, EventData, Fault, JournalRepaired, Mode, RunUnreadable, fault_table, kind};
 use index::Index;
 use lines::Lines;
 use recording::RECORDING;
-use std::fs::File;
+use std::fs::{File, OpenOptions};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -94,9 +97,17 @@ impl Claim {
     /// # Errors
     /// Another carved has the lock, or the folder cannot be written.
     pub fn on(root: &Path) -> Result<Self, StoreError> {
-        durable::create_folder(&root.join("runs"))?;
+        let runs = root.join("runs");
+        durable::create_folder(&runs)?;
+        if !is_own_folder(&runs) {
+            return Err(StoreError::Format {
+                path: runs,
+                expected: "a folder",
+                found: "a link. Name the folder that it leads to as data_dir".into(),
+            });
+        }
         let path = root.join("lock");
-        let lock = File::create(&path).map_err(StoreError::io("create", &path))?;
+        let lock = carved_files::open_own(&path, OpenOptions::new().write(true).create(true)).map_err(StoreError::io("create", &path))?;
         match lock.try_lock() {
             Ok(()) => Ok(Self { root: root.to_owned(), lock }),
             Err(std::fs::TryLockError::WouldBlock) => Err(StoreError::Locked { path: root.to_owned() }),
@@ -111,6 +122,16 @@ impl Claim {
     pub fn instrument_uuid(&self) -> Result<String, StoreError> {
         instrument::found_or_made(&self.root)
     }
+}
+
+/// Whether there is a folder, and no link to one. No link is followed below the data folder.
+fn is_own_folder(path: &Path) -> bool {
+    path.symlink_metadata().is_ok_and(|found| found.is_dir())
+}
+
+/// Whether there is a regular file, and no link to one.
+fn is_own_file(path: &Path) -> bool {
+    path.symlink_metadata().is_ok_and(|found| found.is_file())
 }
 
 /// The data folder. One daemon at a time has it open.
@@ -144,7 +165,7 @@ impl Store {
         let path = root.join(lines::EVENTS);
         let mut lines = Lines::open(&path)?;
         let (from_byte, newest) = index::followed(root);
-        let repaired = if journal::is_in_order(&path, from_byte, newest)? {
+        let repaired = if journal::is_in_order(&path, from_byte, newest)? && journal::is_sound(&lines)? {
             None
         } else {
             let repaired = journal::repair(root)?;
@@ -156,10 +177,17 @@ impl Store {
         let (index, found) = Index::open(root)?;
         let index = Arc::new(index);
         let (mut journal, mut events) = Journal::open(root, lines, index.clone())?;
-        if let Some(Repaired { kept, renumbered }) = repaired {
-            tracing::error!(renumbered, kept = %kept.display(), "ids in the journal did not rise; its events were numbered on, none is lost");
-            let kept = kept.file_name().unwrap_or_default().to_string_lossy().into_owned();
-            events.push(journal.append(None, None, EventData::JournalRepaired(JournalRepaired { renumbered, kept }))?);
+        if let Some(Repaired { kept, renumbered, set_aside }) = repaired {
+            tracing::error!(renumbered, set_aside, kept = %kept.display(), "the journal was damaged: its events were numbered on, and lines that are no events were left out");
+            let name = kept.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            events.push(journal.append(None, None, EventData::JournalRepaired(JournalRepaired { renumbered, set_aside, kept: name }))?);
+            if set_aside > 0 {
+                let lines = if set_aside == 1 { "1 line was" } else { &format!("{set_aside} lines were") };
+                let message = format!("{lines} no event and left out of the journal; {} has the journal as it was", kept.display());
+                let (seq, since) = (journal.last_fault() + 1, jiff::Timestamp::now().to_string());
+                let fault = Fault::new(seq, &fault_table::JOURNAL_DAMAGED, message, since);
+                events.push(journal.append(None, None, EventData::FaultRaised(fault))?);
+            }
         }
         for Unreadable { run, why } in found.unreadable {
             tracing::error!(run, why, "a run cannot be read; it is left alone");
@@ -201,6 +229,11 @@ impl Store {
         self.root.join("runs").join(run)
     }
 
+    /// Work that reads and writes many files: the thread that does it does not hang.
+    pub fn long_work<T>(&self, work: impl FnOnce() -> T) -> T {
+        disk::watched(false, work)
+    }
+
     pub fn save_run(&self, record: &RunRecord) -> Result<(), StoreError> {
         let folder = self.run_folder(&record.id);
         durable::create_folder(&folder)?;
@@ -233,7 +266,6 @@ impl Store {
         for id in &self.open {
             open.extend(self.run(id)?.filter(|run| run.outcome.is_none()));
         }
-        open.sort_by(|a, b| a.started.cmp(&b.started));
         Ok(open)
     }
 

@@ -16,6 +16,9 @@ pub(super) const EVENTS: &str = "events.jsonl";
 /// Number of bytes per read, backwards from the end.
 const CHUNK: usize = 64 * 1024;
 
+/// Most bytes of the last lines that are read. 2000 events take about 1 MB.
+const LONGEST: usize = 64 << 20;
+
 pub(super) struct Lines {
     file: File,
     path: PathBuf,
@@ -27,16 +30,14 @@ impl Lines {
     /// Opens or creates the file. A torn last line is cut off, because it was never acknowledged.
     pub fn open(path: &Path) -> Result<Self, StoreError> {
         let io = |what| StoreError::io(what, path);
-        if !path.exists() {
+        if path.symlink_metadata().is_err() {
             disk::create(path, b"").map_err(io("create"))?;
         }
-        std::fs::metadata(path).and_then(|found| carved_files::check(found.file_type())).map_err(io("open"))?;
-        let file = OpenOptions::new().read(true).append(true).open(path).map_err(io("open"))?;
+        let file = carved_files::open_own(path, OpenOptions::new().read(true).append(true)).map_err(io("open"))?;
         durable::sync_folder(durable::folder_of(path))?;
         let length = file.metadata().map_err(io("look at"))?.len();
         let mut lines = Self { file, path: path.to_owned(), good_bytes: length };
-        let (start, end) = lines.last_chunk(|text| text.contains(&b'\n'))?;
-        lines.good_bytes = end.iter().rposition(|&b| b == b'\n').map_or(0, |at| start + at as u64 + 1);
+        lines.good_bytes = lines.end_of_last_line()?;
         if lines.good_bytes < length {
             disk::cut(&lines.file, path, lines.good_bytes).map_err(io("cut the torn last line of"))?;
         }
@@ -47,26 +48,47 @@ impl Lines {
         self.good_bytes
     }
 
-    /// The end of the file: the smallest number of chunks that is `enough`, and its position.
-    fn last_chunk(&self, enough: impl Fn(&[u8]) -> bool) -> Result<(u64, Vec<u8>), StoreError> {
-        let (mut start, mut text) = (self.good_bytes, Vec::new());
-        while start > 0 && !enough(&text) {
-            let size = CHUNK.min(start as usize);
+    /// The bytes of the file from its end to its beginning, chunk by chunk with the position of each, until `take` has enough.
+    fn backwards(&self, mut take: impl FnMut(u64, Vec<u8>) -> bool) -> Result<(), StoreError> {
+        let mut start = self.good_bytes;
+        while start > 0 {
+            let size = CHUNK.min(usize::try_from(start).unwrap_or(CHUNK));
             start -= size as u64;
-            let mut front = vec![0; size];
-            self.file.read_exact_at(&mut front, start).map_err(StoreError::io("read", &self.path))?;
-            front.append(&mut text);
-            text = front;
+            let mut chunk = vec![0; size];
+            self.file.read_exact_at(&mut chunk, start).map_err(StoreError::io("read", &self.path))?;
+            if !take(start, chunk) {
+                break;
+            }
         }
-        Ok((start, text))
+        Ok(())
     }
 
-    /// The last `count` lines, oldest first, without line feeds.
+    /// Length up to the last line feed. Memory does not grow with what is behind it.
+    fn end_of_last_line(&self) -> Result<u64, StoreError> {
+        let mut end = 0;
+        self.backwards(|start, chunk| {
+            let found = chunk.iter().rposition(|&b| b == b'\n');
+            end = found.map_or(0, |at| start + at as u64 + 1);
+            found.is_none()
+        })?;
+        Ok(end)
+    }
+
+    /// The last `count` lines, oldest first, without line feeds: as many of them as [`LONGEST`] bytes hold.
     pub fn tail(&self, count: usize) -> Result<Vec<Vec<u8>>, StoreError> {
         // One line feed more than lines, because the first chunk begins inside a line.
-        let (start, text) = self.last_chunk(|text| text.split(|&b| b == b'\n').count() > count + 1)?;
+        let (mut first, mut feeds, mut bytes, mut chunks) = (self.good_bytes, 0, 0, Vec::new());
+        self.backwards(|start, chunk| {
+            first = start;
+            feeds += chunk.split(|&b| b == b'\n').count() - 1;
+            bytes += chunk.len();
+            chunks.push(chunk);
+            feeds <= count + 1 && bytes < LONGEST
+        })?;
+        chunks.reverse();
+        let text = chunks.concat();
         let mut lines: Vec<&[u8]> = text.split(|&b| b == b'\n').collect();
-        if start > 0 {
+        if first > 0 {
             lines.remove(0);
         }
         lines.retain(|line| !line.is_empty());
@@ -121,5 +143,35 @@ mod tests {
         assert!(!std::fs::read_to_string(&path).unwrap().ends_with("torn"));
         std::fs::write(&path, "x".repeat(3 * CHUNK)).unwrap();
         assert_eq!(Lines::open(&path).unwrap().good_bytes(), 0, "one torn line of three chunks");
+    }
+
+    /// Each byte is read once: the whole end would otherwise be copied and searched again for every chunk.
+    #[test]
+    fn a_torn_line_of_any_length_is_cut_off_and_each_byte_of_it_is_read_once() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("lines");
+        std::fs::write(&path, "one\n").unwrap();
+        OpenOptions::new().write(true).open(&path).unwrap().set_len(200_000_000).unwrap();
+        let lines = Lines::open(&path).unwrap();
+        assert_eq!((lines.good_bytes(), lines.tail(5).unwrap()), (4, vec![b"one".to_vec()]));
+        // A whole line that is as long is read up to a bound.
+        let mut file = OpenOptions::new().write(true).open(&path).unwrap();
+        file.set_len(2 * LONGEST as u64).unwrap();
+        std::io::Seek::seek(&mut file, std::io::SeekFrom::End(0)).unwrap();
+        std::io::Write::write_all(&mut file, b"\nlast\n").unwrap();
+        assert_eq!(Lines::open(&path).unwrap().tail(5).unwrap(), vec![b"last".to_vec()]);
+    }
+
+    #[test]
+    fn a_file_of_lines_is_no_link_and_no_pipe() {
+        let dir = tempfile::tempdir().unwrap();
+        let (pipe, dangling) = (dir.path().join("pipe"), dir.path().join("dangling"));
+        nix::unistd::mkfifo(&pipe, nix::sys::stat::Mode::S_IRWXU).unwrap();
+        std::os::unix::fs::symlink(dir.path().join("elsewhere"), &dangling).unwrap();
+        for (path, what) in [(&pipe, "a pipe"), (&dangling, "a link")] {
+            let error = Lines::open(path).err().unwrap().to_string();
+            assert!(error.contains(what), "{error}");
+        }
+        assert!(!dir.path().join("elsewhere").exists());
     }
 }

@@ -245,7 +245,7 @@ pub fn pack<'a>(run: &Path, files: impl Iterator<Item = (&'a PathBuf, &'a String
     for (name, expected) in files {
         let path = run.join(name);
         let io = |what| StoreError::io(what, &path);
-        let bytes = carved_files::read(&path).map_err(io("read"))?;
+        let bytes = carved_files::read_below(run, name).map_err(io("read"))?;
         sums::same(&path, expected, &sha256_hex(&bytes))?;
         let changed = path.metadata().and_then(|found| found.modified()).map_err(io("look at"))?;
         let changed_s = changed.duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());

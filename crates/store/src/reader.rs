@@ -8,7 +8,10 @@
 use super::gates::{self, GateFile};
 use super::index::{self, EventsAfter, RunRow, RunsQuery};
 use super::recording::{DETECTION, MEASUREMENT, RECORDING, frame_name};
-use super::{Receipt, RecordingReader, Replayed, RunFiles, RunRecord, StoreError, archive, attempts, durable, frames, replay, run, sums};
+use super::{
+    Receipt, RecordingReader, Replayed, RunFiles, RunRecord, StoreError, archive, attempts, durable, frames, is_own_file, is_own_folder,
+    replay, run, sums,
+};
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_records::{Event, ViewTaken, WellStatus, is_plain_name, is_well, sha256_hex};
 use serde_json::Value;
@@ -68,7 +71,9 @@ impl SpecimenFile {
 /// An existing file, and its hash if the recording is closed.
 #[derive(Debug)]
 pub struct StoredFile {
-    path: PathBuf,
+    /// The recording's folder.
+    folder: PathBuf,
+    name: String,
     sha256: Option<String>,
 }
 
@@ -77,14 +82,19 @@ impl StoredFile {
         self.sha256.as_deref()
     }
 
+    fn path(&self) -> PathBuf {
+        self.folder.join(&self.name)
+    }
+
     /// The stored bytes.
     ///
     /// # Errors
     /// The file cannot be read, or differs from the recorded one.
     pub fn read(self) -> Result<Vec<u8>, StoreError> {
-        let bytes = carved_files::read(&self.path).map_err(StoreError::io("read", &self.path))?;
+        let path = self.path();
+        let bytes = carved_files::read_below(&self.folder, Path::new(&self.name)).map_err(StoreError::io("read", &path))?;
         if let Some(expected) = &self.sha256 {
-            sums::same(&self.path, expected, &sha256_hex(&bytes))?;
+            sums::same(&path, expected, &sha256_hex(&bytes))?;
         }
         Ok(bytes)
     }
@@ -94,7 +104,7 @@ impl StoredFile {
     /// # Errors
     /// As [`Self::read`], and a file that holds no such frame.
     pub fn decode(self, format: PixelFormat) -> Result<RawFrame, StoreError> {
-        let path = self.path.clone();
+        let path = self.path();
         frames::decode_bytes(&path, &self.read()?, format)
     }
 }
@@ -146,14 +156,14 @@ impl StoreReader {
         index::used_bytes(&self.root)
     }
 
-    /// The folder of a run. `None` of a name that is none of a run.
+    /// The folder of a run. `None` of a name that is none of a run, and of a link.
     pub(super) fn run_folder(&self, run: &str) -> Option<PathBuf> {
-        is_plain_name(run).then(|| self.root.join("runs").join(run))
+        is_plain_name(run).then(|| self.root.join("runs").join(run)).filter(|folder| is_own_folder(folder))
     }
 
     fn specimen_folder(&self, run: &str, well: &str, attempt: u32) -> Option<PathBuf> {
         let folder = self.run_folder(run).filter(|_| is_well(well))?.join(attempts::folder_name(well, attempt));
-        folder.is_dir().then_some(folder)
+        is_own_folder(&folder).then_some(folder)
     }
 
     /// The run of this name. `None` if there is none.
@@ -161,7 +171,7 @@ impl StoreReader {
     /// # Errors
     /// The run cannot be read.
     pub fn run(&self, id: &str) -> Result<Option<RunRecord>, StoreError> {
-        let Some(file) = self.run_folder(id).map(|f| f.join(run::FILE)).filter(|f| f.is_file()) else { return Ok(None) };
+        let Some(file) = self.run_folder(id).map(|f| f.join(run::FILE)).filter(|f| is_own_file(f)) else { return Ok(None) };
         RunRecord::read(&file).map(Some)
     }
 
@@ -187,7 +197,7 @@ impl StoreReader {
     /// # Errors
     /// A run under way, and a folder that cannot be read.
     pub fn run_files(&self, id: &str) -> Result<Option<RunFiles>, StoreError> {
-        let Some(folder) = self.run_folder(id).filter(|f| f.join(run::FILE).is_file()) else { return Ok(None) };
+        let Some(folder) = self.run_folder(id).filter(|f| is_own_file(&f.join(run::FILE))) else { return Ok(None) };
         RunFiles::of(&folder).map(Some)
     }
 
@@ -227,7 +237,7 @@ impl StoreReader {
         let record = self.run(run)?;
         let status = record.filter(|_| attempt == 0).and_then(|r| r.wells.into_iter().find(|w| w.well == well));
         let json = |name: &str| match folder.join(name) {
-            path if path.is_file() => durable::read_json::<Value>(&path, "JSON").map(Some),
+            path if is_own_file(&path) => durable::read_json::<Value>(&path, "JSON").map(Some),
             _ => Ok(None),
         };
         let recording = json(RECORDING)?.unwrap_or_default();
@@ -255,11 +265,10 @@ impl StoreReader {
     pub fn file(&self, run: &str, well: &str, attempt: u32, file: SpecimenFile) -> Result<Option<StoredFile>, StoreError> {
         let Some(folder) = self.specimen_folder(run, well, attempt) else { return Ok(None) };
         let name = file.name(&folder);
-        let path = folder.join(&name);
-        if !path.is_file() {
+        if !folder.join(&name).is_file() {
             return Ok(None);
         }
         let sha256 = sums::expected(&folder, &name)?;
-        Ok(Some(StoredFile { path, sha256 }))
+        Ok(Some(StoredFile { folder, name, sha256 }))
     }
 }

@@ -368,7 +368,7 @@ impl RecordingWriter {
     /// Writes the checksums and closes the recording, also after an interrupted turn. A file that differs from what was written is an
     /// error.
     pub fn close(self) -> Result<(), StoreError> {
-        let sums = sums::of_folder(&self.folder)?;
+        let sums = sums::of_recording(&self.folder)?;
         for (name, expected) in self.written {
             let path = self.folder.join(&name);
             match sums.get(Path::new(&name)) {

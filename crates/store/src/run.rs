@@ -34,6 +34,9 @@ pub struct RunRecord {
     /// RFC 3339, UTC.
     pub started: String,
     pub ended: Option<String>,
+    /// The clock was set back during the run, so `ended` is not the time that it showed at the end but that of the start.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub clock_set_back: bool,
     pub outcome: Option<RunOutcome>,
     pub wells: Vec<WellStatus>,
 }
@@ -53,13 +56,23 @@ impl RunRecord {
             calibration: None,
             started: jiff::Timestamp::now().to_string(),
             ended: None,
+            clock_set_back: false,
             outcome: None,
             wells,
         }
     }
 
     pub fn end(&mut self, outcome: RunOutcome) {
-        self.ended = Some(jiff::Timestamp::now().to_string());
+        self.end_at(outcome, jiff::Timestamp::now());
+    }
+
+    /// A run does not end before its start, also if the clock was set back.
+    fn end_at(&mut self, outcome: RunOutcome, now: jiff::Timestamp) {
+        self.clock_set_back = self.started.parse::<jiff::Timestamp>().is_ok_and(|started| now < started);
+        if self.clock_set_back {
+            tracing::warn!(run = self.id, started = self.started, %now, "the clock was set back during the run");
+        }
+        self.ended = Some(if self.clock_set_back { self.started.clone() } else { now.to_string() });
         self.outcome = Some(outcome);
     }
 
@@ -95,6 +108,7 @@ impl RunRecord {
 
     /// Reads a `run.json`. Its folder must have the run's name.
     pub(super) fn read(file: &Path) -> Result<Self, StoreError> {
+        file.symlink_metadata().and_then(|found| carved_files::check(found.file_type())).map_err(StoreError::io("read", file))?;
         let run = Self::checked(file)?;
         let folder = file.parent().and_then(Path::file_name).unwrap_or_default();
         if folder != run.id.as_str() {
@@ -102,5 +116,26 @@ impl RunRecord {
             return Err(StoreError::Format { path: file.to_owned(), expected: "the run that its folder is named after", found });
         }
         Ok(run)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::power_loss::record;
+
+    #[test]
+    fn a_run_does_not_end_before_its_start_and_says_that_the_clock_was_set_back() {
+        let started = "2026-01-01T12:00:00Z";
+        for (now, ended, set_back) in [
+            ("2026-01-01T11:00:00Z", started, true),
+            ("2026-01-01T12:00:00Z", started, false),
+            ("2026-01-01T13:00:00Z", "2026-01-01T13:00:00Z", false),
+        ] {
+            let mut run = RunRecord { started: started.into(), ..record("r1") };
+            run.end_at(RunOutcome::Succeeded, now.parse().unwrap());
+            assert_eq!((run.ended.as_deref(), run.clock_set_back), (Some(ended), set_back), "{now}");
+            assert_eq!(serde_json::to_string(&run).unwrap().contains("clock_set_back"), set_back);
+        }
     }
 }

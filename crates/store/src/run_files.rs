@@ -68,7 +68,7 @@ impl RunFiles {
     fn append<W: Write>(&self, tar: &mut tar::Builder<W>, name: &Path) -> Result<String, StoreError> {
         let path = self.folder.join(name);
         let io = |what| StoreError::io(what, &path);
-        let file = carved_files::open(&path).map_err(io("open"))?;
+        let file = carved_files::open_below(&self.folder, name).map_err(io("open"))?;
         let found = file.metadata().map_err(io("look at"))?;
         let changed = found.modified().ok().and_then(|time| time.duration_since(UNIX_EPOCH).ok());
         let mut header = header(found.len(), changed.map_or(0, |since| since.as_secs()));

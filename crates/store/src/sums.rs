@@ -1,39 +1,56 @@
 //! `SHA256SUMS` files in the format of `sha256sum -c`.
 
-use super::{StoreError, attempts, durable};
+use super::{StoreError, attempts, durable, is_own_folder};
+use carved_files::Tree;
 use carved_records::{is_well, sha256_hex};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 pub const FILE: &str = "SHA256SUMS";
 
-fn files(folder: &Path, under: &Path, found: &mut Vec<PathBuf>) -> Result<(), StoreError> {
-    let here = folder.join(under);
-    for entry in std::fs::read_dir(&here).map_err(StoreError::io("list", &here))? {
-        let entry = entry.map_err(StoreError::io("list", &here))?;
-        let name = under.join(entry.file_name());
-        if entry.path().is_dir() {
-            files(folder, &name, found)?;
-        } else if name != Path::new(FILE) && name.extension().is_none_or(|e| e != "part") {
-            found.push(name);
-        }
-    }
-    Ok(())
+/// Whether an interrupted write leaves a file of this name.
+pub fn is_part(name: &Path) -> bool {
+    name.extension().is_some_and(|e| e == "part")
 }
 
 /// Names of the files of the folder, also of those in folders below it; `SHA256SUMS` of the folder itself is left out.
+///
+/// # Errors
+/// A folder cannot be listed, or has something else than regular files and folders.
 pub fn names(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
-    let mut names = Vec::new();
-    files(folder, Path::new(""), &mut names)?;
-    Ok(names)
+    let tree = Tree::of(folder).and_then(Tree::regular).map_err(StoreError::io("list", folder))?;
+    Ok(listed(tree))
+}
+
+fn listed(tree: Tree) -> Vec<PathBuf> {
+    let mut names = tree.files;
+    names.retain(|name| name != Path::new(FILE) && !is_part(name));
+    names
 }
 
 /// SHA-256 of every file of the folder, by its name in it.
+///
+/// # Errors
+/// As [`names`], and a file that cannot be read.
 pub fn of_folder(folder: &Path) -> Result<BTreeMap<PathBuf, String>, StoreError> {
-    let names = names(folder)?;
+    hashed(folder, names(folder)?)
+}
+
+/// The same of a recording that is being closed. A link or a pipe that somebody has put into it has no hash, and holds up no run.
+///
+/// # Errors
+/// As [`of_folder`].
+pub fn of_recording(folder: &Path) -> Result<BTreeMap<PathBuf, String>, StoreError> {
+    let tree = Tree::of(folder).map_err(StoreError::io("list", folder))?;
+    for name in tree.others() {
+        tracing::warn!(folder = %folder.display(), name = %name.display(), "neither a file nor a folder: it is left out of the checksums");
+    }
+    hashed(folder, listed(tree))
+}
+
+fn hashed(folder: &Path, names: Vec<PathBuf>) -> Result<BTreeMap<PathBuf, String>, StoreError> {
     let hash = |name: PathBuf| {
-        let path = folder.join(&name);
-        let bytes = carved_files::read(&path).map_err(StoreError::io("read", &path))?;
+        let bytes = carved_files::read_below(folder, &name).map_err(StoreError::io("read", &folder.join(&name)))?;
         Ok((name, sha256_hex(&bytes)))
     };
     names.into_iter().map(hash).collect()
@@ -45,10 +62,10 @@ pub fn of_folder(folder: &Path) -> Result<BTreeMap<PathBuf, String>, StoreError>
 /// A file cannot be read, or the checksums cannot be written.
 pub fn seal(folder: &Path) -> Result<(), StoreError> {
     let sums = folder.join(FILE);
-    if !folder.is_dir() || sums.exists() {
+    if !is_own_folder(folder) || sums.exists() {
         return Ok(());
     }
-    durable::write(&sums, text(&of_folder(folder)?).as_bytes())
+    durable::write(&sums, text(&of_recording(folder)?).as_bytes())
 }
 
 /// Seals the folder of every well of a run, including earlier attempts.

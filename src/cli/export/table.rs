@@ -20,6 +20,9 @@ pub struct Args {
     /// File for one row per slice along the body of every specimen, in the same formats.
     #[arg(long, value_name = "FILE")]
     shape: Option<PathBuf>,
+    /// Write the CSV for a spreadsheet: with a byte order mark, and with an apostrophe before text that it would take for a formula.
+    #[arg(long)]
+    spreadsheet: bool,
 }
 
 /// Writes the tables.
@@ -31,6 +34,8 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let formats = [&args.out, &args.shape].map(|file| file.as_deref().map(Format::of).transpose());
     let [out, shape] = formats;
     let (out, shape) = (out?, shape?);
+    ensure!(!args.spreadsheet || ![out, shape].contains(&Some(Format::Parquet)), "--spreadsheet is for .csv; a .parquet has types");
+    let text = if args.spreadsheet { csv::for_spreadsheet } else { csv::text };
     let mut runs = read(&args.runs)?;
     if let Some(folder) = &args.measurements {
         ensure!(folder.is_dir(), "{}: no folder of measurements", folder.display());
@@ -45,14 +50,14 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     }
     match (&args.out, out) {
         (Some(file), Some(format)) => {
-            write(file, &format.bytes(&specimens)?)?;
+            write(file, &format.bytes(&specimens, text)?)?;
             note!("carved: {}: {} specimen(s) of {} run(s)", file.display(), specimens.rows.len(), runs.len());
         }
-        _ => say!("{}", csv::text(&specimens).trim_end()),
+        _ => say!("{}", text(&specimens).trim_end()),
     }
     if let (Some(file), Some(format)) = (&args.shape, shape) {
         let stations = tables::stations(&runs)?;
-        write(file, &format.bytes(&stations)?)?;
+        write(file, &format.bytes(&stations, text)?)?;
         note!("carved: {}: {} slice(s)", file.display(), stations.rows.len());
     }
     Ok(())
@@ -83,9 +88,9 @@ impl Format {
         }
     }
 
-    fn bytes(self, table: &Table) -> anyhow::Result<Vec<u8>> {
+    fn bytes(self, table: &Table, text: fn(&Table) -> String) -> anyhow::Result<Vec<u8>> {
         match self {
-            Self::Csv => Ok(csv::text(table).into_bytes()),
+            Self::Csv => Ok(text(table).into_bytes()),
             #[cfg(feature = "parquet")]
             Self::Parquet => Ok(tables::parquet::bytes(table)?),
             #[cfg(not(feature = "parquet"))]

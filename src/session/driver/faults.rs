@@ -45,7 +45,7 @@ pub(super) fn is_open(faults: &OpenFaults, code: &str) -> bool {
 
 /// The cause of a hold that begins now: the newest fault, or an operator.
 pub(super) fn cause_of_hold(faults: &OpenFaults, by_fault: bool) -> HoldCause {
-    match faults.open().last() {
+    match faults.open().iter().rfind(|fault| fault.is_in_the_way()) {
         _ if !by_fault => HoldCause::operator(),
         Some(fault) => HoldCause { code: fault.code.clone(), words: fault.plainly().to_owned() },
         None => HoldCause::fault(),

@@ -56,7 +56,7 @@ impl Fault {
 
     /// Whether a person must act: the fault requires it, or the held run waits.
     pub fn needs_a_person(&self, run: RunUnderFault) -> bool {
-        self.operator_required || run == RunUnderFault::Waits
+        self.operator_required || run == RunUnderFault::Waits && self.is_in_the_way()
     }
 }
 
@@ -82,6 +82,7 @@ fn words(code: &FaultCode, end: FaultEnd, run: RunUnderFault) -> String {
     let condition = if remedy.starts_with("If ") { Some(0) } else { remedy.find(" If ").map(|at| at + 1) };
     let (first, otherwise) = remedy.split_at(condition.unwrap_or(remedy.len()));
     let rule = match (end, run) {
+        _ if code.code == table::DISK_SLOW.code => "The fault ends by itself when the disk is fast again.".to_owned(),
         (FaultEnd::Cause, RunUnderFault::GoesOnByItself) => format!("The run continues by itself when {over}."),
         (FaultEnd::Cause, RunUnderFault::Waits) => format!("When {over}, let the run go on."),
         (FaultEnd::Cause, RunUnderFault::None) => format!("The fault ends by itself when {over}."),
@@ -115,12 +116,12 @@ mod tests {
                 assert!(run != RunUnderFault::None || !asks_for_a_person, "{}: {advice}", code.code);
                 assert_eq!(
                     advice.contains("run continues by itself"),
-                    fault.end() == FaultEnd::Cause && run == RunUnderFault::GoesOnByItself,
+                    fault.end() == FaultEnd::Cause && fault.is_in_the_way() && run == RunUnderFault::GoesOnByItself,
                     "{}: {advice}",
                     code.code
                 );
                 assert_eq!(advice.contains("cknowledge"), fault.end() == FaultEnd::Acknowledgement, "{}: {advice}", code.code);
-                assert!(run != RunUnderFault::Waits || fault.needs_a_person(run), "{}", code.code);
+                assert!(run != RunUnderFault::Waits || fault.needs_a_person(run) == fault.is_in_the_way(), "{}", code.code);
                 if let Some(at) = advice.find("cknowledge") {
                     for instead in ["end the run", "start the daemon again"] {
                         assert!(advice.find(instead).is_none_or(|other| at < other), "{}: {advice}", code.code);

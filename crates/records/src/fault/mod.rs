@@ -51,9 +51,14 @@ impl Fault {
         if self.meaning.is_empty() { &self.message } else { &self.meaning }
     }
 
-    /// Whether it concerns the disk.
+    /// Whether the disk refuses writes.
     pub fn is_of_storage(&self) -> bool {
-        self.category == Category::Storage.word()
+        self.category == Category::Storage.word() && self.is_in_the_way()
+    }
+
+    /// Whether it can hold a run. A slow disk only delays it.
+    pub fn is_in_the_way(&self) -> bool {
+        self.code != table::DISK_SLOW.code
     }
 
     /// Whether it ends with its cause. Other faults stay open until an operator acknowledges them.

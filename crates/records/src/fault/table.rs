@@ -169,9 +169,15 @@ codes! {
     DISK_FULL = "disk_full", Storage, PauseInstrument, operator: true, recoverable: true,
         "The disk that holds the data is full. `plate.removable` stays false: do not remove the plate.",
         "Make room on the data disk.";
+    DISK_SLOW = "disk_slow", Storage, Retry, operator: false, recoverable: true,
+        "The disk that holds the data takes seconds for a write. Everything is still written, and everything takes longer.",
+        "Look what else uses the disk, and whether it is about to fail.";
     EMERGENCY_STOP = "emergency_stop", Safety, EscalateOperator, operator: true, recoverable: true,
         "Somebody pressed the emergency stop. The motors stand, a run that was under way is aborted, and nothing starts.",
         "Make sure that the instrument is safe.";
+    JOURNAL_DAMAGED = "journal_damaged", Software, PauseInstrument, operator: true, recoverable: true,
+        "A line of the journal could not be read and was left out. What it said of the plate, the capillary or a run is not known.",
+        "Look which plate is inside and whether a specimen is in the capillary, and correct what the instrument says of them.";
     INTERNAL_ERROR = "internal_error", Software, PauseInstrument, operator: true, recoverable: true,
         "A part of the program ended that should not have.",
         "Keep the daemon's log and report it.";

@@ -25,7 +25,7 @@ pub(super) use query::{events_after, events_of, runs, used_bytes, views, was_acc
 pub use refresh::{RunScan, Unreadable};
 pub(super) use rows::word;
 
-use super::{RunRecord, StoreError, durable};
+use super::{RunRecord, StoreError, disk, durable};
 use carved_records::Event;
 use rusqlite::{Connection, Transaction, TransactionBehavior};
 use std::path::{Path, PathBuf};
@@ -61,10 +61,10 @@ impl Index {
     /// A newer carved wrote the index. This version must not work in a folder that it does not fully know.
     pub fn open(root: &Path) -> Result<(Self, RunScan), StoreError> {
         let path = root.join(FILE);
-        let opened = if path.exists() {
+        let opened = if path.symlink_metadata().is_ok() {
             match existing(root) {
-                Err(StoreError::Index { source, .. }) => {
-                    tracing::warn!(error = %source, path = %path.display(), "the index is broken and is made anew from the run folders");
+                Err(error @ (StoreError::Index { .. } | StoreError::Io { .. })) => {
+                    tracing::warn!(%error, path = %path.display(), "the index is broken and is made anew from the run folders");
                     rebuild(root)
                 }
                 other => other,
@@ -125,10 +125,11 @@ impl Index {
         if was_behind && Instant::now() < *again {
             return;
         }
-        let done = in_one(connection, |tx| {
+        let update = |tx: &Transaction| {
             // The write is on disk already, so the refresh includes it.
             if was_behind { refresh::all(tx, &self.root).map(|_| ()) } else { work(tx, &self.root) }
-        });
+        };
+        let done = disk::watched(false, || in_one(connection, update));
         match done {
             Ok(()) if was_behind => {
                 tracing::info!("the index is up to the run folders again");
@@ -160,7 +161,24 @@ fn failed(what: &'static str, path: &Path) -> impl Fn(rusqlite::Error) -> StoreE
     move |source| StoreError::Index { what, path: path.clone(), source }
 }
 
+/// Checks that neither the database nor its log is a pipe, which `SQLite` would wait for, or a link.
+fn is_own(path: &Path) -> Result<(), StoreError> {
+    for path in ends(path) {
+        match path.symlink_metadata() {
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => {}
+            found => found.and_then(|found| carved_files::check(found.file_type())).map_err(StoreError::io("open", &path))?,
+        }
+    }
+    Ok(())
+}
+
+/// A database and its log.
+fn ends(path: &Path) -> [PathBuf; 3] {
+    ["", "-wal", "-shm"].map(|end| path.with_file_name(format!("{}{end}", path.file_name().unwrap_or_default().display())))
+}
+
 fn connect(path: &Path) -> Result<Connection, StoreError> {
+    is_own(path)?;
     let prepare = || {
         let connection = Connection::open(path)?;
         connection.busy_timeout(BUSY)?;
@@ -193,8 +211,7 @@ pub(super) fn remove(root: &Path) -> Result<(), StoreError> {
 
 /// Removes a database with its log, if it exists.
 fn removed(path: &Path) -> Result<(), StoreError> {
-    for end in ["", "-wal", "-shm"] {
-        let path = path.with_file_name(format!("{}{end}", path.file_name().unwrap_or_default().display()));
+    for path in ends(path) {
         match std::fs::remove_file(&path) {
             Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(StoreError::io("remove", &path)(e)),
             _ => {}

@@ -26,7 +26,7 @@ pub struct RunsQuery {
 /// A place in the list of runs.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Cursor {
-    pub started_us: i64,
+    pub place_us: i64,
     pub id: String,
 }
 
@@ -45,14 +45,15 @@ pub struct RunRow {
     pub ended: Option<String>,
     pub outcome: Option<String>,
     pub wells: WellCounts,
+    /// Its place in the order in which the runs were accepted, us.
     #[serde(skip)]
-    pub started_us: i64,
+    pub place_us: i64,
 }
 
 impl RunRow {
     /// The place in the list behind this run.
     pub fn cursor(&self) -> Cursor {
-        Cursor { started_us: self.started_us, id: self.id.clone() }
+        Cursor { place_us: self.place_us, id: self.id.clone() }
     }
 }
 
@@ -67,6 +68,7 @@ pub enum EventsAfter {
 
 fn ask<T>(root: &Path, what: impl FnOnce(&Connection) -> rusqlite::Result<T>) -> Result<T, StoreError> {
     let path = root.join(FILE);
+    super::is_own(&path)?;
     let answer = || {
         let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX;
         let connection = Connection::open_with_flags(&path, flags)?;
@@ -76,16 +78,33 @@ fn ask<T>(root: &Path, what: impl FnOnce(&Connection) -> rusqlite::Result<T>) ->
     answer().map_err(failed("be read", &path))
 }
 
+/// The runs with their place in the order in which they were accepted, us. The journal has this order; the wall clock may be set back. Where
+/// the clock was right, `place_us` is the time of the start. A run without events, such as an imported one, has the time of its start.
+const PLACED: &str = "
+    WITH accepted AS (SELECT *, (SELECT MIN(e.id) FROM events e INDEXED BY events_by_run WHERE e.run = runs.id) AS event FROM runs),
+    numbered AS (SELECT *, ROW_NUMBER() OVER (ORDER BY event) AS number FROM accepted WHERE event IS NOT NULL),
+    placed AS (
+        SELECT *, number + MAX(started_us - number) OVER (ORDER BY event ROWS UNBOUNDED PRECEDING) AS place_us FROM numbered
+        UNION ALL SELECT *, 0 AS number, started_us AS place_us FROM accepted WHERE event IS NULL
+    )";
+
+/// The runs without an outcome, in the order in which they were accepted.
+pub(super) fn open(c: &Connection) -> rusqlite::Result<Vec<String>> {
+    let select = format!("{PLACED} SELECT id FROM placed WHERE outcome IS NULL ORDER BY place_us, id");
+    c.prepare(&select)?.query_map([], |row| row.get(0))?.collect()
+}
+
 pub fn runs(root: &Path, query: &RunsQuery) -> Result<Vec<RunRow>, StoreError> {
-    let (us, id) = query.after.as_ref().map_or((i64::MAX, ""), |c| (c.started_us, &c.id));
+    let (us, id) = query.after.as_ref().map_or((i64::MAX, ""), |c| (c.place_us, &c.id));
     ask(root, |c| {
-        let mut select = c.prepare(
-            "SELECT id, external_id, mode, software, plate_barcode, method, operator, started, ended, outcome, started_us FROM runs
-             WHERE (started_us < ?1 OR started_us = ?1 AND id < ?2) AND (?3 IS NULL OR plate_barcode = ?3) AND (?4 IS NULL OR method = ?4)
+        let mut select = c.prepare(&format!(
+            "{PLACED}
+             SELECT id, external_id, mode, software, plate_barcode, method, operator, started, ended, outcome, place_us FROM placed
+             WHERE (place_us < ?1 OR place_us = ?1 AND id < ?2) AND (?3 IS NULL OR plate_barcode = ?3) AND (?4 IS NULL OR method = ?4)
                AND (?5 IS NULL OR operator = ?5) AND (?6 IS NULL OR external_id = ?6) AND (?7 IS NULL OR mode = ?7)
                AND (?8 IS NULL OR COALESCE(outcome, 'open') = ?8)
-             ORDER BY started_us DESC, id DESC LIMIT ?9",
-        )?;
+             ORDER BY place_us DESC, id DESC LIMIT ?9",
+        ))?;
         let q = query;
         let found =
             select.query_map(params![us, id, q.plate_barcode, q.method, q.operator, q.external_id, q.mode, q.outcome, q.limit], run_row)?;
@@ -113,7 +132,7 @@ fn run_row(row: &Row) -> rusqlite::Result<RunRow> {
         ended: row.get(8)?,
         outcome: row.get(9)?,
         wells: WellCounts::default(),
-        started_us: row.get(10)?,
+        place_us: row.get(10)?,
     })
 }
 

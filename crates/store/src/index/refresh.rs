@@ -1,6 +1,6 @@
 //! Updates the index from the folders. From an empty index this is a rebuild.
 
-use super::rows;
+use super::{query, rows};
 use crate::{RunRecord, StoreError, lines, run};
 use carved_records::Event;
 use rusqlite::Connection;
@@ -24,7 +24,7 @@ pub struct Unreadable {
     pub why: String,
 }
 
-/// The run folders by name. Names that begin with a dot are skipped.
+/// The run folders by name. Names that begin with a dot are skipped, and so are links to folders.
 pub(super) fn folders(root: &Path) -> Result<BTreeMap<String, PathBuf>, StoreError> {
     let runs = root.join("runs");
     let mut found = BTreeMap::new();
@@ -33,7 +33,8 @@ pub(super) fn folders(root: &Path) -> Result<BTreeMap<String, PathBuf>, StoreErr
         let file = entry.path().join(run::FILE);
         if let Ok(name) = entry.file_name().into_string()
             && !name.starts_with('.')
-            && file.exists()
+            && entry.file_type().is_ok_and(|kind| kind.is_dir())
+            && file.symlink_metadata().is_ok()
         {
             found.insert(name, file);
         }
@@ -85,10 +86,7 @@ pub(super) fn all(c: &Connection, root: &Path) -> rusqlite::Result<RunScan> {
     for gone in known.keys() {
         rows::remove_run(c, gone)?;
     }
-    found.open = c
-        .prepare("SELECT id FROM runs WHERE outcome IS NULL ORDER BY started_us, id")?
-        .query_map([], |row| row.get(0))?
-        .collect::<Result<_, _>>()?;
+    found.open = query::open(c)?;
     Ok(found)
 }
 

@@ -4,6 +4,7 @@ use super::cells;
 use crate::columns::OfRun;
 use crate::stored_run::TIMINGS;
 use crate::{Computation, MEASUREMENT, RECORDING, RecordingFiles, RunRecord, StoredWell, attempts, run};
+use carved_files::Tree;
 use carved_records::{Event, EventData, PlannedWell, WellStatus, sha256_hex};
 use rusqlite::{Connection, OptionalExtension, params};
 use serde_json::Value;
@@ -179,15 +180,10 @@ fn json(path: &Path) -> Option<(String, Value)> {
     Some((sha256_hex(&text), serde_json::from_slice(&text).ok()?))
 }
 
-/// Disk space of a folder, bytes.
+/// Disk space of a folder, bytes. A link has none, and what it leads to is not counted.
 fn bytes_of(folder: &Path) -> u64 {
-    let Ok(entries) = std::fs::read_dir(folder) else { return 0 };
-    let one = |entry: std::fs::DirEntry| match entry.metadata() {
-        Ok(m) if m.is_dir() => bytes_of(&entry.path()),
-        Ok(m) => m.len(),
-        Err(_) => 0,
-    };
-    entries.flatten().map(one).sum()
+    let Ok(tree) = Tree::of(folder) else { return 0 };
+    tree.files.iter().filter_map(|name| folder.join(name).symlink_metadata().ok()).map(|m| m.len()).sum()
 }
 
 /// Writes an event, its effect on faults, and the length of the journal including this event.

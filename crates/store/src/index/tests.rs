@@ -90,6 +90,37 @@ fn an_index_written_live_has_the_rows_of_one_made_from_the_folders() {
     assert_eq!(rows(dir.path()), written);
 }
 
+/// The clock of the instrument was set back between two runs, and one run is imported. The pages of the list have the same order.
+#[test]
+fn runs_have_the_order_of_the_journal_whatever_the_clock_said() {
+    let dir = tempfile::tempdir().unwrap();
+    let (store, mut journal, _) = Claim::on(dir.path()).and_then(Store::open).unwrap();
+    let accepted = [("b", "12:00"), ("d", "11:00"), ("a", "11:30"), ("c", "11:30"), ("e", "14:00")];
+    for (id, time) in accepted {
+        let run = RunRecord { started: format!("2026-01-01T{time}:00Z"), ..record(id) };
+        store.save_run(&run).unwrap();
+        say(&mut journal, "run.accepted", Some(id), json!({"plate_barcode": "P-1", "method": "m"}));
+    }
+    store.save_run(&RunRecord { started: "2026-01-01T13:00:00Z".into(), ..record("imported") }).unwrap();
+    let listed = |limit: usize| {
+        let (mut found, mut after) = (Vec::new(), None);
+        loop {
+            let page = store.reader().runs(&RunsQuery { limit, after, ..RunsQuery::default() }).unwrap();
+            let Some(last) = page.last() else { return found };
+            after = Some(last.cursor());
+            found.extend(page.into_iter().map(|row| row.id));
+        }
+    };
+    for limit in [1, 2, 10] {
+        assert_eq!(listed(limit), ["e", "imported", "c", "a", "d", "b"], "{limit} per page");
+    }
+    drop((store, journal));
+    std::fs::remove_file(dir.path().join(FILE)).unwrap();
+    let (store, _journal, _) = Claim::on(dir.path()).and_then(Store::open).unwrap();
+    let open: Vec<String> = store.open_runs().unwrap().into_iter().map(|run| run.id).collect();
+    assert_eq!(open, ["b", "d", "a", "c", "imported", "e"], "oldest first, also after a rebuild");
+}
+
 #[test]
 fn what_the_index_missed_is_found_at_the_next_start() {
     let dir = tempfile::tempdir().unwrap();
