@@ -23,6 +23,9 @@ const JOURNALLED: Duration = Duration::from_millis(500);
 /// Time for the notices that wait when the daemon ends. The whole daemon must end within 5 s.
 const LAST_NOTICES: Duration = Duration::from_secs(1);
 
+/// Time for requests that read the disk when the daemon ends. A listing of a large folder, or a disk that hangs, does not hold it up.
+const LAST_READS: Duration = Duration::from_millis(200);
+
 /// A daemon before its start: it owns its data folder, its port is open and its devices answer, but no task runs yet.
 pub struct Daemon {
     pub claim: Claim,
@@ -137,6 +140,7 @@ impl Daemon {
         if let Some(notices) = &notices {
             notices.close(LAST_NOTICES);
         }
+        runtime.shutdown_timeout(LAST_READS);
         let drove = drove.map_err(|_| anyhow::anyhow!("the driver panicked; the motors were stopped as it unwound"))?;
         drove?;
         served
@@ -159,7 +163,13 @@ async fn tell_systemd(session: SessionHandle, heartbeat: Heartbeat) {
             systemd::status(&status.doing);
         }
     };
-    tokio::join!(sentences, systemd::watchdog(|| heartbeat.is_alive()));
+    let alive = || {
+        if let Some(takes) = heartbeat.waits_for_disk() {
+            tracing::warn!(takes_s = takes.as_secs(), "the driver waits for the disk");
+        }
+        heartbeat.is_alive()
+    };
+    tokio::join!(sentences, systemd::watchdog(alive));
 }
 
 async fn stopped(mut stop: watch::Receiver<Option<Departure>>) -> Departure {

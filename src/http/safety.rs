@@ -7,9 +7,13 @@ use super::runs::refused;
 use axum::Json;
 use axum::extract::rejection::PathRejection;
 use axum::extract::{Path, State};
-use axum::http::HeaderMap;
+use axum::http::{HeaderMap, StatusCode};
 use serde::{Deserialize, Serialize};
+use std::time::Duration;
 use utoipa::ToSchema;
+
+/// How long the answer to an emergency stop waits for the disk. The motors stand already, and the driver takes the stop in any case.
+const LATCHED: Duration = Duration::from_secs(1);
 
 /// Taken; the status from this revision on shows what became of it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
@@ -23,23 +27,25 @@ pub(super) fn noted(app: &AppState) -> Json<Noted> {
 
 /// Stops the motors, then everything else.
 ///
-/// The stop is on the wire before anything is waited for; the run ends as aborted. It latches as the fault `emergency_stop`: nothing
+/// The stop is on the wire before anything is waited for, and is answered within a second; the run ends as aborted. It latches as the fault `emergency_stop`: nothing
 /// runs until that is acknowledged. A repeat stops again and answers 200.
 #[utoipa::path(
     post, path = "/v1/emergency-stop", tag = "commands",
     responses(
         (status = 200, description = "The motors are stopped, and that is journalled", body = Noted),
+        (status = 202, description = "The motors are stopped; the disk is slow, and it is journalled as soon as the disk takes it", body = Noted),
         (status = 409, description = "The state does not accept it; the motors were stopped all the same", body = Problem, content_type = "application/problem+json"),
         (status = 413, description = "A body larger than the command can need; the motors were stopped all the same", body = Problem, content_type = "application/problem+json"),
         (status = 503, description = "It could not be journalled; the motors were stopped all the same", body = Problem, content_type = "application/problem+json"),
         (status = 507, description = "The disk is full; the motors were stopped all the same", body = Problem, content_type = "application/problem+json"),
     )
 )]
-pub(super) async fn emergency_stop(State(app): State<AppState>, headers: HeaderMap) -> Result<Json<Noted>, Problem> {
-    let stopped = app.session.emergency_stop().await;
+pub(super) async fn emergency_stop(State(app): State<AppState>, headers: HeaderMap) -> Result<(StatusCode, Json<Noted>), Problem> {
+    let stopped = tokio::time::timeout(LATCHED, app.session.emergency_stop()).await;
     body::within(&headers, body::SMALL)?;
-    stopped.map_err(|refusal| refused(&app, refusal))?;
-    Ok(noted(&app))
+    let Ok(latched) = stopped else { return Ok((StatusCode::ACCEPTED, noted(&app))) };
+    latched.map_err(|refusal| refused(&app, refusal))?;
+    Ok((StatusCode::OK, noted(&app)))
 }
 
 /// The operator has seen to a fault.

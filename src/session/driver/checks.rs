@@ -5,7 +5,7 @@ use super::super::{OutputStatus, Status, preflight};
 use super::commands::reply;
 use super::devices::{Done, Finding, PreflightRequest, findings, intervention};
 use super::driver_state::DriverState;
-use super::room;
+use super::room::{self, Speed};
 use super::{course, faults};
 use carved_devices::DeviceError;
 use carved_records::{Device, EventData, Fault, fault_table};
@@ -19,6 +19,27 @@ pub(super) fn beat(d: &mut DriverState) {
         try_the_store(d);
         look(d);
         d.look_for_room();
+        look_at_the_disk(d);
+    }
+}
+
+/// Raises the fault of a slow disk, and clears it once a write is fast again after a while.
+fn look_at_the_disk(d: &mut DriverState) {
+    let code = &fault_table::DISK_SLOW;
+    let is_open = faults::is_open(&d.state().faults, code.code);
+    match d.speed.look() {
+        Speed::Slow(took) if !is_open => {
+            let message = format!("a write to the data folder took {:.1} s; milliseconds are usual", took.as_secs_f64());
+            let fault = Fault::new(d.state().faults.newest() + 1, code, message, jiff::Timestamp::now().to_string());
+            d.event_shown(None, EventData::FaultRaised(fault), |d| d.publish(|_| ()));
+        }
+        Speed::Untried if is_open => {
+            d.outbox.probe();
+            if !matches!(d.speed.look(), Speed::Slow(_)) {
+                d.fault_over(|fault| fault.code == code.code, "the disk is fast again", |_| ());
+            }
+        }
+        Speed::Slow(_) | Speed::Untried | Speed::Same => {}
     }
 }
 

@@ -9,7 +9,7 @@ use super::devices::Devices;
 use super::loader::Loader;
 use super::outbox::Outbox;
 use super::released;
-use super::room::{self, DiskRoom};
+use super::room::{self, DiskRoom, DiskSpeed};
 use super::run::{Request, RunInProgress};
 use super::sealing::seal_run;
 use super::snapshot::{self, Parts, left_specimen, run_status};
@@ -37,6 +37,7 @@ pub(super) struct DriverState {
     pub(super) loader: Loader,
     room: DiskRoom,
     /// The rig's newest calibration, as of the last lookup.
+    pub(super) speed: DiskSpeed,
     pub(super) calibration: Option<CalibrationStatus>,
     pub(super) run: Option<RunInProgress>,
     pub(super) life: Life,
@@ -44,7 +45,7 @@ pub(super) struct DriverState {
 
 impl DriverState {
     pub fn new(driver: Driver) -> Self {
-        let Driver { config, mode, store, journal, publisher, instrument, identity, interlock, notices, heartbeat: _ } = driver;
+        let Driver { config, mode, store, journal, publisher, instrument, identity, interlock, notices, heartbeat } = driver;
         publisher.halt().aim(instrument.rig.rotation.stop_handle(), CancelToken::default());
         // The tail of the journal is not enough: most events are views, and after some dozen wells it no longer names the plate.
         let remembered = store.remembered().unwrap_or_else(|error| {
@@ -61,6 +62,7 @@ impl DriverState {
             publisher,
             notices,
             room: DiskRoom::default(),
+            speed: DiskSpeed::of(heartbeat.disk().clone()),
             calibration: None,
             run: None,
             life: Life::Starting,
@@ -310,8 +312,11 @@ impl DriverState {
 
     /// Seals the open recordings of the run, and stores the bead gate if it measured enough beads.
     pub fn close_folder(&self, run: &str) {
-        seal_run(self.outbox.store(), run);
-        gate::keep(&self.config, &self.outbox.store().run_folder(run));
+        let store = self.outbox.store();
+        store.long_work(|| {
+            seal_run(store, run);
+            gate::keep(&self.config, &store.run_folder(run));
+        });
     }
 
     pub fn forget_run(&mut self) {

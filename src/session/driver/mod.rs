@@ -161,6 +161,7 @@ impl Driver {
     /// Serves commands until `shutdown`. Then the motors stop, the record is closed or left open, and all threads are joined.
     pub async fn run(self, mut mailbox: mpsc::Receiver<Command>, shutdown: impl Future<Output = Departure>) -> Result<(), DriverError> {
         let (heartbeat, halt) = (self.heartbeat.clone(), self.publisher.halt().clone());
+        heartbeat.disk().of_this_thread();
         let mut d = DriverState::new(self);
         restart::first_report(&mut d);
         tokio::pin!(shutdown);

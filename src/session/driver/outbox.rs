@@ -115,6 +115,13 @@ impl Outbox {
         self.promise(Some(&record.id), well, data)
     }
 
+    /// Syncs the journal again, to see how fast the disk is. An error is that of the next write.
+    pub fn probe(&mut self) {
+        if let Err(error) = self.journal.probe() {
+            tracing::debug!(%error, "the disk's speed is not seen");
+        }
+    }
+
     /// Whether a write failed and the published state is not all on disk.
     pub fn is_failing(&self) -> bool {
         self.is_failing

@@ -1,8 +1,10 @@
-//! Disk space for a run: free space, and the budget of the data folder.
+//! Disk space for a run: free space, and the budget of the data folder. How fast the disk takes writes.
 
 use super::super::{Refusal, preflight};
 use crate::config::Config;
-use carved_store::{Budget, Store};
+use crate::session::heartbeat::SLOW;
+use carved_store::{Budget, DiskWatch, Store};
+use std::time::{Duration, Instant};
 
 /// Minimum free space, in bytes, before a full disk is tried again: room for a few frames and their record.
 const RETRY_BYTES: u64 = 64 << 20;
@@ -27,6 +29,44 @@ impl DiskRoom {
             self.lacking = lacking;
         }
         changes
+    }
+}
+
+/// How long a disk must have been fast before it counts as fast again, and how long until it is tried.
+const FAST_FOR: Duration = Duration::from_secs(60);
+
+/// How fast the disk took the driver's writes.
+#[derive(Debug)]
+pub(super) struct DiskSpeed {
+    watch: DiskWatch,
+    /// When the newest slow write was seen.
+    slow: Instant,
+}
+
+/// What the newest writes say about the disk.
+#[derive(Debug, PartialEq)]
+pub(super) enum Speed {
+    /// A write took this long.
+    Slow(Duration),
+    /// No write was slow for a while. Another one shows whether that is so.
+    Untried,
+    /// Nothing new.
+    Same,
+}
+
+impl DiskSpeed {
+    pub fn of(watch: DiskWatch) -> Self {
+        Self { watch, slow: Instant::now() }
+    }
+
+    /// Judges the writes since the last call.
+    pub fn look(&mut self) -> Speed {
+        let slowest = self.watch.take_slowest();
+        if slowest >= SLOW {
+            self.slow = Instant::now();
+            return Speed::Slow(slowest);
+        }
+        if self.slow.elapsed() >= FAST_FOR { Speed::Untried } else { Speed::Same }
     }
 }
 
@@ -61,6 +101,21 @@ pub(super) fn is_worth_a_retry(store: &Store) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_disk_is_slow_at_its_first_slow_write_and_fast_only_after_a_while() {
+        let watch = DiskWatch::default();
+        let mut speed = DiskSpeed::of(watch.clone());
+        watch.end(SLOW / 2);
+        assert_eq!(speed.look(), Speed::Same);
+        watch.end(SLOW);
+        watch.end(Duration::ZERO);
+        assert_eq!((speed.look(), speed.look()), (Speed::Slow(SLOW), Speed::Same));
+        if let Some(earlier) = Instant::now().checked_sub(FAST_FOR) {
+            speed.slow = earlier;
+            assert_eq!(speed.look(), Speed::Untried);
+        }
+    }
 
     #[test]
     fn only_a_change_from_room_to_none_or_back_is_news() {

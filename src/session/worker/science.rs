@@ -3,7 +3,7 @@
 use super::clock::StageClock;
 use super::estimator::LiveEstimator;
 use super::optics::Blind;
-use super::specimen::{Ended, Specimen, Work};
+use super::specimen::{Decision, Ended, Specimen, Work};
 use super::{Overrun, Progress, RunContext, RunError};
 use carved_core::pipeline::{Pipeline, TurnVerdict};
 use carved_devices::acquisition::SinkClosed;
@@ -34,7 +34,7 @@ pub struct Science {
     alive: Receiver<()>,
     thread: JoinHandle<Result<Ended, RunError>>,
     unwanted: Arc<AtomicBool>,
-    told: Arc<AtomicBool>,
+    decision: Decision,
     enough: Arc<AtomicBool>,
 }
 
@@ -52,7 +52,8 @@ impl Science {
         let (work, handed) = sync_channel(2 * context.method.asd as usize + WORDS);
         let (verdict, verdicts) = channel();
         let (living, alive) = channel();
-        let [unwanted, told, enough] = std::array::from_fn(|_| Arc::new(AtomicBool::new(false)));
+        let [unwanted, enough] = std::array::from_fn(|_| Arc::new(AtomicBool::new(false)));
+        let decision = Decision::default();
         let specimen = Specimen {
             context: Arc::clone(context),
             planned: planned.clone(),
@@ -61,7 +62,7 @@ impl Science {
             seconds: Vec::new(),
             stages: StageClock::default(),
             unwanted: Arc::clone(&unwanted),
-            told: Arc::clone(&told),
+            decision: decision.clone(),
             estimator: LiveEstimator::new(context.method.early_stop),
             enough: Arc::clone(&enough),
             blind: Blind::default(),
@@ -70,7 +71,7 @@ impl Science {
             let _living = living;
             specimen.run(&handed, &verdict)
         });
-        Self { context: Arc::clone(context), planned: planned.clone(), work, verdicts, alive, thread, unwanted, told, enough }
+        Self { context: Arc::clone(context), planned: planned.clone(), work, verdicts, alive, thread, unwanted, decision, enough }
     }
 
     /// Sends work to the thread.
@@ -125,25 +126,34 @@ impl Science {
         drop(self.work);
         if self.alive.recv_timeout(allowed) == Err(RecvTimeoutError::Timeout) {
             // The detached thread must not report the well's result later.
-            self.told.store(true, Ordering::Release);
-            let path = self.context.folder.join(&self.planned.well);
-            return Err(StoreError::Unclosed { path, waited_s: allowed.as_secs_f64() }.into());
+            self.decision.silence();
+            return Err(unclosed(&self.context, &self.planned, allowed));
         }
         self.thread.join().map_err(|_| RunError::SpecimenThread)?
     }
 
-    /// Waits for the numbers of a released specimen. If this takes longer than `allowed`, the well fails. The thread is detached and
-    /// reports nothing any more.
+    /// Waits for the numbers of a released specimen. If this takes longer than `allowed`, the well fails: the thread is detached, and writes
+    /// and reports nothing any more. Numbers that are being written by then are waited for.
     pub fn settle(self, allowed: Duration) -> Result<(), RunError> {
+        self.settle_within(allowed, CLOSING)
+    }
+
+    fn settle_within(self, allowed: Duration, closing: Duration) -> Result<(), RunError> {
         let began = Instant::now();
         drop(self.work);
-        if self.alive.recv_timeout(allowed) == Err(RecvTimeoutError::Timeout) && !self.told.swap(true, Ordering::AcqRel) {
-            let overrun = Overrun::new(Phase::Measure, began.elapsed(), allowed);
-            let mut result = WellStatus::pending(&self.planned);
-            result.end(SpecimenOutcome::Failed, Some(&overrun.to_string()));
-            let seconds = began.elapsed().as_secs_f64();
-            self.context.tell(Progress::WellDone { result, seconds, times: WellTimes::default() });
-            return Ok(());
+        if self.alive.recv_timeout(allowed) == Err(RecvTimeoutError::Timeout) {
+            if self.decision.give_up() {
+                let overrun = Overrun::new(Phase::Measure, began.elapsed(), allowed);
+                let mut result = WellStatus::pending(&self.planned);
+                result.end(SpecimenOutcome::Failed, Some(&overrun.to_string()));
+                let seconds = began.elapsed().as_secs_f64();
+                self.context.tell(Progress::WellDone { result, seconds, times: WellTimes::default() });
+                return Ok(());
+            }
+            if self.alive.recv_timeout(closing) == Err(RecvTimeoutError::Timeout) {
+                self.decision.silence();
+                return Err(unclosed(&self.context, &self.planned, closing));
+            }
         }
         match self.thread.join().map_err(|_| RunError::SpecimenThread)?? {
             Ended::Told => Ok(()),
@@ -152,16 +162,22 @@ impl Science {
     }
 }
 
+fn unclosed(context: &RunContext, planned: &PlannedWell, waited: Duration) -> RunError {
+    StoreError::Unclosed { path: context.folder.join(&planned.well), waited_s: waited.as_secs_f64() }.into()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::config::Config;
     use carved_records::Mode;
     use std::path::Path;
+    use std::sync::mpsc::Sender;
 
-    #[test]
-    fn a_record_that_a_hanging_disk_keeps_open_is_not_waited_for_for_ever() {
+    /// The handle of a thread that works until the sender is dropped, and what it tells.
+    fn hanging() -> (Science, Sender<()>, tokio::sync::mpsc::Receiver<Progress>) {
         let config = Config::parse(include_str!("../../../config/simulated.toml"), Path::new("simulated.toml")).unwrap();
+        let (progress, told) = tokio::sync::mpsc::channel(4);
         let context = RunContext {
             identity: config.identity(String::new()),
             mode: Mode::Simulated,
@@ -177,22 +193,63 @@ mod tests {
             folder: "/data/runs/r1".into(),
             cancel: CancelToken::new(),
             pause: CancelToken::new(),
-            progress: tokio::sync::mpsc::channel(1).0,
+            progress,
         };
         let ((work, _handed), (_verdict, verdicts), (living, alive)) = (sync_channel(1), channel(), channel());
         let (hang, hung) = channel::<()>();
-        let [unwanted, told, enough] = std::array::from_fn(|_| Arc::new(AtomicBool::new(false)));
+        let [unwanted, enough] = std::array::from_fn(|_| Arc::new(AtomicBool::new(false)));
         let thread = std::thread::spawn(move || {
             let _living = living;
             let _until_the_test_ends = hung.recv();
-            Ok(Ended::Dropped)
+            Ok(Ended::Told)
         });
         let planned = serde_json::from_str(r#"{"well": "A01"}"#).unwrap();
-        let science =
-            Science { context: Arc::new(context), planned, work, verdicts, alive, thread, unwanted, told: Arc::clone(&told), enough };
-        let error = science.close_within(Duration::from_millis(10)).err().unwrap();
-        assert!(matches!(&error, RunError::Store(StoreError::Unclosed { path, .. }) if path.ends_with("r1/A01")), "{error}");
-        assert!(told.load(Ordering::Acquire), "its thread may still tell the well's result");
+        let decision = Decision::default();
+        let science = Science { context: Arc::new(context), planned, work, verdicts, alive, thread, unwanted, decision, enough };
+        (science, hang, told)
+    }
+
+    const SOON: Duration = Duration::from_millis(10);
+
+    fn is_unclosed(ended: Result<(), RunError>) -> bool {
+        matches!(ended, Err(RunError::Store(StoreError::Unclosed { path, .. })) if path.ends_with("r1/A01"))
+    }
+
+    #[test]
+    fn a_record_that_a_hanging_disk_keeps_open_is_not_waited_for_for_ever() {
+        let (science, hang, _told) = hanging();
+        let decision = science.decision.clone();
+        assert!(is_unclosed(science.close_within(SOON).map(|_| ())));
+        assert!(!decision.begin_to_write() && !decision.is_to_write(), "its thread may still tell the well's result");
+        drop(hang);
+    }
+
+    #[test]
+    fn numbers_that_were_given_up_are_not_written_afterwards() {
+        let (science, hang, mut told) = hanging();
+        let decision = science.decision.clone();
+        science.settle_within(SOON, SOON).unwrap();
+        let Ok(Progress::WellDone { result, .. }) = told.try_recv() else { panic!("the well has no result") };
+        assert_eq!(result.outcome, Some(SpecimenOutcome::Failed));
+        assert!(!decision.begin_to_write(), "a failed well gets numbers");
+        drop(hang);
+    }
+
+    #[test]
+    fn numbers_that_are_being_written_at_the_deadline_are_not_given_up() {
+        let (science, hang, mut told) = hanging();
+        let decision = science.decision.clone();
+        assert!(decision.begin_to_write());
+        // Its last file is written while the rig thread waits.
+        drop(hang);
+        science.settle_within(Duration::ZERO, CLOSING).unwrap();
+        assert!(told.try_recv().is_err() && decision.is_to_write(), "the thread itself reports the well");
+
+        let (science, hang, mut told) = hanging();
+        let decision = science.decision.clone();
+        assert!(decision.begin_to_write());
+        assert!(is_unclosed(science.settle_within(SOON, SOON)));
+        assert!(told.try_recv().is_err() && !decision.is_to_write(), "it may still tell the well's result");
         drop(hang);
     }
 }

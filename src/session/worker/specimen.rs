@@ -20,7 +20,7 @@ use carved_core::surface::Mesh;
 use carved_records::{LedgerEntry, Light, Phase, PlannedWell, SpecimenOutcome, WellStatus, WellTimes};
 use carved_store::{self, MeasurementFile, RecordingWriter};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 use std::sync::mpsc::{Receiver, Sender};
 use std::time::Instant;
 
@@ -55,6 +55,39 @@ pub enum Ended {
     Dropped,
 }
 
+/// What becomes of the numbers of a well. It is decided once, before the first of their files is written: a well that has failed gets none.
+#[derive(Debug, Clone, Default)]
+pub struct Decision(Arc<AtomicU8>);
+
+impl Decision {
+    const WRITES: u8 = 1;
+    const GIVEN_UP: u8 = 2;
+
+    fn decide(&self, to: u8) -> bool {
+        self.0.compare_exchange(0, to, Ordering::AcqRel, Ordering::Acquire).is_ok()
+    }
+
+    /// Decides that the numbers are written. False if they are given up.
+    pub fn begin_to_write(&self) -> bool {
+        self.decide(Self::WRITES)
+    }
+
+    /// Whether the numbers are written.
+    pub fn is_to_write(&self) -> bool {
+        self.0.load(Ordering::Acquire) == Self::WRITES
+    }
+
+    /// Decides that the numbers are given up. False if they are being written.
+    pub fn give_up(&self) -> bool {
+        self.decide(Self::GIVEN_UP)
+    }
+
+    /// Has the thread report nothing any more, although it may be writing.
+    pub fn silence(&self) {
+        self.0.store(Self::GIVEN_UP, Ordering::Release);
+    }
+}
+
 /// One turn of one specimen.
 pub struct Specimen {
     pub context: Arc<RunContext>,
@@ -66,8 +99,8 @@ pub struct Specimen {
     pub stages: StageClock,
     /// The numbers are not needed any more. Views are only stored.
     pub unwanted: Arc<AtomicBool>,
-    /// Set once, by the thread that reports the well's result: this one, or the rig thread after a timeout.
-    pub told: Arc<AtomicBool>,
+    /// Whether this thread writes and reports the well's numbers, or the rig thread has given them up.
+    pub decision: Decision,
     /// Estimates of the volume during the turn.
     pub estimator: LiveEstimator,
     /// The rule has ended the turn. The rig thread goes to the closure view.
@@ -215,10 +248,15 @@ impl Specimen {
 
     /// Measures, waits until the specimen is out, closes the recording and reports the result.
     fn measured(self, work: &Receiver<Work>) -> Result<Ended, RunError> {
-        let Self { context, planned, pipeline, mut writer, seconds, mut stages, told, estimator, .. } = self;
+        let Self { context, planned, pipeline, mut writer, seconds, mut stages, decision, estimator, .. } = self;
         let began = Instant::now();
         let mut result = WellStatus::pending(&planned);
-        let numbers = match stages.surface.time(|| pipeline.finish()) {
+        let found = stages.surface.time(|| pipeline.finish());
+        if !decision.begin_to_write() {
+            tracing::warn!(well = planned.well, "the numbers came after they were given up, and are not written");
+            return Ok(Ended::Told);
+        }
+        let numbers = match found {
             Ok((mesh, record)) => written(&context, &mut writer, &mesh, record, &seconds, &mut result).map(|glb| {
                 context.tell(Progress::Measured { well: planned.well, glb, end: estimator.end(&result) });
             }),
@@ -239,7 +277,7 @@ impl Specimen {
         numbers?;
         timed?;
         closed?;
-        if !told.swap(true, Ordering::AcqRel) {
+        if decision.is_to_write() {
             context.tell(Progress::WellDone { result, seconds, times });
         }
         Ok(Ended::Told)
