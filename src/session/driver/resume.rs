@@ -160,7 +160,7 @@ mod tests {
                         let stands = state.faults.open().iter().find(|f| f.operator_required && !f.ends_by_itself());
                         let expected = match stands {
                             Some(fault) => (Some(NextCommand::Acknowledge), Some(fault.seq)),
-                            None if state.faults.open().iter().any(Fault::ends_by_itself) => (None, hold.fault_seq),
+                            None if state.faults.open().iter().any(|f| f.ends_by_itself() && f.is_in_the_way()) => (None, hold.fault_seq),
                             None => (Some(NextCommand::Unhold), hold.fault_seq),
                         };
                         assert_eq!((hold.next_command, hold.fault_seq), expected, "{}, {}", first.code, second.code);
