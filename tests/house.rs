@@ -28,10 +28,10 @@ const MAY_USE: &[(&str, &[&str])] = &[
 const MAY_DEPEND_ON: &[(&str, &[&str])] = &[
     ("crates/core", &[]),
     ("crates/files", &[]),
-    ("crates/pictures", &["carved-core"]),
+    ("crates/pictures", &["carved-core", "carved-files"]),
     ("crates/records", &["carved-core"]),
     ("crates/devices", &["carved-core", "carved-files", "carved-records"]),
-    ("crates/store", &["carved-core", "carved-files", "carved-records"]),
+    ("crates/store", &["carved-core", "carved-files", "carved-pictures", "carved-records"]),
     ("crates/offline", &["carved-core", "carved-records", "carved-store"]),
     ("python", &["carved-core", "carved-offline", "carved-records", "carved-store"]),
     // The emulated rig must not share code with carved: a wrong sign in shared code would not show.

@@ -101,6 +101,8 @@ async fn read(request: Request, limit: usize) -> Result<Vec<u8>, Problem> {
 }
 
 fn parse<T: DeserializeOwned + ToSchema>(bytes: &[u8], schemas: &Value) -> Result<T, Problem> {
+    // An editor of Windows begins a file with a byte order mark. A plate map may have it too.
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let refusal = match serde_path_to_error::deserialize(&mut serde_json::Deserializer::from_slice(bytes)) {
         Ok(value) => {
             // Text behind the value is an error.
@@ -284,6 +286,7 @@ mod tests {
             assert_eq!(refuse(body).status, 400, "{body:?}");
         }
         parse::<RunPlan>(SOUND.as_bytes(), &schemas()).unwrap();
+        parse::<RunPlan>(format!("\u{feff}{SOUND}").as_bytes(), &schemas()).unwrap();
         assert_eq!(refuse("[]").errors[0].pointer.as_deref(), Some(""));
         let nothing = SOUND.replace(r#""operator": "o""#, r#""operator": "o", "external_id": null"#);
         parse::<RunPlan>(nothing.as_bytes(), &schemas()).unwrap();

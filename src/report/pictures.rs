@@ -4,6 +4,7 @@
 use crate::export::read_ply;
 use carved_core::frame::PixelFormat;
 use carved_core::profile::Picture;
+use carved_pictures::decode;
 use carved_pictures::model::from_three_sides;
 use carved_store::{StoreError, StoredWell, frames};
 use image::codecs::jpeg::JpegEncoder;
@@ -84,7 +85,7 @@ fn unreadable(name: &str) -> NotShown {
 /// A frame with the outline that was measured.
 fn outlined(well: &StoredWell, frame_name: &str, mask_name: &str, format: PixelFormat) -> Result<RgbImage, NotShown> {
     let picture = frame(well, frame_name, format)?;
-    let mask = image::load_from_memory(&verified(well, mask_name)?).map_err(|_| unreadable(mask_name))?.to_luma8();
+    let mask = decode::decode(&verified(well, mask_name)?, decode::PNG).map_err(|_| unreadable(mask_name))?.to_luma8();
     cut(picture, &mask).ok_or(NotShown::Nothing)
 }
 

@@ -48,6 +48,39 @@ fn names(folder: &Path) -> Vec<String> {
     names
 }
 
+/// A turn in one file, as Fiji saves it, is the turn in single files.
+#[test]
+fn the_pages_of_one_file_are_the_views_of_a_turn() {
+    let dir = tempfile::tempdir().unwrap();
+    let folder = dir.path().join("views");
+    let angles: Vec<f64> = (0..12).map(|i| f64::from(i) * 30.0).collect();
+    frames(&folder, Specimen::bead(500.0).unwrap(), &angles, |i| format!("v{i}.png"));
+    let stack = dir.path().join("turn.ome.tif");
+    let mut encoder = tiff::encoder::TiffEncoder::new_big(std::fs::File::create(&stack).unwrap()).unwrap();
+    for i in 0..angles.len() {
+        let frame = image::open(folder.join(format!("v{i}.png"))).unwrap().into_rgb8();
+        encoder.write_image::<tiff::encoder::colortype::RGB8>(frame.width(), frame.height(), &frame).unwrap();
+    }
+    drop(encoder);
+    let recording = |from: &Path, out: &str| {
+        let out = dir.path().join(out);
+        let told = lines(&["import", text(from), "--even", "--config", CONFIG, "--specimen", "bead", "--out", text(&out)]);
+        (told[0].clone(), std::fs::read(out.join("frames/view_011.png")).unwrap(), json(&out.join("import.json")))
+    };
+    let (_, single, _) = recording(&folder, "single");
+    let (told, of_stack, origin) = recording(&stack, "stack");
+    assert_eq!(
+        (&told["views"], &told["first"], &told["last"]),
+        (&12.into(), &"turn.ome.tif page 01".into(), &"turn.ome.tif page 12".into())
+    );
+    assert!(of_stack == single);
+    assert_eq!(origin["views"][4]["file"], "turn.ome.tif page 05");
+    // Beside other files it is no view.
+    std::fs::copy(&stack, folder.join("v12.tif")).unwrap();
+    let error = refused(&["import", text(&folder), "--even", "--config", CONFIG, "--out", text(&dir.path().join("both"))]);
+    assert!(error.contains("v12.tif") && error.contains("12 pages"), "{error}");
+}
+
 /// 24 views of a bead, and even subsets of them, are compared with the truth. The frames of the recording reproduce its numbers.
 #[test]
 fn a_beads_frames_become_a_recording_that_measures() {

@@ -104,7 +104,7 @@ fn a_plate_of_vast_pictures_becomes_a_run_like_any_other() {
         "13 views, 0.00 to 360.00 deg, the last repeats the first",
         "A02      13 pictures, bead, 5 dpf\n",
         "B03      12 pictures, larva, 5 dpf; missing: view 8\n",
-        "C04      13 pictures, larva, 5 dpf; will fail: 2021.10.11_5dpf_tail_W_C04_1_5_rot.tiff: not a readable",
+        "C04      13 pictures, larva, 5 dpf; will fail: 2021.10.11_5dpf_tail_W_C04_1_5_rot.tiff: found no picture",
         "D05      13 pictures, larva, 5 dpf; missing: view 13; will fail: found 2 pictures of view 12",
         "H12      no picture; it will be skipped",
         "5 wells, 4 of them not whole; nothing was written",

@@ -293,8 +293,10 @@ fn bad_input_is_named_with_what_was_found_and_expected_and_nothing_is_written() 
     expect(run(&views, &cameras, &[]), &["v3.pgm"]);
     image::GrayImage::from_pixel(10, 10, image::Luma([255])).save(&last).unwrap();
     expect(run(&views, &cameras, &[]), &["v3.pgm", "10 x 10", "64 x 48"]);
-    // A blank view is left out by name. Blank views alone are an empty capillary, which is a valid answer.
     image::GrayImage::from_pixel(64, 48, image::Luma([1])).save(&last).unwrap();
+    expect(run(&views, &cameras, &[]), &["v3.pgm", "inverted"]);
+    // A blank view is left out by name. Blank views alone are no answer that a script may go on with.
+    image::GrayImage::from_pixel(64, 48, image::Luma([0])).save(&last).unwrap();
     let found = report(&run(&views, &cameras, &["--out", "one_blank.ply"]));
     assert_eq!((found["views"][3]["used"].as_bool(), found["flags"][1].as_str()), (Some(false), Some("bad_view")), "{found:#}");
     assert!(found["views"][3]["reason"].as_str().unwrap().contains("blank"));
@@ -302,8 +304,43 @@ fn bad_input_is_named_with_what_was_found_and_expected_and_nothing_is_written() 
         let name = Path::new(&views).join(format!("v{n}.{}", if n % 2 == 0 { "png" } else { "pgm" }));
         image::GrayImage::new(64, 48).save(name).unwrap();
     }
-    let empty = report(&run(&views, &cameras, &[]));
+    let output = run(&views, &cameras, &[]);
+    assert_eq!(output.status.code(), Some(3), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("the volume is 0"));
+    let empty: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!((empty["flags"].clone(), empty["volume"].as_f64(), &empty["mesh"]), (serde_json::json!(["empty"]), Some(0.0), &Value::Null));
+}
+
+/// Masks of 0 and 1, in 8 and 16 bits, under names without leading zeros, and a hidden file of macOS beside them.
+#[test]
+fn masks_of_other_values_and_names_give_the_same_numbers() {
+    let dir = tempfile::tempdir().unwrap();
+    let (views, cameras) = discs(dir.path());
+    let run = |views: &str| {
+        let base = ["--views", views, "--cameras", &cameras, "--unit", "none", "--box", "-3,3,-3,3,-3,3", "--voxel", "0.2"];
+        report(&carved(dir.path(), &base))
+    };
+    let expected = run(&views);
+    let others = dir.path().join("others");
+    std::fs::create_dir(&others).unwrap();
+    // In byte order v10 and v11 come before v8.
+    for i in 0..4 {
+        let whole = image::open(Path::new(&views).join(format!("v{i}.{}", if i % 2 == 0 { "png" } else { "pgm" }))).unwrap().into_luma8();
+        let name = others.join(format!("v{}.png", i + 8));
+        if i % 2 == 0 {
+            image::GrayImage::from_fn(64, 48, |u, v| image::Luma([u8::from(whole.get_pixel(u, v)[0] == 200)])).save(name).unwrap();
+        } else {
+            let deep = |u, v| image::Luma([if whole.get_pixel(u, v)[0] == 200 { 255u16 } else { 0 }]);
+            image::ImageBuffer::<image::Luma<u16>, Vec<u16>>::from_fn(64, 48, deep).save(name).unwrap();
+        }
+    }
+    std::fs::write(others.join("._v8.png"), "Mac OS X").unwrap();
+    let found = run(&others.display().to_string());
+    assert_eq!(
+        (&found["volume"], &found["views"][0]["name"], &found["views"][2]["name"]),
+        (&expected["volume"], &"v8.png".into(), &"v10.png".into())
+    );
+    assert!(number(&found, "volume") > 0.0);
 }
 
 #[test]

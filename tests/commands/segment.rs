@@ -157,7 +157,11 @@ fn a_picture_that_fails_says_why_and_the_others_go_on() {
     std::fs::write(dir.path().join("out/black.mask.png"), "older").unwrap();
     std::fs::write(dir.path().join("out/larva.json"), "older").unwrap();
 
-    let images = ["black.png", "white.png", "larva.png", "bare.png", "text.png", "cut.png", "absent.png"];
+    // A decoder panics on it.
+    let tiles = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/commands/data/parsers/picture/planar-tiles.tif");
+    std::fs::copy(tiles, dir.path().join("tiles.png")).unwrap();
+
+    let images = ["black.png", "tiles.png", "white.png", "larva.png", "bare.png", "text.png", "cut.png", "absent.png"];
     let output = segment_files(dir.path(), &["--method", "level-set"], &images);
     assert_eq!(output.status.code(), Some(1));
     let told = stderr(&output);
@@ -167,7 +171,8 @@ fn a_picture_that_fails_says_why_and_the_others_go_on() {
         ("white", "over-exposed"),
         ("bare", "no capillary"),
         ("text", "no picture"),
-        ("cut", "not a readable"),
+        ("cut", "incomplete"),
+        ("tiles", "save it again with another program"),
         ("absent", "cannot be read"),
     ] {
         let error = json(&dir.path().join(format!("out/{name}.json")))["error"].as_str().unwrap().to_owned();
@@ -437,6 +442,21 @@ fn outlines_go_to_releases_with_neural_networks() {
     assert!(output.status.success(), "{}", stderr(&output));
     let row = &compared(dir.path())["a.png"];
     assert_eq!((row["outline"].as_str(), row["iou"].as_str()), ("contourDV_net", "1.0000"));
+    // A fin of its own belongs to the larva. Without it the outline is the body.
+    let mut with_fin = file.clone();
+    let (x, y) = (numbers(&feature["shape"]["x"]), numbers(&feature["shape"]["y"]));
+    let (left, top) = (x.iter().copied().fold(f64::INFINITY, f64::min), y.iter().copied().fold(f64::INFINITY, f64::min));
+    let square = |low: f64| serde_json::json!([low, low + 20.0, low + 20.0, low]);
+    let corners = serde_json::json!([top - 20.0, top - 20.0, top - 10.0, top - 10.0]);
+    with_fin["fin1_net"] = serde_json::json!({"mode": "auto", "shape": {"name": "fineContour", "x": square(left), "y": corners}});
+    std::fs::write(dir.path().join("out/a__SHAPES.json"), with_fin.to_string()).unwrap();
+    let output = segment_files(dir.path(), &["--compare", &folder], &["a.png"]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let row = &compared(dir.path())["a.png"];
+    assert_eq!(row["outline"], "contourDV_net and fins");
+    let area = |column: &str| row[column].parse::<f64>().unwrap();
+    assert!((area("annotation_area_px") - area("area_px") - 200.0).abs() <= 30.0, "{row:?}");
+    assert_eq!(area("fins_found_share"), 0.0, "{row:?}");
     let output = segment_files(dir.path(), &["--shapes=fishEye"], &["a.png"]);
     assert_eq!(output.status.code(), Some(2));
     assert!(stderr(&output).contains("fishContour, contour_net, contourDV_net"), "{}", stderr(&output));
@@ -564,7 +584,7 @@ fn annotations_that_cannot_be_used_say_why_and_the_others_are_compared() {
         ("other", "it is of a picture of 1024 x 200 px, this picture is 513 x 301 px"),
         ("outside", "fishContour goes to x = 900, y = 4, this picture is 513 x 301 px"),
         ("excluded", "excluded this picture"),
-        ("text", "not a readable PNG"),
+        ("text", "found no picture, expected PNG"),
         ("colour", "found 8 bits in 3 channels, expected a grey mask of 8 bits"),
         ("deep", "found 16 bits in 1 channels"),
         ("black", "no profile: "),

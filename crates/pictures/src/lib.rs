@@ -1,6 +1,7 @@
 //! Pictures for the page and the report: frames, profiles and models. A crate of its own, because encoding must be fast also in a development build, where the
 //! daemon is not optimised.
 
+pub mod decode;
 pub mod model;
 
 use carved_core::profile::{Mask, Picture};

@@ -36,7 +36,7 @@ pub fn decode(path: &Path, format: PixelFormat) -> Result<RawFrame, StoreError> 
 /// The same of the bytes of the file `path`.
 pub fn decode_bytes(path: &Path, bytes: &[u8], format: PixelFormat) -> Result<RawFrame, StoreError> {
     let wrong = |found: String| StoreError::Format { path: path.to_owned(), expected: "a PNG of a recorded frame", found };
-    let image = image::load_from_memory_with_format(bytes, image::ImageFormat::Png).map_err(|e| wrong(e.to_string()))?;
+    let image = carved_pictures::decode::decode(bytes, carved_pictures::decode::PNG).map_err(|e| wrong(e.to_string()))?;
     let expected = if format == PixelFormat::RGB8Packed { ColorType::Rgb8 } else { ColorType::L8 };
     if image.color() != expected {
         return Err(wrong(format!("{:?} pixels, {expected:?} for {}", image.color(), format.name())));

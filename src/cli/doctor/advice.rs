@@ -14,7 +14,8 @@ pub fn of(answer: &Answer, port: &Port, baud: u32) -> String {
     let table = |driver: &str| format!("[rotation]\ndriver = \"{driver}\"\n{port}\nbaud = {baud}\n");
     let example = |driver: &str, file: &str| format!("{}{}", table(driver), example(file));
     match answer {
-        Answer::Grbl { is_hal, version, settings } => {
+        Answer::Grbl { is_driven: false, version, .. } => format!("{version}: {NOT_DRIVEN}\n"),
+        Answer::Grbl { is_hal, version, settings, .. } => {
             let mut text = format!("{}: {version}\n{}", if *is_hal { "grblHAL" } else { "Grbl" }, table("grbl"));
             for GrblKey { key, value, number } in of_grbl(settings) {
                 let _ = writeln!(text, "{key} = {value}   # its ${number}, for axis X; Y has ${}", number + 1);
@@ -37,6 +38,9 @@ pub fn of(answer: &Answer, port: &Port, baud: u32) -> String {
         Answer::Tmcl { module, version } => format!("Trinamic {module}, firmware {version}\n{}", example("tmcl", "vast-tmcl.toml")),
     }
 }
+
+/// What is to be done with another firmware.
+pub const NOT_DRIVEN: &str = "the driver of carved accepts Grbl 1.1 and grblHAL 1.1 only; install one of them on this controller";
 
 /// Folder of the configurations of the package.
 const INSTALLED: &str = "/etc/carved";
@@ -96,6 +100,20 @@ fn ratio(printed: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn no_configuration_is_offered_for_a_firmware_that_the_driver_refuses() {
+        let of_version = |is_driven, version: &str| {
+            let answer = Answer::Grbl { is_driven, is_hal: false, version: version.into(), settings: BTreeMap::new() };
+            of(&answer, &Port::Path("/dev/ttyUSB0".into()), 115_200)
+        };
+        let refused = of_version(false, "Grbl 3.7 [VER:3.7 FluidNC v3.7.15:]");
+        assert!(
+            refused.contains("FluidNC") && refused.contains("Grbl 1.1 and grblHAL 1.1 only") && !refused.contains("[rotation]"),
+            "{refused}"
+        );
+        assert!(of_version(true, "Grbl 1.1h").contains("[rotation]"));
+    }
 
     #[test]
     fn an_example_is_a_file_that_is_there() {

@@ -1,22 +1,64 @@
 //! The pictures of a turn: the files, their order, and the check that they belong together.
 //!
 //! ```text
-//!  DIR or FILES ── list ── natural order: view2 before view10 ── look at every one ── one size, one format, one depth
+//!  DIR or FILES ── list ── natural order: view2 before view10 ──┬─ look at every one ── one size, one format, one depth
+//!  one FILE of several pages ── the order of its pages ─────────┘
 //! ```
 
 use super::natural::{chunks, natural};
-use crate::cli::segment::input::{self, Kind};
+use crate::cli::segment::input::{self, Input, Kind};
 use anyhow::{Context, bail, ensure};
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::profile::Picture;
+use carved_pictures::decode::{self, FRAMES};
 use carved_records::picture_name::{ENDINGS, is_picture};
 use carved_records::sha256_hex;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
+/// Where the picture of a view is.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Source {
+    path: PathBuf,
+    /// The page and the number of pages, where the file holds a whole turn.
+    page: Option<(usize, usize)>,
+}
+
+impl Source {
+    /// A file with one picture.
+    pub fn file(path: PathBuf) -> Self {
+        Self { path, page: None }
+    }
+
+    /// The files of a turn, or the pages of the only one.
+    pub fn of_turn(paths: Vec<PathBuf>) -> anyhow::Result<Vec<Self>> {
+        let [path] = &paths[..] else { return Ok(paths.into_iter().map(Self::file).collect()) };
+        let place = || path.display().to_string();
+        let pages = decode::read_turn(path).and_then(|bytes| decode::pages(&bytes, FRAMES)).with_context(place)?;
+        let page = |page| (pages > 1).then_some((page, pages));
+        Ok((0..pages).map(|at| Self { path: path.clone(), page: page(at) }).collect())
+    }
+
+    fn name(&self) -> String {
+        let name = file_name(&self.path);
+        match self.page {
+            None => name,
+            Some((page, pages)) => format!("{name} page {:0width$}", page + 1, width = pages.to_string().len()),
+        }
+    }
+
+    fn read(&self, bayer: bool) -> anyhow::Result<Input> {
+        let read = match self.page {
+            None => input::read(&self.path, bayer),
+            Some((page, _)) => input::read_page(&self.path, page, bayer),
+        };
+        read.with_context(|| self.path.with_file_name(self.name()).display().to_string())
+    }
+}
+
 /// A picture that was checked. Its pixels are read again when they are written.
 pub(super) struct Looked {
-    pub path: PathBuf,
+    source: Source,
     /// SHA-256 of the file.
     pub file_sha256: String,
     pixels_sha256: String,
@@ -26,14 +68,13 @@ pub(super) struct Looked {
 
 impl Looked {
     pub fn name(&self) -> String {
-        file_name(&self.path)
+        self.source.name()
     }
 
     /// Reads the pixels again. Fails if the file has changed since the check.
     pub fn frame(&self) -> anyhow::Result<RawFrame> {
-        let place = || self.path.display().to_string();
-        let input = input::read(&self.path, self.kind.format == PixelFormat::BayerRG8).with_context(place)?;
-        ensure!(input.sha256 == self.file_sha256, "{}: the file was changed while it was imported", place());
+        let input = self.source.read(self.kind.format == PixelFormat::BayerRG8)?;
+        ensure!(input.sha256 == self.file_sha256, "{}: the file was changed while it was imported", self.source.path.display());
         Ok(input.frame)
     }
 }
@@ -105,16 +146,14 @@ fn of_folder(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
 
 /// Width and height of a picture as its first bytes say, px.
 pub(super) fn size(path: &Path) -> anyhow::Result<(u32, u32)> {
-    let reader = std::io::BufReader::new(carved_files::open(path).context("cannot be read")?);
-    let reader = image::ImageReader::new(reader).with_guessed_format().context("cannot be read")?;
-    reader.into_dimensions().context("not a readable PNG, JPEG, TIFF or BMP")
+    Ok(decode::read(path).and_then(|bytes| decode::size(&bytes, FRAMES))?)
 }
 
 /// Reads every picture, and refuses pictures that cannot be views of one turn.
-pub(super) fn look(paths: &[PathBuf], bayer: bool, warn: &mut dyn FnMut(String)) -> anyhow::Result<(Vec<Looked>, Kind)> {
-    let looks: Vec<anyhow::Result<Looked>> = paths.par_iter().map(|path| look_at(path, bayer)).collect();
+pub(super) fn look(sources: &[Source], bayer: bool, warn: &mut dyn FnMut(String)) -> anyhow::Result<(Vec<Looked>, Kind)> {
+    let looks: Vec<anyhow::Result<Looked>> = sources.par_iter().map(|source| look_at(source, bayer)).collect();
     let broken: Vec<String> = looks.iter().filter_map(|l| l.as_ref().err()).map(|e| format!("{e:#}")).collect();
-    ensure!(broken.is_empty(), "{} of {} pictures cannot be used:\n{}", broken.len(), paths.len(), broken.join("\n"));
+    ensure!(broken.is_empty(), "{} of {} pictures cannot be used:\n{}", broken.len(), sources.len(), broken.join("\n"));
     let looks: Vec<Looked> = looks.into_iter().collect::<anyhow::Result<_>>()?;
     let first = looks.first().context("no picture was named")?;
     let kind = first.kind;
@@ -132,13 +171,13 @@ pub(super) fn look(paths: &[PathBuf], bayer: bool, warn: &mut dyn FnMut(String))
     Ok((looks, kind))
 }
 
-fn look_at(path: &Path, bayer: bool) -> anyhow::Result<Looked> {
-    let input = input::read(path, bayer).with_context(|| path.display().to_string())?;
+fn look_at(source: &Source, bayer: bool) -> anyhow::Result<Looked> {
+    let input = source.read(bayer)?;
     let frame = &input.frame;
     let kind = input.kind();
     let picture = Picture::from_frame(frame);
     let blocky = picture.planes().first().is_some_and(|plane| carved_offline::picture::too_blocky(plane, picture.width()).is_some());
-    Ok(Looked { path: path.to_owned(), pixels_sha256: sha256_hex(frame.bytes()), file_sha256: input.sha256, kind, blocky })
+    Ok(Looked { source: source.clone(), pixels_sha256: sha256_hex(frame.bytes()), file_sha256: input.sha256, kind, blocky })
 }
 
 fn doubts(looks: &[Looked], warn: &mut dyn FnMut(String)) {
@@ -160,7 +199,7 @@ fn doubts(looks: &[Looked], warn: &mut dyn FnMut(String)) {
 /// Reads the empty-capillary picture, which must have the format of the frames.
 pub(super) fn empty(path: &Path, bayer: bool, expected: Kind) -> anyhow::Result<RawFrame> {
     let place = || format!("--empty {}", path.display());
-    let looked = look_at(path, bayer).with_context(place)?;
+    let looked = look_at(&Source::file(path.to_owned()), bayer).with_context(place)?;
     ensure!(
         looked.kind == expected,
         "{}: found {}, expected {expected} as the frames are: take it with the same camera settings",

@@ -9,7 +9,7 @@
 
 pub(super) mod angles;
 mod frames;
-mod natural;
+pub(super) mod natural;
 pub(super) mod plate;
 pub(super) mod rig;
 mod turn;
@@ -23,7 +23,7 @@ use carved_core::measure::references::References;
 use carved_core::pipeline::Pipeline;
 use carved_records::{Mode, PlannedWell, RunPlan, SpecimenKind};
 use carved_store::{Recording, RigRecord};
-use frames::Looked;
+use frames::{Looked, Source};
 use rig::{Rig, Sources};
 use serde_json::json;
 use std::collections::BTreeMap;
@@ -41,8 +41,8 @@ use turn::Turn;
 #[derive(Debug, clap::Args)]
 #[allow(clippy::struct_excessive_bools, reason = "each is a switch of the command line")]
 pub struct Args {
-    /// One folder of frames, or the frames' files: PNG, JPEG, BMP or TIFF, sorted by name in natural order (view2 before view10); with
-    /// --plate, folders with all that is below them
+    /// One folder of frames, or the frames' files: PNG, JPEG, BMP or TIFF, sorted by name in natural order (view2 before view10); or one
+    /// TIFF with a page per view; with --plate, folders with all that is below them
     #[arg(required = true, value_name = "FRAMES")]
     frames: Vec<PathBuf>,
     /// camera.json: f, kx, ky, ux, uy, width, height, and the angles omega in rad (omit omega with --angles or --even)
@@ -191,7 +191,7 @@ fn one_turn(args: &Args) -> anyhow::Result<()> {
     };
     let paths = frames::list(&args.frames)?;
     plate::is_one_specimen(&paths)?;
-    let (looks, kind) = frames::look(&paths, args.bayer, &mut warn)?;
+    let (looks, kind) = frames::look(&Source::of_turn(paths)?, args.bayer, &mut warn)?;
     let sources = rig::load(args, &mut warn)?;
     let rig = sources.rig(args, kind, &mut warn)?;
     let names: Vec<String> = looks.iter().map(Looked::name).collect();

@@ -18,7 +18,7 @@ pub(super) fn chunks(name: &str) -> Vec<&str> {
 }
 
 /// Compares numbers by value, and letters without regard to case.
-pub(super) fn natural(a: &str, b: &str) -> Ordering {
+pub(in crate::cli) fn natural(a: &str, b: &str) -> Ordering {
     let (lower_a, lower_b) = (a.to_lowercase(), b.to_lowercase());
     let (mut x, mut y) = (lower_a.as_str(), lower_b.as_str());
     loop {

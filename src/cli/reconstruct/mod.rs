@@ -106,6 +106,10 @@ fn say(answer: &serde_json::Value, code: ExitCode) -> ExitCode {
 /// Reads, reconstructs, writes the mesh and prints the report. A refusal is printed and has its own exit code.
 pub fn run(args: &Args) -> ExitCode {
     match reconstruct(args) {
+        Ok(report) if is_empty(&report) => {
+            note!("carved: nothing was reconstructed, the volume is 0: `views` says which silhouettes are blank or fit no other");
+            say(&report, ExitCode::from(REFUSED))
+        }
         Ok(report) => say(&report, ExitCode::SUCCESS),
         Err(error) => {
             let flags: Vec<&str> = refusal(&error).map(Refusal::flag).into_iter().collect();
@@ -114,6 +118,11 @@ pub fn run(args: &Args) -> ExitCode {
             say(&serde_json::json!({"flags": flags, "error": error}), ExitCode::from(REFUSED))
         }
     }
+}
+
+/// Whether no voxel is left: a volume of 0 is no answer that a script may go on with.
+fn is_empty(report: &serde_json::Value) -> bool {
+    report["flags"].as_array().is_some_and(|flags| flags.iter().any(|flag| flag == "empty"))
 }
 
 /// The refusal that an error is.

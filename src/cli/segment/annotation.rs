@@ -9,12 +9,12 @@
 //! ```
 
 use super::shapes;
-use anyhow::{Context, bail};
+use anyhow::{Context, anyhow, bail};
 use carved_core::profile::{Annotation, Mask};
-use image::{ColorType, ImageReader};
+use carved_pictures::decode;
+use image::ColorType;
 use std::collections::{HashMap, HashSet};
 use std::ffi::{OsStr, OsString};
-use std::io::Cursor;
 use std::os::unix::ffi::{OsStrExt, OsStringExt};
 use std::path::{Path, PathBuf};
 
@@ -125,18 +125,29 @@ impl Files<'_> {
         }
         let text = carved_files::read(self.outline).with_context(|| format!("{}: cannot be read", name(self.outline)))?;
         let outline = shapes::read(&text, size).with_context(|| name(self.outline))?;
-        Ok(Annotated { annotation: Annotation::from_polygons(size[0], size[1], &[outline.polygon]), from: outline.feature, body })
+        let filled = |polygon| Annotation::from_polygons(size[0], size[1], &[polygon]);
+        let larva = filled(outline.polygon);
+        if outline.fins.is_empty() {
+            return Ok(Annotated { annotation: larva, from: outline.feature, body });
+        }
+        // The fins may overlap the body, or leave a gap of less than a pixel.
+        let mut whole = larva.mask().data().to_vec();
+        for fin in outline.fins {
+            whole.iter_mut().zip(filled(fin).mask().data()).for_each(|(inside, of_fin)| *inside |= of_fin);
+        }
+        let annotation = Annotation::from_mask(Mask::from_coverage(size[0], size[1], whole)?);
+        let from = if outline.feature == "contour_net" { "contour_net and fins" } else { "contourDV_net and fins" };
+        Ok(Annotated { annotation, from, body: body.or_else(|| Some(larva.mask().clone())) })
     }
 }
 
 fn read_mask(file: &Path, expected: [usize; 2]) -> anyhow::Result<Mask> {
-    decode_mask(&carved_files::read(file).context("cannot be read")?, expected)
+    decode_mask(&decode::read(file)?, expected)
 }
 
 /// The mask in the bytes of a file, of a picture of that size.
 pub(in crate::cli) fn decode_mask(bytes: &[u8], expected: [usize; 2]) -> anyhow::Result<Mask> {
-    let reader = ImageReader::with_format(Cursor::new(bytes), image::ImageFormat::Png);
-    let image = reader.decode().context("not a readable PNG; save the mask again")?;
+    let image = decode::decode(bytes, decode::PNG).map_err(|error| anyhow!("{error}; save the mask again"))?;
     if !matches!(image.color(), ColorType::L8 | ColorType::La8) {
         let found = image.color();
         bail!(

@@ -1,10 +1,10 @@
 //! Reads a picture file of any common type as a frame of a camera.
 
-use anyhow::{Context, bail};
+use anyhow::bail;
 use carved_core::frame::{PixelFormat, RawFrame};
+use carved_pictures::decode::{self, FRAMES};
 use carved_records::sha256_hex;
-use image::{DynamicImage, ImageReader};
-use std::io::Cursor;
+use image::DynamicImage;
 use std::path::Path;
 
 /// A picture and what is known of its file.
@@ -38,25 +38,23 @@ impl std::fmt::Display for Kind {
     }
 }
 
-/// Larger files are not read into memory. A frame of the largest cameras has 150 MB.
-const MOST_BYTES: u64 = 512 << 20;
-
 /// Alpha is ignored, because a transparent pixel need not show light.
 pub(in crate::cli) fn read(path: &Path, bayer: bool) -> anyhow::Result<Input> {
-    let length = std::fs::metadata(path).context("cannot be read")?.len();
-    if length > MOST_BYTES {
-        bail!("the file has {} MB; expected a picture of {} MB at most", length >> 20, MOST_BYTES >> 20);
-    }
-    decode(&carved_files::read(path).context("cannot be read")?, bayer)
+    decode(&decode::read(path)?, bayer)
+}
+
+/// A page of a file, from 0.
+pub(in crate::cli) fn read_page(path: &Path, page: usize, bayer: bool) -> anyhow::Result<Input> {
+    let bytes = decode::read_turn(path)?;
+    frame(decode::decode_page(&bytes, page, FRAMES)?, &bytes, bayer)
 }
 
 /// The picture in the bytes of a file.
 pub(in crate::cli) fn decode(bytes: &[u8], bayer: bool) -> anyhow::Result<Input> {
-    let reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().context("cannot be read")?;
-    if reader.format().is_none() {
-        bail!("found no picture, expected PNG, JPEG, TIFF or BMP");
-    }
-    let image = reader.decode().context("not a readable PNG, JPEG, TIFF or BMP")?;
+    frame(decode::decode(bytes, FRAMES)?, bytes, bayer)
+}
+
+fn frame(image: DynamicImage, bytes: &[u8], bayer: bool) -> anyhow::Result<Input> {
     let (width, height) = (image.width(), image.height());
     if width == 0 || height == 0 {
         bail!("found a picture of {width} x {height} px, expected one pixel or more");

@@ -22,6 +22,8 @@ pub(super) const SUFFIX: &str = "__SHAPES.json";
 /// Features that are the outline of the larva. Of two of the same mode the first counts: FishInspector keeps the features of other releases
 /// in a file, and the newer release is the one that was used last.
 const OUTLINES: [&str; 3] = ["contour_net", "contourDV_net", "fishContour"];
+/// The fins of the same releases. The outline of the larva leaves them out.
+const FINS: [&str; 2] = ["fin1_net", "fin2_net"];
 /// The shape of a feature that FishInspector measures and draws.
 const FINE: &str = "fineContour";
 /// More vertices are no outline. FishInspector writes about one per px.
@@ -61,6 +63,8 @@ pub(in crate::cli) struct Outline {
     pub feature: &'static str,
     /// In carved's pixel coordinates: centre of the first pixel (0, 0).
     pub polygon: Polygon,
+    /// The outlines of the fins, where they have their own.
+    pub fins: Vec<Polygon>,
 }
 
 /// The outline in the text of a file of a picture of that size. Other keys are ignored.
@@ -74,6 +78,14 @@ pub(in crate::cli) fn read(text: &[u8], size: [usize; 2]) -> Result<Outline, Sha
     let is_manual = |feature: &&&'static str| file[**feature]["mode"] == "manual";
     let there = || OUTLINES.iter().filter(with_shape);
     let feature = there().find(is_manual).or_else(|| there().next()).copied().ok_or(ShapesError::NoOutline)?;
+    let polygon = polygon(&file, feature, size)?;
+    let own_fins = FINS.iter().filter(|fin| feature != "fishContour" && with_shape(fin));
+    let fins = own_fins.map(|fin| self::polygon(&file, fin, size)).collect::<Result<_, _>>()?;
+    Ok(Outline { feature, polygon, fins })
+}
+
+/// The outline of a feature, in carved's pixel coordinates.
+fn polygon(file: &Value, feature: &'static str, size: [usize; 2]) -> Result<Polygon, ShapesError> {
     let shapes = shapes(&file[feature]);
     let fine = shapes.iter().find(|shape| shape["name"] == FINE).or_else(|| shapes.first().filter(|_| shapes.len() == 1));
     let Some(fine) = fine else {
@@ -95,7 +107,7 @@ pub(in crate::cli) fn read(text: &[u8], size: [usize; 2]) -> Result<Outline, Sha
     if let Some((&x, &y)) = x.iter().zip(&y).find(|(x, y)| !within(**x, size[0]) || !within(**y, size[1])) {
         return Err(ShapesError::Outside { feature, at: [x, y], expected: size });
     }
-    Ok(Outline { feature, polygon: Polygon { vertices: x.iter().zip(&y).map(|(x, y)| [x - 1.0, y - 1.0]).collect() } })
+    Ok(Polygon { vertices: x.iter().zip(&y).map(|(x, y)| [x - 1.0, y - 1.0]).collect() })
 }
 
 /// Newer files state the size of their picture. In older ones the lines of the capillary have an entry per column.

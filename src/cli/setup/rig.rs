@@ -429,7 +429,8 @@ fn controller(named: &str) -> anyhow::Result<Controller> {
     let mut keys = vec![("port".to_owned(), quoted(named))];
     let plain = |driver: &str, name: String| (driver.to_owned(), name, None, None);
     let (driver, name, homes, remark) = match &answer {
-        Answer::Grbl { is_hal, version, settings } => {
+        Answer::Grbl { is_driven: false, version, .. } => bail!("{named} is {version}: {}", advice::NOT_DRIVEN),
+        Answer::Grbl { is_hal, version, settings, .. } => {
             keys.extend(advice::of_grbl(settings).into_iter().map(|line| (line.key.to_owned(), line.value)));
             let homes = settings.get(&22).map(|on| *on as u32 & 1 == 1);
             ("grbl".to_owned(), version.clone(), homes, advice::idle(*is_hal, settings))

@@ -13,7 +13,7 @@ use super::super::state::Trigger;
 use super::super::worker::{self, Instrument, RunContext, RunEnd, RunError};
 use super::super::{State, gate};
 use super::driver_state::DriverState;
-use super::interrupt::{Course, Fate, interruptions};
+use super::interrupt::{Course, Fate, interruptions, set_aside};
 use super::recovery::{Continuation, Made};
 use super::run::{AfterWork, Request, RunInProgress, Work};
 use super::sealing::{seal_well, views_stored};
@@ -268,6 +268,8 @@ pub(super) fn interrupt_specimens(d: &mut DriverState, reason: &str, fate: Fate)
         if interruption.course == Course::LacksNumbers {
             continue;
         }
+        let aside = d.outbox.state().run.as_ref().and_then(|known| set_aside(known, well));
+        let reason = aside.as_deref().filter(|_| interruption.course == Course::GivenUp && fate == Fate::PoseLost).unwrap_or(reason);
         if interruption.course == Course::GivenUp {
             let (store, id) = (d.outbox.store(), run.record().id.clone());
             if run.give_up(well, reason, views_stored(store, &id, well)) {

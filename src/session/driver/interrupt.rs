@@ -4,6 +4,7 @@
 //! in progress ─┬─ accepted ────────────────────────────────────► its numbers follow from its frames: no event
 //!              ├─ caused by the instrument, the pose is known ─► kept: the run continues with it
 //!              ├─ cannot come again, or the method skips it ───► given up: the well ends. Not if it is still to come
+//!              ├─ two processes ended in the work on it ───────► given up: no input ends the daemon for ever
 //!              └─ otherwise ───────────────────────────────────► begun again, once it is brought
 //! in the capillary and not kept ──► removed first, by the loader or by the sampler
 //! ```
@@ -22,6 +23,20 @@ pub(super) enum Fate {
     BroughtAgain,
     /// The instrument caused the interruption. The run continues with the specimen in place.
     Stays,
+}
+
+/// So many processes may end unasked in the work on one specimen, as by a power cut or by a picture that ends the process.
+const MOST_ENDED: u32 = 2;
+
+/// Why a well is set aside. `None` if it may be begun again.
+pub(super) fn set_aside(state: &RunState, well: &str) -> Option<String> {
+    let times = state.processes_ended_in(well);
+    (times >= MOST_ENDED).then(|| {
+        format!(
+            "set aside: the daemon ended {times} times in the work on {well}, and nobody had asked it to. Look into its log and at the pictures of \
+             the well; the run goes on with the next well"
+        )
+    })
 }
 
 /// The decision for one specimen.
@@ -73,7 +88,7 @@ fn interruption(run: &RunInProgress, state: &RunState, well: &str, accepted: boo
         Course::LacksNumbers
     } else if fate == Fate::Stays && inside {
         Course::Kept
-    } else if came && (!brings_again || skip) {
+    } else if came && (!brings_again || skip || (fate == Fate::PoseLost && set_aside(state, well).is_some())) {
         Course::GivenUp
     } else {
         Course::Again
@@ -85,7 +100,7 @@ fn interruption(run: &RunInProgress, state: &RunState, well: &str, accepted: boo
 mod tests {
     use super::super::run::tests::run;
     use super::*;
-    use carved_records::{EventBody, EventData, Phase, PhaseEntered, WellLoaded};
+    use carved_records::{DaemonStopping, EventBody, EventData, Phase, PhaseEntered, RunInterrupted, SpecimenInterrupted, WellLoaded};
 
     fn state(events: &[(&str, EventData)]) -> RunState {
         let mut run = RunState::new("r1");
@@ -121,6 +136,33 @@ mod tests {
         assert_eq!(of_a01(&redo, false, Fate::Stays), (Course::Kept, false));
         assert_eq!(of_a01(&skipping(), true, Fate::PoseLost), (Course::GivenUp, true));
         assert_eq!(of_a01(&skipping(), true, Fate::BroughtAgain), (Course::Again, true), "the instrument is to blame");
+    }
+
+    #[test]
+    fn a_well_that_two_processes_ended_in_is_set_aside_by_name() {
+        let r = run(&["A01", "A02"]);
+        let found_open = || EventData::RunInterrupted(RunInterrupted { found: "at start".into(), loaded_by: None });
+        let begun_again =
+            || EventData::SpecimenInterrupted(SpecimenInterrupted { reason: "x".into(), policy: Interrupted::Redo, kept: false });
+        let turn = phase("A01", Phase::Revolve, true);
+        let course = |events: &[(&str, EventData)]| {
+            let state = state(events);
+            let found = interruptions(&r, &state, &VecDeque::new(), true, Fate::PoseLost);
+            assert_eq!(found[0].well, "A01");
+            (found[0].course, set_aside(&state, "A01"))
+        };
+        let once = [turn.clone(), ("", found_open())];
+        assert_eq!(course(&once), (Course::Again, None));
+        let twice = [&once[..], &[("A01", begun_again()), turn.clone(), ("", found_open())]].concat();
+        let (found, why) = course(&twice);
+        assert!(found == Course::GivenUp && why.is_some_and(|why| why.contains("2 times in the work on A01")));
+        // Who asked the daemon to end is not the picture.
+        let asked = ("", EventData::DaemonStopping(DaemonStopping { ends_run: false }));
+        let stopped = [&once[..], &[("A01", begun_again()), turn.clone(), asked, ("", found_open())]].concat();
+        assert_eq!(course(&stopped), (Course::Again, None));
+        // The well that was only asked for did nothing.
+        let next = [&once[..], &[("A01", begun_again()), phase("A02", Phase::Load, false), ("", found_open()), turn]].concat();
+        assert_eq!(course(&next), (Course::Again, None));
     }
 
     #[test]

@@ -19,6 +19,7 @@
 //! Opening a port raises its DTR line, which restarts an Arduino. This does no harm: a port that another program has open is left
 //! alone, so nobody uses the position that is lost.
 
+use super::grbl::Dialect;
 use super::link::{Link, Stop};
 use super::port::Port;
 use super::tmcl::frame::{BYTES, Version};
@@ -38,8 +39,10 @@ const TMCL_MODULE: u8 = 1;
 /// The controller that answered.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Answer {
-    /// Grbl 1.1 or grblHAL.
+    /// A controller with the lines of Grbl.
     Grbl {
+        /// Whether the driver accepts its version: Grbl 1.1 and grblHAL 1.1. True where a busy controller did not say it.
+        is_driven: bool,
         /// Whether it is grblHAL, by its greeting or its version.
         is_hal: bool,
         /// Greeting and answer to `$I`.
@@ -74,8 +77,9 @@ pub fn identify(port: &Port, baud: u32) -> Result<Option<Answer>, DeviceError> {
     let mut line = Wire(Link::serial(DEVICE, port, baud, Stop::default())?);
     // Grbl sends its name at a start. A bridge sends OK, which other controllers send as well.
     let greeting = line.hear(BOOT, |text| is_grbl(text).then(|| text.to_owned()))?;
-    if greeting.is_some() || line.ask(b"?", |text| text.starts_with('<').then_some(()))?.is_some() {
-        return line.grbl(greeting).map(Some);
+    let status = if greeting.is_some() { None } else { line.ask(b"?", |text| text.starts_with('<').then(|| text.to_owned()))? };
+    if greeting.is_some() || status.is_some() {
+        return line.grbl(greeting, status).map(Some);
     }
     if let Some(status) = line.ask(b"\n/\n", |text| text.strip_prefix('@').map(str::to_owned))? {
         return Ok(Some(Answer::Zaber { status }));
@@ -128,13 +132,21 @@ impl Wire {
         Ok(lines)
     }
 
-    fn grbl(&mut self, greeting: Option<String>) -> Result<Answer, DeviceError> {
+    fn grbl(&mut self, greeting: Option<String>, status: Option<String>) -> Result<Answer, DeviceError> {
         self.quiet()?;
         let build: Vec<String> = self.listing(b"$I\n")?.into_iter().filter(|l| l.starts_with('[')).collect();
         let settings = self.listing(b"$$\n")?.iter().filter_map(|l| setting(l)).collect();
         let name = greeting.and_then(|g| Some(g.split(" [").next()?.to_owned()));
+        // A controller that was not reset has said its version only.
+        // Grbl 0.9 separates the fields of its status by commas.
+        let is_driven = if let Some(name) = &name {
+            Dialect::Auto.of(name).is_ok()
+        } else {
+            let is_1_1 = |line: &String| line.strip_prefix("[VER:").is_none_or(|version| version.starts_with("1.1"));
+            build.iter().all(is_1_1) && status.is_none_or(|status| status.contains('|'))
+        };
         let version = name.into_iter().chain(build).collect::<Vec<_>>().join(" ");
-        Ok(Answer::Grbl { is_hal: version.to_ascii_lowercase().contains("grblhal"), version, settings })
+        Ok(Answer::Grbl { is_driven, is_hal: version.to_ascii_lowercase().contains("grblhal"), version, settings })
     }
 
     fn bridge(&mut self) -> Result<Option<Vec<String>>, DeviceError> {

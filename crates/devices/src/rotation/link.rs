@@ -136,6 +136,16 @@ impl Transmitter {
     }
 }
 
+/// A line without its end. Noise, as the bytes of a boot loader, is escaped: it matches no answer and can be shown and stored.
+fn printable(line: &[u8]) -> String {
+    let end = line.iter().rposition(|byte| !matches!(byte, b'\r' | b'\n')).map_or(0, |last| last + 1);
+    let line = &line[..end];
+    match std::str::from_utf8(line) {
+        Ok(text) if !text.chars().any(|c| c.is_control() && c != '\t') => text.to_owned(),
+        _ => line.escape_ascii().to_string(),
+    }
+}
+
 impl Link {
     /// Opens a serial port, exclusively.
     pub fn serial(device: &'static str, port: &Port, baud: u32, stop: Stop) -> Result<Self, DeviceError> {
@@ -378,8 +388,7 @@ impl Link {
         let end = self.pending.iter().position(|b| *b == b'\n')?;
         let line: Vec<u8> = self.pending.drain(..=end).collect();
         tracing::trace!(device = self.device, "< {}", line.escape_ascii());
-        // Noise may not be UTF-8. The replacement character matches no answer.
-        Some(String::from_utf8_lossy(&line).trim_end_matches(['\r', '\n']).to_owned())
+        Some(printable(&line))
     }
 
     /// Waits at most `wait` for bytes and keeps them. False if none came.
@@ -417,6 +426,19 @@ mod tests {
     use super::*;
     use std::io::Write;
     use std::net::TcpListener;
+
+    #[test]
+    fn noise_is_escaped_and_never_an_answer() {
+        for (sent, line) in [
+            (&b"ok\r\n"[..], "ok"),
+            (b"\x88\x00<Grbl 1.1h ['$' for help]\r\n", r"\x88\x00<Grbl 1.1h [\'$\' for help]"),
+            (b"\x00ok\n", r"\x00ok"),
+            ("[MSG:\u{b5}]\n".as_bytes(), "[MSG:\u{b5}]"),
+            (b"\n", ""),
+        ] {
+            assert_eq!(printable(sent), line);
+        }
+    }
 
     #[test]
     fn an_answer_that_has_arrived_is_read_although_the_time_is_over() {

@@ -17,7 +17,7 @@ mod view;
 pub use bounds::NoBox;
 pub use measured::{Judged, Measured, Refusal};
 pub use mirror::MixedWorlds;
-pub use view::{View, WrongSensor};
+pub use view::{NoSilhouette, View, WrongSensor, coverage_of};
 
 use crate::Stopped;
 use carved_core::geometry::{BoxUm, Camera, GridError, NoTurn, Projection, ProjectionError, Turntable, VoxelGrid};

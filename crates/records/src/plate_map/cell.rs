@@ -73,9 +73,14 @@ pub struct Row {
     pub cells: Vec<Cell>,
 }
 
-/// A well as a file may name it: `a1` and `A1` are `A01`, and `aa1` is `AA01`.
+/// A well as a file may name it: `a1` and `A1` are `A01`, and `aa1` is `AA01`. `Ab1` is none: some programs name the rows of a plate of 1536
+/// wells `Aa`, `Ab`, `Ac`, `Ad`, `Ba`, .. in this order, so `Ab` would be the second row there and the 28th here.
 pub fn well_of(written: &str) -> Option<String> {
     let letters = written.bytes().take_while(u8::is_ascii_alphabetic).count();
+    let is_upper = |at: usize| written.as_bytes()[at].is_ascii_uppercase();
+    if letters == 2 && is_upper(0) != is_upper(1) {
+        return None;
+    }
     let (row, column) = (written[..letters].to_ascii_uppercase(), &written[letters..]);
     let digits = !column.is_empty() && column.len() <= 2 && column.bytes().all(|b| b.is_ascii_digit());
     let name = format!("{row}{column:0>2}");
@@ -108,7 +113,10 @@ impl Row {
             Some(written) => {
                 let found = well_of(&written);
                 match &found {
-                    None => mistakes.push((self.name_of(Column::Well), format!("{written:?} is not a well: A01 to AF48"))),
+                    None => mistakes.push((
+                        self.name_of(Column::Well),
+                        format!("{written:?} is not a well: A01 to AF48, rows A to Z and AA to AF in capitals"),
+                    )),
                     Some(name) if *name != written => notes.push(format!("{}: {written} is read as {name}", self.place)),
                     Some(_) => {}
                 }

@@ -69,6 +69,11 @@ fn names_of_wells_are_read_as_people_write_them_and_that_is_said() {
     let map = csv("well\na1\nA2\nP24\n\"A03\"\n\"af48\"\n").unwrap();
     assert_eq!(names(&map), ["A01", "A02", "P24", "A03", "AF48"]);
     assert_eq!(map.notes, ["line 2: a1 is read as A01", "line 3: A2 is read as A02", "line 6: af48 is read as AF48"]);
+    // Row b of A in the names of some programs, and the 28th row here.
+    for written in ["Ab1", "aB01", "Ad12", "Aa1"] {
+        let mistakes = csv(&format!("well\nA01\n{written}\n")).unwrap_err();
+        assert!(mistakes[0].to_string().contains(&format!("{written:?} is not a well")), "{}", mistakes[0]);
+    }
 }
 
 #[test]

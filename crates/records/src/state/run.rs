@@ -52,6 +52,8 @@ pub struct RunState {
     resumed_by_itself: u32,
     waits_for_operator: bool,
     recoveries: BTreeMap<String, u32>,
+    ended_processes: BTreeMap<String, u32>,
+    is_asked_to_end: bool,
     end_request: Option<EndRequest>,
     begun: Vec<String>,
     worked_on: BTreeSet<String>,
@@ -109,6 +111,11 @@ impl RunState {
         self.recoveries.get(well).copied().unwrap_or_default()
     }
 
+    /// How often a start has found the work on the specimen of this well without its end, after a process that nobody had asked to end.
+    pub fn processes_ended_in(&self, well: &str) -> u32 {
+        self.ended_processes.get(well).copied().unwrap_or_default()
+    }
+
     /// The requested end.
     pub fn end_request(&self) -> Option<EndRequest> {
         self.end_request
@@ -159,6 +166,11 @@ impl RunState {
             }
             (EventData::RunInterrupted(interrupted), _) => {
                 self.held_by.get_or_insert_with(HoldCause::restart);
+                if !std::mem::take(&mut self.is_asked_to_end) {
+                    for well in &self.worked_on {
+                        *self.ended_processes.entry(well.clone()).or_default() += 1;
+                    }
+                }
                 match interrupted.loaded_by {
                     // A specimen that was only awaited is requested again.
                     Some(LoadedBy::Loader) => self.begun.retain(|well| self.worked_on.contains(well)),
@@ -178,6 +190,7 @@ impl RunState {
             (EventData::StoreRegained, _) => self.recoveries.clear(),
             (EventData::DaemonStopping(stopping), _) => {
                 self.recoveries.clear();
+                self.is_asked_to_end = true;
                 if stopping.ends_run {
                     self.end_request = self.end_request.max(Some(EndRequest::Interrupt));
                 }

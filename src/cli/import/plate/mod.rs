@@ -164,10 +164,13 @@ fn one_run(args: &super::Args, barcode: &str, id: &str, fish: Option<u32>) -> an
                     done.status
                 } else {
                     let mut of_well = Vec::new();
-                    let status = well.import(pictures, &mut empty, &mut |doubt| {
-                        of_well.push(doubt.clone());
-                        warn(doubt);
-                    })?;
+                    let status = match part.begin(&planned.well, &key)? {
+                        Some(why) => well.set_aside(&why),
+                        None => well.import(pictures, &mut empty, &mut |doubt| {
+                            of_well.push(doubt.clone());
+                            warn(doubt);
+                        })?,
+                    };
                     part.keep(&planned.well, &DoneWell { key, status: status.clone(), warnings: of_well })?;
                     status
                 }

@@ -2,6 +2,7 @@
 
 use super::plan::Plan;
 use super::sort::{WellPictures, first_of};
+use crate::cli::import::frames::Source;
 use crate::cli::import::rig::Sources;
 use crate::cli::import::write::{self, Failure};
 use crate::cli::import::{Args, Imported, frames, recording};
@@ -33,6 +34,14 @@ impl Well<'_> {
     pub fn without_pictures(&self) -> WellStatus {
         let mut status = WellStatus::pending(self.planned);
         status.end(SpecimenOutcome::Skipped, Some("no picture of this well was found"));
+        status
+    }
+
+    /// A well that ended the program before.
+    pub fn set_aside(&self, why: &str) -> WellStatus {
+        note!("carved: {}: {why}", self.planned.well);
+        let mut status = WellStatus::pending(self.planned);
+        status.end(SpecimenOutcome::Failed, Some(why));
         status
     }
 
@@ -139,13 +148,14 @@ impl Well<'_> {
             warnings.push(doubt);
         };
         let plan = self.plan;
-        let (views, paths): (Vec<u32>, Vec<PathBuf>) = pictures.in_order(&plan.views)?.into_iter().unzip();
+        let pictures_in_order = pictures.in_order(&plan.views)?.into_iter();
+        let (views, sources): (Vec<u32>, Vec<Source>) = pictures_in_order.map(|(view, path)| (view, Source::file(path))).unzip();
         let missing = pictures.missing(&plan.views);
         if !missing.is_empty() {
             of_well(format!("{} of {} pictures are missing, those of view {}", missing.len(), plan.views.len(), first_of(&missing)));
         }
         let turn = plan.turn(&views).with_context(|| plan.angles_from.clone())?;
-        let (looks, kind) = frames::look(&paths, self.args.bayer, &mut of_well)?;
+        let (looks, kind) = frames::look(&sources, self.args.bayer, &mut of_well)?;
         let rig = self.sources.rig(self.args, kind, &mut |doubt| {
             warn(doubt.clone());
             warnings.push(doubt);

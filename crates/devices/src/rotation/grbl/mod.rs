@@ -147,7 +147,10 @@ impl Grbl {
         self.first(|grbl| {
             version.clear();
             grbl.command("$I", grbl.settings.answer_timeout(), |line| {
-                if let Line::Message(text) = line {
+                // A disturbed greeting may be under way still.
+                if let Line::Message(text) = line
+                    && text.starts_with('[')
+                {
                     version.push(text);
                 }
             })

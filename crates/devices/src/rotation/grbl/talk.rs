@@ -322,7 +322,7 @@ impl Grbl {
 
 impl Dialect {
     /// Whether `greeting` is that of grblHAL. An unknown firmware, or another one than configured, is an error.
-    fn of(self, greeting: &str) -> Result<bool, DeviceError> {
+    pub(in crate::rotation) fn of(self, greeting: &str) -> Result<bool, DeviceError> {
         let mut words = greeting.split(' ');
         let (name, version) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());
         let is_hal = name.eq_ignore_ascii_case("grblHAL");

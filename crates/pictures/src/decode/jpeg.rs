@@ -1,0 +1,60 @@
+//! JPEG. `image` reads it leniently: what is missing becomes grey.
+
+use super::{DecodeError, Formats, MOST_ALLOCATED};
+use image::metadata::Orientation;
+use image::{DynamicImage, GrayImage, ImageFormat, RgbImage};
+use zune_core::bytestream::ZCursor;
+use zune_core::colorspace::ColorSpace;
+use zune_core::options::DecoderOptions;
+use zune_jpeg::JpegDecoder;
+
+pub(super) fn decode(bytes: &[u8], formats: Formats) -> Result<DynamicImage, DecodeError> {
+    let unreadable = |why: String| DecodeError::Unreadable { expected: formats.words, why };
+    let incomplete = |why: &str| DecodeError::Incomplete { format: ImageFormat::Jpeg, why: why.into() };
+    if !ends(bytes) {
+        return Err(incomplete("the marker of its end is missing"));
+    }
+    let options = DecoderOptions::default().set_strict_mode(true).set_max_width(usize::MAX).set_max_height(usize::MAX);
+    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
+    decoder.decode_headers().map_err(|error| unreadable(error.to_string()))?;
+    let (width, height) = decoder.dimensions().ok_or_else(|| unreadable("it states no size".into()))?;
+    let is_grey = decoder.input_colorspace() == Some(ColorSpace::Luma);
+    let channels = if is_grey { 1 } else { 3 };
+    // The decoder keeps numbers of 16 bits beside the pixels.
+    if (width as u64).saturating_mul(height as u64).saturating_mul(3 * channels) > MOST_ALLOCATED {
+        return Err(unreadable(format!("it is {width} x {height} px, too large to be decoded")));
+    }
+    decoder.set_options(options.jpeg_set_out_colorspace(if is_grey { ColorSpace::Luma } else { ColorSpace::RGB }));
+    let pixels = decoder.decode().map_err(|error| incomplete(&format!("its pixels are damaged or end too early ({error})")))?;
+    let (w, h) = (width as u32, height as u32);
+    let image = if is_grey {
+        GrayImage::from_raw(w, h, pixels).map(DynamicImage::from)
+    } else {
+        RgbImage::from_raw(w, h, pixels).map(DynamicImage::from)
+    };
+    let mut image = image.ok_or_else(|| unreadable("its pixels do not fill it".into()))?;
+    let orientation = decoder.exif().and_then(|exif| Orientation::from_exif_chunk(exif));
+    image.apply_orientation(orientation.unwrap_or(Orientation::NoTransforms));
+    Ok(image)
+}
+
+/// Whether the marker of the end comes, after all segments. A preview within a segment has such a marker too.
+fn ends(bytes: &[u8]) -> bool {
+    const END: u8 = 0xd9;
+    let mut at = 2;
+    while let Some(&[mark, marker]) = bytes.get(at..at + 2) {
+        match (mark, marker) {
+            (0xff, END) => return true,
+            // Stuffed, filled, or without a length: restarts and the start of the picture.
+            (0xff, 0x00 | 0x01 | 0xd0..=0xd8) => at += 2,
+            (0xff, 0xff) => at += 1,
+            (0xff, _) => {
+                let Some(&[high, low]) = bytes.get(at + 2..at + 4) else { return false };
+                at += 2 + usize::from(u16::from_be_bytes([high, low])).max(2);
+            }
+            // Pixels, between the segments.
+            _ => at += 1,
+        }
+    }
+    false
+}
