@@ -79,12 +79,14 @@ pub fn of(seq: u64, error: &RunError) -> Fault {
             OpticsFault::Scale { .. } | OpticsFault::Bore { .. } | OpticsFault::Zoom { .. } => &fault_table::SCALE_OFF,
             OpticsFault::Frame(_) | OpticsFault::Near(_) | OpticsFault::Plan(_) | OpticsFault::Pipeline(_) => &fault_table::SETUP_UNUSABLE,
         },
+        RunError::NotTurning { .. } => &fault_table::ROTATION_SUSPECT,
         RunError::Store(e) if e.is_full() => &fault_table::DISK_FULL,
         RunError::Store(_) => &fault_table::STORE_FAILED,
         RunError::SpecimenThread => &fault_table::INTERNAL_ERROR,
     };
     let fault = Fault::new(seq, code, error.to_string(), jiff::Timestamp::now().to_string());
-    if device_error(error).is_some_and(needs_a_person) {
+    let is_for_a_person = matches!(error, RunError::NotTurning { .. }) || device_error(error).is_some_and(needs_a_person);
+    if is_for_a_person {
         return Fault { scheduler_action: SchedulerAction::EscalateOperator, operator_required: true, ..fault };
     }
     fault

@@ -75,11 +75,12 @@ pub fn colours(reader: &RecordingReader, file: &MeasurementFile, mesh: &Mesh) ->
     Ok(colours.finish().into_iter().map(|colour| colour.unwrap_or([128.0; 3])).collect())
 }
 
-/// Ends a well with its numbers.
+/// Ends a well with its numbers. Views that do not show one turning specimen give no number: the well fails with the reason, and its files keep what
+/// was computed.
 pub fn tell(result: &mut WellStatus, file: &MeasurementFile, views_planned: u32) {
     let m = &file.record.measurement;
-    result.end(SpecimenOutcome::Succeeded, None);
     result.flags.clone_from(&file.record.flags);
+    result.end(SpecimenOutcome::Succeeded, None);
     result.estimator = Some(m.estimator.name().to_owned());
     result.volume_um3 = Some(m.volume_um3);
     result.volume_sd_um3 = m.volume_sd_um3;
@@ -93,4 +94,7 @@ pub fn tell(result: &mut WellStatus, file: &MeasurementFile, views_planned: u32)
     result.residual_px = file.record.quality.as_ref().and_then(|quality| quality.check("residual_px")?.found);
     result.signal_per_nl = file.fluorescence.as_ref().map(|f| f.signal_per_nl);
     result.reference = file.reference.as_ref().and_then(ReferenceStatus::of).map(Box::new);
+    if let Some(finding) = file.record.turn_findings.first() {
+        result.fail_measured(&finding.to_string());
+    }
 }

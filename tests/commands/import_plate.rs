@@ -21,9 +21,14 @@ pub fn scene(specimen: Specimen) -> Scene {
 
 /// Writes `pictures` pictures of a turn of `views`, of which the first has the number `first`.
 pub fn shoot(scene: &Scene, pictures: u32, views: u32, name: impl Fn(u32) -> PathBuf) {
+    shoot_from(0, scene, pictures, views, name);
+}
+
+/// The same by exposures from this number on. Each has its own noise, so that no two are the same picture.
+fn shoot_from(first: u64, scene: &Scene, pictures: u32, views: u32, name: impl Fn(u32) -> PathBuf) {
     for i in 0..pictures {
         let angle_rad = std::f64::consts::TAU * f64::from(i) / f64::from(views);
-        let frame = scene.render(&Exposure { angle_rad, number: u64::from(i) });
+        let frame = scene.render(&Exposure { angle_rad, number: first + u64::from(i) });
         let path = name(i);
         fs::create_dir_all(path.parent().unwrap()).unwrap();
         image::save_buffer(path, &frame.data, frame.width, frame.height, image::ColorType::Rgb8).unwrap();
@@ -179,8 +184,8 @@ fn folders_of_wells_and_vasts_own_list_of_angles_are_read() {
     let dir = tempfile::tempdir().unwrap();
     let (plate, data) = (dir.path().join("plate"), dir.path().join("data"));
     let bead = scene(Specimen::bead(400.0).unwrap());
-    for well in ["A01", "h12"] {
-        shoot(&bead, 4, 4, |i| plate.join(format!("Well_{well}/VAST_1_{}.tiff", i + 1)));
+    for (first, well) in [(0, "A01"), (100, "h12")] {
+        shoot_from(first, &bead, 4, 4, |i| plate.join(format!("Well_{well}/VAST_1_{}.tiff", i + 1)));
     }
     let list = dir.path().join("external.txt");
     fs::write(&list, "no 0 0,00 1 1 no off\r\nno 0 90,00 1 1 no off\r\nno 0 180,00 1 1 no off\r\nno 0 270,00 1 1 no off\r\n").unwrap();
@@ -265,14 +270,33 @@ fn what_is_no_plate_is_refused_and_leaves_nothing() {
     assert!(output.status.code() == Some(2) && stderr(&output).contains("--plate <BARCODE>"), "{}", stderr(&output));
 }
 
+/// A program that stored the pictures of one well for two. Nothing says which of the wells they show.
+#[test]
+fn wells_with_the_same_pictures_give_no_number() {
+    let dir = tempfile::tempdir().unwrap();
+    let (plate, data) = (dir.path().join("plate"), dir.path().join("data"));
+    let bead = scene(Specimen::bead(400.0).unwrap());
+    for (first, well) in [(0, "A01"), (100, "A02"), (0, "A03")] {
+        shoot_from(first, &bead, 4, 4, |i| plate.join(format!("{well}/VAST_1_{}.tiff", i + 1)));
+    }
+    let common = ["--plate", "P-4", "--specimen", "bead", "--voxel", "14", "--data", text(&data), "--even"];
+    let (code, _, said) = import(&[&[text(&plate)][..], &common].concat());
+    assert_eq!(code, Some(4), "{said}");
+    assert!(said.contains("wells A01 and A03 have the same pictures"), "{said}");
+    let wells = json(&data.join("runs/P-4/run.json"))["wells"].clone();
+    let outcomes: Vec<&Value> = wells.as_array().unwrap().iter().map(|well| &well["outcome"]).collect();
+    assert_eq!(outcomes, ["failed", "succeeded", "failed"], "{wells:#}");
+    assert_eq!((&wells[0]["volume_um3"], &wells[2]["volume_um3"]), (&Value::Null, &Value::Null), "{wells:#}");
+}
+
 /// Two fish in A01 and one in A02, with one list of angles that names the files. The command is killed in the middle, and repeated.
 #[test]
 fn every_fish_becomes_a_run_and_an_interrupted_import_goes_on() {
     let dir = tempfile::tempdir().unwrap();
     let (plate, data) = (dir.path().join("plate"), dir.path().join("data"));
     let bead = scene(Specimen::bead(400.0).unwrap());
-    for (well, fish) in [("A01", 1), ("A01", 2), ("A02", 1), ("B01", 1), ("B02", 1)] {
-        shoot(&bead, 4, 4, |i| plate.join(format!("{well}/VAST_{fish}_{}.tiff", i + 1)));
+    for (first, (well, fish)) in (0..).zip([("A01", 1), ("A01", 2), ("A02", 1), ("B01", 1), ("B02", 1)]) {
+        shoot_from(100 * first, &bead, 4, 4, |i| plate.join(format!("{well}/VAST_{fish}_{}.tiff", i + 1)));
     }
     let list = dir.path().join("angles.csv");
     fs::write(&list, "file,degrees\nVAST_1_1.tiff,0\nVAST_1_2.tiff,90\nVAST_1_3,180\nVAST_1_4,270\n").unwrap();

@@ -27,6 +27,8 @@ enum Optics {
     NoCapillary,
     /// Somebody has mounted a lens of twice the magnification.
     TwiceTheLens,
+    /// The coupling is loose: the motor turns, the capillary does not.
+    LooseCoupling,
 }
 
 struct Before {
@@ -59,13 +61,15 @@ impl Sight for Before {
             self.magnified.load(Contents::clone(&self.scene.contents())).unwrap();
             return self.magnified.look(exposure, format);
         }
-        let mut seen = self.scene.look(exposure, format);
+        let is_loose = *self.optics.lock().unwrap() == Optics::LooseCoupling;
+        let angle_rad = if is_loose { 0.3 } else { exposure.angle_rad };
+        let mut seen = self.scene.look(&Exposure { angle_rad, ..*exposure }, format);
         let percent = match *self.optics.lock().unwrap() {
             Optics::NoCapillary => return Pixels::filled(seen.width, seen.height, format, 190),
             Optics::Dimmed(percent) => percent,
             Optics::DimmedFrom(from, percent) if exposure.number >= from => percent,
             Optics::DimmedOnce(at, percent) if exposure.number == at => percent,
-            Optics::Sound | Optics::DimmedFrom(..) | Optics::DimmedOnce(..) | Optics::TwiceTheLens => 100,
+            Optics::Sound | Optics::DimmedFrom(..) | Optics::DimmedOnce(..) | Optics::TwiceTheLens | Optics::LooseCoupling => 100,
         };
         seen.bytes.iter_mut().for_each(|byte| *byte = (u32::from(*byte) * percent / 100) as u8);
         seen
@@ -134,10 +138,14 @@ impl Bench {
     }
 
     fn is_held(&self, status: &Value, well: &str, code: &str) {
+        self.is_held_by(status, well, code, "optics");
+    }
+
+    fn is_held_by(&self, status: &Value, well: &str, code: &str, category: &str) {
         assert_eq!(status["state"], "Held", "{status}");
         let faults = status["faults"].as_array().unwrap();
         assert_eq!((faults.len(), &faults[0]["code"]), (1, &json!(code)), "{status}");
-        assert_eq!((&faults[0]["operator_required"], &faults[0]["category"]), (&json!(true), &json!("optics")), "{status}");
+        assert_eq!((&faults[0]["operator_required"], &faults[0]["category"]), (&json!(true), &json!(category)), "{status}");
         assert_eq!((&status["specimen"]["well"], &status["specimen"]["in_capillary"]), (&json!(well), &json!(true)), "{status}");
         assert_eq!((&status["plate"]["needs"], &status["plate"]["removable"]), (&Value::Null, &json!(false)), "{status}");
         let results = status["run"]["results"].as_array().unwrap();
@@ -209,6 +217,31 @@ fn light_that_is_cut_after_the_first_well_holds_the_run_and_the_same_larva_is_me
     assert_eq!(bench.events("specimen.done", "A02").len(), 1);
     let interrupted = bench.events("specimen.interrupted", "A02");
     assert_eq!((interrupted.len(), &interrupted[0]["data"]["kept"]), (1, &json!(true)), "{interrupted:?}");
+}
+
+/// The motor reports every step, and every picture is good. Only the pictures of the larva show that the capillary stands still.
+#[test]
+fn a_capillary_that_does_not_turn_with_its_motor_holds_the_run_with_the_larva_inside() {
+    let bench = Bench::new(POLICY);
+    bench.set(Optics::LooseCoupling);
+    bench.put(&["A01"]);
+    bench.bring("A01");
+    let held = |s: &Value| s["state"] == "Held" || !s["run"]["outcome"].is_null();
+    let status = bench.daemon().wait("the hold", held);
+    bench.is_held_by(&status, "A01", "rotation_suspect", "motion");
+    let said = status["faults"][0].to_string();
+    for word in ["A01", "does not turn", "coupling"] {
+        assert!(said.contains(word), "{word}: {said}");
+    }
+    // Nothing is repaired: the fault comes back, and the larva stays.
+    bench.go_on(&status);
+    let status = bench.daemon().wait("the second hold", |s| s["state"] == "Held" && s["faults"][0]["seq"].as_u64() > Some(1));
+    bench.is_held_by(&status, "A01", "rotation_suspect", "motion");
+    bench.set(Optics::Sound);
+    bench.go_on(&status);
+    let status = bench.ends();
+    assert!(status["run"]["results"][0]["volume_um3"].as_f64().is_some(), "{status}");
+    assert_eq!(bench.events("well.awaited", "A01").len(), 1, "the loader was asked for it again");
 }
 
 /// `interrupted = "skip"` gives up specimens whose position is lost. A specimen that the instrument could not see is not given up.

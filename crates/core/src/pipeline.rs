@@ -19,7 +19,8 @@ use crate::measure::shape::Shape;
 use crate::measure::{Fallback, Measurement};
 use crate::profile::{Detection, EmptyCapillary, FinBorders, Mask, Picture, Polygon, Profile, ProfileError, SegmentSettings, Segmenters};
 use crate::quality::{
-    CalibrationOff, Estimate, FlagFacts, Quality, QualitySettings, Spoiled, TurnFacts, ViewStrip, flags, spoiled, views_needed,
+    CalibrationOff, Estimate, FlagFacts, Quality, QualitySettings, Spoiled, TurnFacts, TurnFinding, Turning, ViewStrip, flags, spoiled,
+    views_needed,
 };
 use crate::reconstruction::{
     Calibrated, CalibrationRecord, HullModel, Judged, LiveVolume, Model, NotCalibrated, Reconstruction, ReconstructionSettings, TurnModel,
@@ -77,6 +78,8 @@ pub struct Pipeline {
     views: Vec<ViewRecord>,
     /// The views that carved, in the order of carving.
     carved: Vec<u32>,
+    /// The views that carved, compared with each other.
+    turning: Turning,
     /// The newest profile of view 0. `None` when the newest take of view 0 has no profile.
     first: Option<Mask>,
     /// The newest profile of the view at 360 deg. It is compared with `first` only when the result is requested, so that the
@@ -133,6 +136,7 @@ impl Pipeline {
             reconstruction,
             views: Vec::new(),
             carved: Vec::new(),
+            turning: Turning::default(),
             first: None,
             closure: None,
             calibrated: None,
@@ -191,6 +195,7 @@ impl Pipeline {
                     self.reconstruction.observe_outlines(&p.mask, &p.edge, &p.body, frame.borders.as_ref(), omega, leaves)?.volume_um3;
                 record.used = true;
                 self.carved.push(index);
+                self.turning.observe(index, omega, &frame.picture, p, self.settings.camera.ux);
                 record.area_px = Some(p.mask.area_px());
                 record.quality = Some(p.quality);
             }
@@ -225,7 +230,13 @@ impl Pipeline {
             self.carved.remove(at);
         }
         self.views.retain(|v| v.index != index);
+        self.turning.forget(index);
         self.observe(index, omega, frame)
+    }
+
+    /// The stretch of the views so far in which the specimen stands still while the angles change. `None` where it turns.
+    pub fn still(&mut self) -> Option<TurnFinding> {
+        self.turning.still()
     }
 
     /// Calibrates on all views. Returns whether the specimen stayed where it was, and the views that should be taken again.
@@ -320,10 +331,10 @@ impl Pipeline {
         if let (Some(last), Some(first)) = (&self.closure, self.carved.iter().position(|view| *view == 0)) {
             self.reconstruction.observe_closure(&last.mask, &last.edge, first);
         }
-        let TurnModel { model, fallback, hull, calibration, projections, reprojected_areas, closure: pose_offset, fins } = {
-            let calibrated = self.calibrated.take().unwrap_or_else(|| self.reconstruction.calibrate());
-            self.reconstruction.measure(calibrated, self.settings.sphere)?
-        };
+        let calibrated = self.calibrated.take().unwrap_or_else(|| self.reconstruction.calibrate());
+        let turn_findings = self.turn_findings(&calibrated);
+        let TurnModel { model, fallback, hull, calibration, projections, reprojected_areas, closure: pose_offset, fins } =
+            self.reconstruction.measure(calibrated, self.settings.sphere)?;
         if let Ok(found) = &calibration {
             self.judged(&found.calibration.views, &reprojected_areas);
         }
@@ -336,7 +347,7 @@ impl Pipeline {
             record.pose_offset = pose_offset;
         }
         let found = calibration.as_ref().ok().map(|judged| &judged.calibration);
-        let quality = self.quality(found, closure.as_ref(), &model.measurement);
+        let quality = self.quality(found, closure.as_ref(), &model.measurement).with_turn(&turn_findings);
         let flags = self.flags(&quality, &model, fallback.as_ref(), calibration.as_ref().ok(), closure.is_some());
         let shape = Shape::of(&model.mesh);
         let taken: Vec<(u32, f64)> = self.views.iter().map(|v| (v.index, v.omega)).collect();
@@ -352,9 +363,21 @@ impl Pipeline {
             calibration: calibration.as_ref().ok().map(CalibrationRecord::from),
             uncalibrated: calibration.as_ref().err().filter(|why| **why != NotCalibrated::NotAsked).map(ToString::to_string),
             quality: Some(quality),
+            turn_findings,
             flags,
         };
         Ok(Finished { mesh: model.mesh, record, hull })
+    }
+
+    /// Why the views do not show one specimen that turns, the cause before its consequences.
+    fn turn_findings(&mut self, calibrated: &Calibrated) -> Vec<TurnFinding> {
+        let mut findings = self.turning.findings();
+        if !self.settings.sphere {
+            let by_number = |i: u32| self.carved.get(i as usize).copied().unwrap_or(i);
+            let of_calibration = self.reconstruction.turn_findings(calibrated, self.turning.middle_v());
+            findings.extend(of_calibration.into_iter().map(|finding| finding.numbered(by_number)));
+        }
+        findings
     }
 
     /// Compares the turn with the method's limits.

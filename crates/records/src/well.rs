@@ -81,6 +81,26 @@ impl WellStatus {
         self.reason = reason.map(str::to_owned);
     }
 
+    /// Fails a well that may have numbers. They are not those of its specimen, and are removed.
+    pub fn fail_measured(&mut self, reason: &str) {
+        self.end(SpecimenOutcome::Failed, Some(reason));
+        self.estimator = None;
+        self.reference = None;
+        for number in [
+            &mut self.volume_um3,
+            &mut self.volume_sd_um3,
+            &mut self.area_um2,
+            &mut self.area_sd_um2,
+            &mut self.field_volume_um3,
+            &mut self.field_area_um2,
+            &mut self.diameter_um,
+            &mut self.residual_px,
+            &mut self.signal_per_nl,
+        ] {
+            *number = None;
+        }
+    }
+
     /// Ends a well without a number before its turn was complete. `views`: how many of its views are stored.
     pub fn end_early(&mut self, outcome: SpecimenOutcome, reason: &str, views: u32) {
         self.end(outcome, Some(reason));

@@ -28,6 +28,7 @@ use crate::api::VolumeWait;
 use crate::config::Config;
 use carved_core::pipeline::{Pipeline, PipelineError};
 use carved_core::profile::{Detection, Profile};
+use carved_core::quality::TurnFinding;
 use carved_devices::acquisition::{AcquisitionError, RevolutionPlan};
 use carved_devices::cancel::CancelToken;
 use carved_devices::outputs;
@@ -137,6 +138,9 @@ pub enum RunError {
     /// The pictures are unusable because of the instrument.
     #[error("well {well}: {fault}")]
     Optics { well: String, fault: OpticsFault },
+    /// The specimen does not turn while the axis reports that it does.
+    #[error("well {well}: {finding}")]
+    NotTurning { well: String, finding: TurnFinding },
     #[error("the specimen thread ended without a result; see the log")]
     SpecimenThread,
 }

@@ -15,6 +15,7 @@
 //! pictures late, unfit, or folder lost             the run is held          its pictures are read again
 //! an output that is not switched on                the run is held          stays: the run continues with it
 //! setup that measures no specimen                  the run is held          stays: the run continues with it
+//! the specimen does not turn with the axis         the run is held          stays: the run continues with it
 //! a person or a safety circuit has the axis        the run is held          stays: the run continues with it
 //! alarm, lost device, disk,
 //! load, eject, wash overran                        the run is held          is ejected
@@ -91,7 +92,7 @@ fn is_output(error: &RunError) -> bool {
 
 /// Whether the specimen stays in the capillary, and the run continues with it once a person has removed the cause.
 pub fn keeps_specimen(error: &RunError) -> bool {
-    matches!(error, RunError::Optics { .. }) || is_camera(error) || is_output(error) || is_intervention(error)
+    matches!(error, RunError::Optics { .. } | RunError::NotTurning { .. }) || is_camera(error) || is_output(error) || is_intervention(error)
 }
 
 #[cfg(test)]

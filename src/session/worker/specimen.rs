@@ -12,6 +12,7 @@ use super::clock::{StageClock, TIMINGS, Timings};
 use super::estimator::LiveEstimator;
 use super::optics::Blind;
 use super::{OpticsFault, Progress, RunContext, RunError, optics_fault};
+use crate::config::RotationDriver;
 use crate::session::{live, numbers};
 use carved_core::frame::RawFrame;
 use carved_core::pipeline::{Pipeline, PipelineError, SpecimenRecord, TurnVerdict};
@@ -206,6 +207,12 @@ impl Specimen {
                 .time(|| if retake > 0 { pipeline.replace(index, omega, &seen) } else { pipeline.observe(index, omega, &seen) });
             if let Err(e) = carved {
                 return failed(e);
+            }
+            // Where another program turns the capillary, the specimen is gone before anybody could look: the end of the turn judges it.
+            if !matches!(self.context.config.rotation, RotationDriver::Folder(_))
+                && let Some(finding) = pipeline.still()
+            {
+                return Err(RunError::NotTurning { well: planned.well.clone(), finding });
             }
         }
         if let (Ok(profile), false) = (&seen.profile, closure)

@@ -7,7 +7,7 @@ use crate::measure::Measurement;
 use crate::measure::facing::Facing;
 use crate::measure::shape::Shape;
 use crate::profile::{Detection, ProfileQuality, Walls};
-use crate::quality::{ClosureOff, ClosureSd, OFF_REFERENCES, Quality, ViewStrip, add_raised};
+use crate::quality::{ClosureOff, ClosureSd, OFF_REFERENCES, Quality, TurnFinding, ViewStrip, add_raised};
 use crate::reconstruction::CalibrationRecord;
 use serde::{Deserialize, Serialize};
 
@@ -151,6 +151,10 @@ pub struct SpecimenRecord {
     /// Every number that is compared with a limit of the method.
     #[serde(default)]
     pub quality: Option<Quality>,
+    /// Why the views do not show one specimen that turns at the angles of the ledger. Empty for a good turn. With a finding the numbers are not those
+    /// of a specimen.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub turn_findings: Vec<TurnFinding>,
     /// Flags: `bad_view` (a view does not count), `clipped_left`, `clipped_right`, `outside_box`, `moved`, `closure_undecided` (the
     /// closure is over a limit, but by less than two standard deviations), `no_closure` (the view at 360 deg has no profile, so that
     /// a specimen that moved would show only in the residuals), `dead_looking` (opaque throughout in most views), `blur_mismatch`
@@ -158,7 +162,8 @@ pub struct SpecimenRecord {
     /// with fins shorter than half its length: see `volume_fins_unseen_um3`), `uncalibrated` (measured with the rig's camera),
     /// `calibration_gate` (another axis leaves a larger hull: the views do not quite agree), `wrong_steps` (the capillary did not
     /// turn as far as the ledger says), and those of `quality`: `unusable_views`, `residual`, `overlap`, `uncertain`,
-    /// `calibration_off`, `volume_off_references`, `area_off_references`.
+    /// `calibration_off`, `volume_off_references`, `area_off_references`, and those of `turn_findings`: `rotation_suspect`,
+    /// `repeated_views`, `mirrored_views`, `specimen_ends_differ`, `views_disagree`, `axis_off_bore`.
     pub flags: Vec<String>,
 }
 

@@ -1,5 +1,6 @@
 //! One number against one limit, and all checks of a specimen.
 
+use super::turning::{NOT_ONE_TURN, TurnFinding};
 use serde::{Deserialize, Serialize};
 
 /// A number and its limit.
@@ -83,6 +84,8 @@ pub struct Quality {
     pub checks: Vec<Check>,
 }
 
+/// The check of the comparison of the views. It has no limit in the method: a turn is one, or none.
+const TURN_FINDINGS: &str = "turn_findings";
 const REFERENCE_Z: &str = "reference_z";
 /// Flags of a volume and of an area that are far from those of reference larvae.
 pub(crate) const OFF_REFERENCES: [&str; 2] = ["volume_off_references", "area_off_references"];
@@ -101,6 +104,17 @@ impl Quality {
         self.checks.retain(|c| c.name != REFERENCE_Z);
         let of = |flag: &str, z| Check::at_most(REFERENCE_Z, "standard deviations", flag, z, limit);
         self.checks.extend([of(OFF_REFERENCES[0], volume_z), of(OFF_REFERENCES[1], area_z)]);
+        Self::new(self.checks)
+    }
+
+    /// These checks, and whether the views show one specimen that turns: a check for each finding, or one that is passed.
+    #[must_use]
+    pub(crate) fn with_turn(mut self, findings: &[TurnFinding]) -> Self {
+        let of = |flag: &str, found: f64| Check::at_most(TURN_FINDINGS, "findings", flag, Some(found), 0.0);
+        if findings.is_empty() {
+            self.checks.push(of(NOT_ONE_TURN[0], 0.0));
+        }
+        self.checks.extend(findings.iter().map(|finding| of(finding.flag(), 1.0)));
         Self::new(self.checks)
     }
 

@@ -5,6 +5,7 @@
 //!                     place among references ──┘
 //!  the checks, and facts of views, hull and calibration ── flags ── what an operator must know
 //!  residual strip ── spoiled ── views to be taken again
+//!  outlines and pixels of the views, compared ── Turning ── why this is not one specimen that turns
 //!  corrected estimates so far ── has_converged ── should_stop ── enough views
 //!  a few beads, this instrument's earlier gates ── BeadGate::of ── verdict and words
 //! ```
@@ -18,6 +19,7 @@ pub mod gate;
 mod limits;
 mod strip;
 mod turn;
+mod turning;
 
 pub(crate) use checks::OFF_REFERENCES;
 pub use checks::{Check, Quality};
@@ -29,3 +31,5 @@ pub use strip::Spoiled;
 pub(crate) use strip::{ViewStrip, spoiled};
 pub use turn::tell_little;
 pub(crate) use turn::{CalibrationOff, ClosureOff, ClosureSd, TurnFacts};
+pub(crate) use turning::of_calibration;
+pub use turning::{NOT_ONE_TURN, TurnFinding, Turning};

@@ -2,8 +2,11 @@
 
 use super::Reconstruction;
 use super::turn::ObservedView;
-use crate::calibration::{Calibration, CalibrationError, GivenView, Moved, Priors, ViewState, VrvCheck, VrvVerdict, calibrate, check_vrv};
+use crate::calibration::{
+    Calibration, CalibrationError, GivenView, Moved, Priors, TurnView, ViewState, VrvCheck, VrvVerdict, calibrate, check_vrv, placed,
+};
 use crate::geometry::{Camera, Projection};
+use crate::quality::{TurnFinding, of_calibration};
 use crate::range::{Range, Ranged};
 use crate::ranges;
 use serde::{Deserialize, Serialize};
@@ -83,6 +86,9 @@ pub enum NotCalibrated {
     },
 }
 
+/// The axis is compared with the bore where its standard deviation is less than this, px. That of a sphere is not known.
+const AXIS_KNOWN_PX: f64 = 1.0;
+
 /// A calibration that passed the comparison with the given camera.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Judged {
@@ -131,6 +137,29 @@ pub(super) fn given<'a>(observed: &'a [ObservedView], order: &[usize]) -> Vec<Gi
 }
 
 impl Reconstruction {
+    /// What the calibration shows of the turn, beside what the comparison of the views shows. `middle_v` is the row of the middle of the bore, px, where
+    /// the walls are known. The views are numbered in the order of observing.
+    pub fn turn_findings(&self, calibrated: &Calibrated, middle_v: Option<f64>) -> Vec<TurnFinding> {
+        let states = calibrated.states();
+        let found = calibrated.found.as_ref().ok().map(|judged| &judged.calibration);
+        let is_bad = |i: usize| states.get(i).is_some_and(|state| state.bad.is_some());
+        let views: Vec<TurnView> = self
+            .observed
+            .iter()
+            .enumerate()
+            .map(|(i, view)| TurnView {
+                columns: view.body.as_ref().unwrap_or(&view.columns),
+                omega: found.map_or(view.omega, |c| c.angle(view.omega)),
+                dy_px: states.get(i).map_or(0.0, |state| state.dy_px),
+            })
+            .collect();
+        let counts: Vec<bool> = (0..views.len()).map(|i| !is_bad(i)).collect();
+        let placed = placed(found.map_or(&self.camera, |c| &c.camera), &views, &counts);
+        let bad: Vec<usize> = (0..views.len()).filter(|&i| is_bad(i)).collect();
+        let axis_off_px = found.filter(|c| c.sd.uy_px < AXIS_KNOWN_PX).zip(middle_v).map(|(c, middle_v)| c.camera.uy - middle_v);
+        of_calibration(&placed, &bad, axis_off_px)
+    }
+
     /// Calibrates on the views so far and compares the result with the given camera.
     pub fn calibrate(&self) -> Calibrated {
         self.calibrate_on(&self.observed)

@@ -22,4 +22,5 @@ mod scene;
 mod segmentation;
 mod shape;
 mod truth;
+mod turning;
 mod volume;

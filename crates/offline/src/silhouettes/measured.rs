@@ -7,7 +7,7 @@ use carved_core::carver::Leaves;
 use carved_core::fins::Fin;
 use carved_core::geometry::{Camera, Projection, VoxelGrid};
 use carved_core::measure::{Fallback, Measurement};
-use carved_core::quality::{QualitySettings, tell_little};
+use carved_core::quality::{QualitySettings, TurnFinding, Turning, tell_little};
 use carved_core::reconstruction::{HullModel, Model, NotCalibrated, Reconstruction, ReconstructionSettings, TurnModel};
 use carved_core::statistics::mean;
 use carved_core::surface::{self, Mesh};
@@ -51,6 +51,8 @@ pub struct Measured {
     pub budget: u32,
     /// Whether the hull reaches the end of the box.
     pub touches_box: bool,
+    /// Why the views of a turn do not show one specimen that turns. The numbers are not those of a specimen then.
+    pub turn_findings: Vec<TurnFinding>,
     /// What a reader must know of the numbers, as in `docs/files.md`.
     pub flags: Vec<&'static str>,
     /// Reasons to doubt the numbers, in plain words.
@@ -117,6 +119,7 @@ pub(super) fn empty(views: &[View], cameras: &Cameras) -> Measured {
         vrv: None,
         budget: 0,
         touches_box: false,
+        turn_findings: Vec::new(),
         flags: vec!["empty"],
         doubts: Vec::new(),
     }
@@ -141,14 +144,21 @@ pub(super) fn turn(
         return Err(Refusal::FewDirections { found, views: seen.len(), needed: DIRECTIONS_LEAST }.into());
     }
     let mut reconstruction = Reconstruction::new(&psi.camera, grid, seen.len(), settings)?;
+    let mut turning = Turning::default();
     for &i in &seen {
         let view = &views[i];
         reconstruction.observe_edges(&view.mask, &[], view.columns.clone(), psi.omega[i], view.leaves())?;
+        turning.observe_outline(i as u32, psi.omega[i], view.columns.clone());
         step(Step::View)?;
     }
     step(Step::Carved)?;
     let calibrated = reconstruction.calibrate();
     step(Step::Calibrated)?;
+    let mut turn_findings = turning.findings();
+    if !sphere {
+        let by_number = |at: u32| seen.get(at as usize).map_or(at, |&i| i as u32);
+        turn_findings.extend(reconstruction.turn_findings(&calibrated, None).into_iter().map(|finding| finding.numbered(by_number)));
+    }
     let TurnModel { model, fallback, hull, calibration, projections, fins, .. } = reconstruction.measure(calibrated, sphere)?;
     let vrv = calibration.as_ref().ok().map(|judged| judged.vrv);
     let calibration = calibration.map(|judged| judged.calibration);
@@ -189,10 +199,11 @@ pub(super) fn turn(
         Err(NotCalibrated::NotAsked) => raised.push(("uncalibrated", None)),
         Err(e) => raised.push(("uncalibrated", Some(format!("warning: measured with the camera as given: {e}")))),
     }
+    raised.extend(turn_findings.iter().map(|finding| (finding.flag(), Some(format!("warning: {finding}")))));
+    raised.extend(low_overlap(&overlaps).map(|why| ("overlap", Some(why))));
     let (flags, doubts): (Vec<_>, Vec<_>) = raised.into_iter().unzip();
     let mut doubts: Vec<String> = doubts.into_iter().flatten().collect();
     doubts.extend(fallback.map(|why| format!("warning: the voxels' numbers are given: {why}")));
-    doubts.extend(low_overlap(&overlaps));
     Ok(Measured {
         measurement: Some(model.measurement),
         mesh: Some(model.mesh),
@@ -204,6 +215,7 @@ pub(super) fn turn(
         budget: hull.carver().budget(),
         hull: Some(hull),
         touches_box: model.touches_box,
+        turn_findings,
         flags,
         doubts,
     })
@@ -281,6 +293,7 @@ pub(super) fn hull(
         (seen.len() < VIEWS_LEAST, "few_views"),
         (seen.len() < views.len(), "bad_view"),
         (true, "uncalibrated"),
+        (low_overlap(&overlaps).is_some(), "overlap"),
     ];
     Ok(Measured {
         measurement: Some(model.measurement),
@@ -293,6 +306,7 @@ pub(super) fn hull(
         budget: hull.carver().budget(),
         hull: Some(hull),
         touches_box,
+        turn_findings: Vec::new(),
         flags: raised.iter().filter(|(raised, _)| *raised).map(|(_, name)| *name).collect(),
         doubts: low_overlap(&overlaps).into_iter().chain(touches_box.then(|| BOX.to_owned())).collect(),
     })

@@ -62,6 +62,15 @@ pub(super) fn report(
     }
     report.insert("cameras".into(), json!(cameras.count().1));
     report.insert("flags".into(), json!(measured.flags));
+    let warnings: Vec<&str> = measured.doubts.iter().map(|doubt| doubt.strip_prefix("warning: ").unwrap_or(doubt)).collect();
+    report.insert("warnings".into(), json!(warnings));
+    report.insert("turn_findings".into(), json!(measured.turn_findings));
+    if !measured.turn_findings.is_empty() {
+        // What was computed stays in `estimators`.
+        for key in ["volume_um3", "volume_sd_um3", "area_um2", "area_sd_um2"] {
+            report.insert(key.into(), Value::Null);
+        }
+    }
     report.insert("mesh".into(), json!(mesh));
     report.insert("timing_ms".into(), Value::Object(timing_ms));
     Ok(Value::Object(report))

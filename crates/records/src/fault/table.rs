@@ -128,8 +128,8 @@ codes! {
         "The axis' controller does not answer any more.",
         "Check the controller's power and cable.";
     ROTATION_SUSPECT = "rotation_suspect", Motion, Retry, operator: false, recoverable: true,
-        "The position of the axis is uncertain. The axis was stopped. A stock VAST that may be out of step asks for a person.",
-        "If a stock VAST steps through a list, end the list first.";
+        "The position of the axis is uncertain, or the pictures show that the specimen does not turn. The axis was stopped. A stock VAST that may be out of step and a specimen that does not turn ask for a person.",
+        "If a stock VAST steps through a list, end the list first. If the specimen does not turn, check the motor's supply, the coupling and the belt.";
     ROTATION_ALARM = "rotation_alarm", Motion, EscalateOperator, operator: true, recoverable: true,
         "The controller is in alarm: a limit switch, a stall, motors that came apart, an encoder's or driver's error.",
         "Look what touched the switch or holds the capillary, and clear it.";
