@@ -10,11 +10,12 @@ use anyhow::Context;
 use carved_devices::sampler::LoaderInterlock;
 use carved_records::Mode;
 use carved_store::{Claim, Store};
+use futures::FutureExt;
 use std::net::TcpListener;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::signal::unix::{SignalKind, signal};
-use tokio::sync::watch;
+use tokio::sync::{oneshot, watch};
 
 /// Longest time until requests are answered, also if the state of the previous process is not restored by then.
 const RESTORED: Duration = Duration::from_secs(2);
@@ -77,12 +78,19 @@ impl Daemon {
             (Signals::listen()?, signal(SignalKind::user_defined1()).context("cannot listen to SIGUSR1")?)
         };
         let (stop_in, stop) = watch::channel(None);
+        let (rest, at_rest) = oneshot::channel();
+        let (close, closed) = oneshot::channel::<()>();
         // The driver syncs to disk. It has a thread of its own, so that no request waits for the disk.
         let driving = {
-            let (runtime, stop) = (runtime.handle().clone(), stop.clone());
+            let runtime = runtime.handle().clone();
+            // An error means that the server, or the driver, has ended already.
+            let unreachable = move || {
+                let _no_server = rest.send(());
+                closed.map(drop)
+            };
             std::thread::Builder::new()
                 .name("driver".into())
-                .spawn(move || runtime.block_on(driver.run(mailbox, stopped(stop))))
+                .spawn(move || runtime.block_on(driver.run(mailbox, stopped(stop), unreachable)))
                 .context("cannot start the driver")?
         };
         let served = runtime.block_on(async {
@@ -91,8 +99,10 @@ impl Daemon {
             let mut serving = tokio::spawn(async move {
                 // Clients wait in the backlog of the listener. On a disk that hangs they get a status that says `starting`.
                 let _late = tokio::time::timeout(RESTORED, session.until_restored()).await;
+                // The port stays open until nothing is left to do: an emergency stop is answered as long as this process lives.
                 crate::http::serve(listener, session, reader, config.http.clone(), async {
-                    stopped(stop).await;
+                    let _no_driver = at_rest.await;
+                    close_notices(notices).await;
                 })
                 .await
             });
@@ -133,13 +143,11 @@ impl Daemon {
                 Some(early) => early,
                 None => serving.await,
             };
+            drop(close);
             served.context("the server's task")?.context("the server")?;
             anyhow::Ok(departure)
         });
         let drove = driving.join();
-        if let Some(notices) = &notices {
-            notices.close(LAST_NOTICES);
-        }
         runtime.shutdown_timeout(LAST_READS);
         let drove = drove.map_err(|_| anyhow::anyhow!("the driver panicked; the motors were stopped as it unwound"))?;
         drove?;
@@ -170,6 +178,16 @@ async fn tell_systemd(session: SessionHandle, heartbeat: Heartbeat) {
         heartbeat.is_alive()
     };
     tokio::join!(sentences, systemd::watchdog(alive));
+}
+
+/// Sends the notices that wait.
+async fn close_notices(notices: Option<Notices>) {
+    if let Some(notices) = notices {
+        let closed = tokio::task::spawn_blocking(move || notices.close(LAST_NOTICES)).await;
+        if closed.is_err() {
+            tracing::error!("the notices that wait were not sent");
+        }
+    }
 }
 
 async fn stopped(mut stop: watch::Receiver<Option<Departure>>) -> Departure {

@@ -4,7 +4,7 @@
 //! accept ─> slot free? ─> task: hyper http1 ─┬─ client closes, or does not complete its head in time
 //!             ^  └─ no: wanted ─────────────>├─ finish the current request
 //!             │                              ├─ shutdown: finish the current request
-//!             └──────── slot back ───────────┘        then join all; after `drain_ms` drop the rest
+//!             └──────── slot back ───────────┘        serve new ones too, until none is left; after `drain_ms` drop the rest
 //! ```
 //! hyper's builder is used directly because `axum::serve` sets no deadline for a request head. While a client waits for a slot, connections
 //! that have had an answer end with their current request, and those between two requests end at once. Answers that stay open cannot be
@@ -34,11 +34,15 @@ use std::time::Duration;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{Notify, OwnedSemaphorePermit, Semaphore, watch};
 use tokio::task::{JoinError, JoinSet};
+use tokio::time::Instant;
 
 /// Size limit of a request head, bytes.
 const HEAD_BYTES: usize = 16 * 1024;
 /// Pause after a failed accept (no free descriptors), in which other connections may end.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
+
+/// How long a connection that is open while the server ends may be without its first request.
+const FIRST_REQUEST: Duration = Duration::from_millis(200);
 
 /// Why the server does not start, or had to end.
 #[derive(Debug, thiserror::Error)]
@@ -60,7 +64,8 @@ pub fn bind(settings: &HttpSettings) -> Result<std::net::TcpListener, HttpError>
     std::net::TcpListener::bind(settings.listen).map_err(|why| HttpError::Bind { listen: settings.listen, why })
 }
 
-/// Serves until `shutdown` resolves, then ends open connections within the settings' `drain_ms`. Every task is joined.
+/// Serves until `shutdown` resolves, then ends open connections within the settings' `drain_ms`. Meanwhile new ones are served too, so
+/// that an emergency stop is answered as long as possible. Every task is joined.
 ///
 /// # Errors
 /// Other machines can reach the listener without a token, or the settings are invalid.
@@ -72,9 +77,16 @@ pub async fn serve(
     shutdown: impl Future<Output = ()>,
 ) -> Result<(), HttpError> {
     let replays = Replays::new(session.clone());
-    let of_routes = replays.clone();
+    let (of_routes, until_ending) = (replays.clone(), session.clone());
     let routes = |guard, closing| router(session, of_routes, reader, &settings, guard, closing);
-    let served = serve_routes(listener, &settings, routes, shutdown).await;
+    let end = async {
+        let of_replays = async {
+            until_ending.until_ending().await;
+            replays.end().await;
+        };
+        tokio::join!(shutdown, of_replays);
+    };
+    let served = serve_routes(listener, &settings, routes, end).await;
     replays.end().await;
     served
 }
@@ -101,8 +113,17 @@ pub async fn serve_routes(
     let mut next = None;
     let mut connections = JoinSet::new();
     let mut shutdown = pin!(shutdown);
+    let mut deadline = pin!(tokio::time::sleep(Duration::MAX));
     loop {
+        let is_closing = *close.borrow();
         tokio::select! {
+            biased;
+            () = &mut shutdown, if !is_closing => {
+                close.send_replace(true);
+                deadline.as_mut().reset(Instant::now() + Duration::from_millis(settings.drain_ms));
+            }
+            () = &mut deadline, if is_closing => break,
+            Some(ended) = connections.join_next() => note(ended),
             Ok(slot) = slots.clone().acquire_owned(), if next.is_some() => {
                 waits(false);
                 if let Some((stream, peer)) = next.take() {
@@ -120,13 +141,14 @@ pub async fn serve_routes(
                     tokio::time::sleep(ACCEPT_PAUSE).await;
                 }
             },
-            Some(ended) = connections.join_next() => note(ended),
-            () = &mut shutdown => break,
+            () = std::future::ready(()), if is_closing && next.is_none() && connections.is_empty() => break,
         }
     }
     drop(listener);
-    close.send_replace(true);
-    drain(connections, Duration::from_millis(settings.drain_ms)).await;
+    if !connections.is_empty() {
+        tracing::warn!(open = connections.len(), "cutting connections that did not end in time");
+        connections.shutdown().await;
+    }
     Ok(())
 }
 
@@ -155,16 +177,20 @@ struct Ends {
 }
 
 impl Ends {
-    /// Resolves when the connection must end. Its first request is always answered, however many clients wait.
+    /// Resolves when the connection must end. Its first request is always answered, however many clients wait. If the server ends, the
+    /// first request must come soon.
     async fn asked(mut self, answered: &Notify) {
-        let needed = async {
-            answered.notified().await;
-            // An error means that the server itself was dropped.
-            let _ended = self.wanted.wait_for(|wanted| *wanted).await;
-        };
+        tokio::select! {
+            () = answered.notified() => {}
+            () = async {
+                closed(self.closing.clone()).await;
+                tokio::time::sleep(FIRST_REQUEST).await;
+            } => return,
+        }
         tokio::select! {
             () = closed(self.closing) => {}
-            () = needed => {}
+            // An error means that the server itself was dropped.
+            _ = self.wanted.wait_for(|wanted| *wanted) => {}
         }
     }
 }
@@ -189,6 +215,8 @@ async fn connection(stream: TcpStream, peer: Peer, slot: OwnedSemaphorePermit, b
     });
     let mut connection = pin!(builder.serve_connection(TokioIo::new(stream), service));
     let ended = tokio::select! {
+        // First, so that a request that has arrived is read before the connection ends.
+        biased;
         ended = connection.as_mut() => ended,
         () = ends.asked(&answered) => {
             connection.as_mut().graceful_shutdown();
@@ -199,18 +227,6 @@ async fn connection(stream: TcpStream, peer: Peer, slot: OwnedSemaphorePermit, b
         tracing::debug!(%why, "a connection broke off");
     }
     drop(slot);
-}
-
-async fn drain(mut connections: JoinSet<()>, deadline: Duration) {
-    let all = async {
-        while let Some(ended) = connections.join_next().await {
-            note(ended);
-        }
-    };
-    if tokio::time::timeout(deadline, all).await.is_err() {
-        tracing::warn!(open = connections.len(), "cutting connections that did not end in time");
-        connections.shutdown().await;
-    }
 }
 
 fn note(ended: Result<(), JoinError>) {

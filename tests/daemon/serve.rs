@@ -12,6 +12,7 @@ use crate::common::{Daemon, Instrument, QUICK, Rate, SLOW, SLOW_REFERENCE, json,
 use hardware_sim::scene::Specimen;
 use serde_json::{Value, json};
 use std::f64::consts::TAU;
+use std::io::{Read, Write};
 
 /// Steps per revolution of the rig and of the configuration.
 const STEPS: f64 = 500.0;
@@ -249,6 +250,44 @@ fn a_daemon_that_leaves_for_a_restart_leaves_its_run_to_the_next_one() {
     assert_eq!((&status["run"]["id"], &status["run"]["outcome"]), (&json!("r1"), &Value::Null), "{status}");
     assert!(status["plate"]["needs"].as_str().unwrap().contains("A01"), "{status}");
     instrument.aborted("r1");
+}
+
+/// Whenever the stop comes after the signal, this daemon answers it and the next one knows it. A request that is half sent keeps this daemon
+/// from its end.
+#[test]
+fn an_emergency_stop_at_a_daemon_that_leaves_for_a_restart_is_known_to_the_next_one() {
+    let patient = ("[http]", "[http]\ndrain_ms = 600000\nhead_timeout_ms = 600000".to_owned());
+    let mut instrument = Instrument::filled_by(None, &QUICK, POLICY, &[patient], |scene| scene);
+    let stopped = |data: &std::path::Path| events(data).iter().filter(|e| e["kind"] == "daemon.stopped").count();
+    for (run, moment) in [("r1", "at once"), ("r2", "while it ends"), ("r3", "when nothing is left to do")] {
+        instrument.awaited(run);
+        let daemon = &instrument.daemon;
+        let host = daemon.url.strip_prefix("http://").unwrap();
+        let mut half_sent = std::net::TcpStream::connect(host).unwrap();
+        half_sent.write_all(format!("GET /v1/status HTTP/1.1\r\nHost: {host}\r\n").as_bytes()).unwrap();
+        let before = stopped(&instrument.data);
+        daemon.signal("USR1");
+        match moment {
+            "at once" => {}
+            "while it ends" => drop(daemon.wait("the end", |s| s["not_ready_reason"] == "shutting down")),
+            _ => {
+                until("the last event", || stopped(&instrument.data) > before);
+            }
+        }
+        assert_eq!(daemon.post("/v1/emergency-stop"), 200, "{moment}");
+        half_sent.write_all(b"Connection: close\r\n\r\n").unwrap();
+        let mut answer = String::new();
+        half_sent.read_to_string(&mut answer).unwrap();
+        assert!(answer.starts_with("HTTP/1.1 200") && answer.contains("emergency_stop"), "{moment}: {answer}");
+        let Instrument { daemon, rig, scene, config, data, dir } = instrument;
+        assert_eq!(daemon.ended(), Some(75), "{moment}");
+        let daemon = Daemon::serve(&config, &data);
+        let status = started(&daemon);
+        assert_eq!(status["faults"][0]["code"], "emergency_stop", "{moment}: {status}");
+        assert_eq!((&status["state"], &status["run"]["outcome"]), (&json!("Aborted"), &json!("aborted")), "{moment}: {status}");
+        assert_eq!(daemon.post(&format!("/v1/faults/{}/acknowledge", status["faults"][0]["seq"])), 200);
+        instrument = Instrument { daemon, rig, scene, config, data, dir };
+    }
 }
 
 /// The first status of a daemon that has read what earlier runs left.

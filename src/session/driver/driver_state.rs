@@ -118,6 +118,16 @@ impl DriverState {
         self.life == Life::Stopping(Departure::LeavesRun) && self.run.as_ref().is_some_and(|run| run.request() == Request::ShutDown)
     }
 
+    /// Requests the abort of the run that this daemon leaves to the next one, which ends it.
+    pub fn abort_left_run(&mut self) {
+        let status = self.publisher.status();
+        let left = status.run.as_ref().filter(|run| run.outcome.is_none() && self.life == Life::Stopping(Departure::LeavesRun));
+        if let Some(run) = left {
+            self.outbox.happened(Some(&run.id), None, EventData::RunAbortRequested);
+            self.write();
+        }
+    }
+
     pub fn left_specimen(&self, views_planned: u32) -> Option<SpecimenStatus> {
         left_specimen(self.capillary(), self.publisher.status().specimen.as_ref(), views_planned)
     }

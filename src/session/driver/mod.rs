@@ -158,8 +158,15 @@ impl Driver {
         }
     }
 
-    /// Serves commands until `shutdown`. Then the motors stop, the record is closed or left open, and all threads are joined.
-    pub async fn run(self, mut mailbox: mpsc::Receiver<Command>, shutdown: impl Future<Output = Departure>) -> Result<(), DriverError> {
+    /// Serves commands until `shutdown`. Then the motors stop, the record is closed or left open, and all threads are joined. `at_rest` is
+    /// called once nothing is in progress. What it returns resolves when no client can reach the daemon any more. Until then every
+    /// emergency stop is written to the journal and answered.
+    pub async fn run<F: Future<Output = ()>>(
+        self,
+        mut mailbox: mpsc::Receiver<Command>,
+        shutdown: impl Future<Output = Departure>,
+        at_rest: impl FnOnce() -> F,
+    ) -> Result<(), DriverError> {
         let (heartbeat, halt) = (self.heartbeat.clone(), self.publisher.halt().clone());
         heartbeat.disk().of_this_thread();
         let mut d = DriverState::new(self);
@@ -169,9 +176,10 @@ impl Driver {
         let mut look = tokio::time::interval(search::LOOK);
         loop {
             if d.life.is_stopping() && d.is_at_rest() {
-                requests::emergency_pressed(&mut d);
+                let reported = d.final_report();
+                requests::take_last(&mut d, &mut mailbox, at_rest()).await;
                 d.go(Trigger::Joined);
-                return Ok(d.final_report()?);
+                return Ok(reported?);
             }
             tokio::select! {
                 biased;
@@ -195,9 +203,7 @@ impl Driver {
                 }
                 // Commands wait for a device check: a run needs the instrument. The check takes milliseconds if no device is lost. If one
                 // is lost, commands do not wait, because no run can start.
-                //
-                // The server drops the last handle when the daemon is asked to end. Only `shutdown` says what becomes of the run.
-                Some(command) = mailbox.recv(), if !d.life.is_stopping() && !d.devices.are_looked_at() => requests::command(&mut d, command),
+                Some(command) = mailbox.recv(), if !d.devices.are_looked_at() => requests::command(&mut d, command),
             }
         }
     }

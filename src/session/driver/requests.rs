@@ -14,7 +14,9 @@ use super::run::RunInProgress;
 use super::{course, faults};
 use crate::api::{self, HandoffNeeds};
 use carved_records::{EventData, Fault, Handoff, HandoffEnd, ResumedBy, RunPlan, fault_table};
-use tokio::sync::oneshot;
+use std::future::Future;
+use std::pin::pin;
+use tokio::sync::{mpsc, oneshot};
 
 pub(super) fn acknowledge(d: &mut DriverState, seq: u64) -> Result<(), Refusal> {
     if let Some((known, ends)) = faults::acknowledge(&d.state().faults, seq)? {
@@ -46,12 +48,31 @@ pub(super) fn emergency_pressed(d: &mut DriverState) {
     if d.run.is_some() && state != State::Aborting {
         course::abort(d);
     } else if d.run.is_none() && state != State::Aborted {
+        d.abort_left_run();
         d.go(Trigger::Abort);
         d.go(Trigger::MotorsStopped);
     }
 }
 
+/// Takes emergency stops until no client can reach the daemon any more.
+pub(super) async fn take_last(d: &mut DriverState, mailbox: &mut mpsc::Receiver<Command>, unreachable: impl Future<Output = ()>) {
+    let halt = d.publisher.halt().clone();
+    let mut unreachable = pin!(unreachable);
+    loop {
+        tokio::select! {
+            biased;
+            () = halt.pressed() => emergency_pressed(d),
+            Some(request) = mailbox.recv() => command(d, request),
+            () = &mut unreachable => return,
+        }
+    }
+}
+
 pub(super) fn command(d: &mut DriverState, command: Command) {
+    if d.life.is_stopping() && !matches!(command, Command::EmergencyStop { .. }) {
+        // Who waits for the answer of a command that is dropped gets `ShuttingDown`.
+        return;
+    }
     match command {
         Command::PutRun { id, plan, answer } => reply(answer, put_run(d, &id, plan)),
         Command::Steer { id, towards, answer } => reply(answer, steer(d, &id, towards)),

@@ -12,7 +12,7 @@ use carved_devices::testing::FakeAxis;
 use carved_records::{EventData, Handoff, HandoffEnd, HandoffIntent, Phase, ResumedBy, ViewTaken, fault_table};
 use futures::FutureExt;
 use std::cell::Cell;
-use std::future::poll_fn;
+use std::future::{poll_fn, ready};
 use std::path::Path;
 use std::task::Poll;
 
@@ -216,7 +216,7 @@ fn an_emergency_stop_that_never_got_into_the_mailbox_latches() {
             status
         };
         let status = tokio::select! {
-            ended = driver.run(mailbox, std::future::pending()) => panic!("{ended:?}"),
+            ended = driver.run(mailbox, std::future::pending(), || ready(())) => panic!("{ended:?}"),
             status = tokio::time::timeout(PATIENCE, latched) => status.unwrap(),
         };
         assert_eq!(status.faults[0].code, fault_table::EMERGENCY_STOP.code);
@@ -238,7 +238,7 @@ fn a_daemon_that_ends_for_a_restart_leaves_its_run_open_if_the_last_client_goes_
             drop(handle);
             is_alone.set(true);
         };
-        let (ended, ()) = tokio::join!(driver.run(mailbox, shutdown), last_client);
+        let (ended, ()) = tokio::join!(driver.run(mailbox, shutdown, || ready(())), last_client);
         ended.unwrap();
         assert_eq!(count(&journalled(dir.path()), "daemon.stopping"), 1);
         assert_eq!(count(&journalled(dir.path()), "run.ended"), 0, "the run has ended with the daemon");
@@ -256,9 +256,39 @@ fn an_emergency_stop_while_the_daemon_ends_is_known_to_the_next_one() {
             drop(handle.emergency_stop().now_or_never());
             Poll::Ready(Departure::LeavesRun)
         });
-        driver.run(mailbox, shutdown).await.unwrap();
-        let status = bench(dir.path(), true).status();
-        assert_eq!((status.state, status.faults[0].code.as_str()), (State::Held, fault_table::EMERGENCY_STOP.code));
+        driver.run(mailbox, shutdown, || ready(())).await.unwrap();
+        latched_for_the_next_one(dir.path());
+    });
+}
+
+/// The next daemon knows the emergency stop and ends the run of this one.
+fn latched_for_the_next_one(folder: &Path) {
+    let status = bench(folder, true).status();
+    assert_eq!((status.state, status.faults[0].code.as_str()), (State::Aborted, fault_table::EMERGENCY_STOP.code));
+    assert_eq!(status.run.unwrap().outcome, Some(crate::api::RunOutcome::Aborted));
+}
+
+/// The run is left already. Clients still reach the daemon.
+#[test]
+fn an_emergency_stop_at_a_daemon_that_has_nothing_left_to_do_is_journalled_before_its_answer() {
+    on_this_thread(async {
+        for departure in [Departure::LeavesRun, Departure::EndsRun] {
+            let dir = scratch();
+            started(dir.path(), true, &["A01"]).steer(Towards::Hold).unwrap();
+            let (driver, handle, mailbox) = driver(dir.path(), true);
+            let at_rest = || async {
+                assert_eq!(count(&journalled(dir.path()), "daemon.stopped"), 1, "it has nothing left to do");
+                assert_eq!(handle.acknowledge(1).await, Err(Refusal::ShuttingDown));
+                assert_eq!(handle.emergency_stop().await, Ok(()));
+                assert_eq!(count(&journalled(dir.path()), "fault.raised"), 1, "answered before it was on disk");
+            };
+            driver.run(mailbox, ready(departure), at_rest).await.unwrap();
+            if departure == Departure::LeavesRun {
+                latched_for_the_next_one(dir.path());
+            } else {
+                assert_eq!(bench(dir.path(), true).status().faults[0].code, fault_table::EMERGENCY_STOP.code);
+            }
+        }
     });
 }
 
