@@ -56,14 +56,15 @@ pub fn of(s: &Status) -> String {
             s.run.as_ref().map_or_else(String::new, |r| format!("Run {} is complete: {}. {}", r.id, counted(&r.wells), of_plate(s)))
         }
         State::Aborting => format!("Aborting: {motors} record is being closed."),
-        State::Aborted => match s.faults.last() {
-            Some(f) => format!("Aborted. {}", f.plainly()),
-            None => {
+        State::Aborted => {
+            if let Some(f) = s.faults.last() {
+                format!("Aborted. {}", f.plainly())
+            } else {
                 let plate = s.plate.needs.as_ref().filter(|_| not_yet.is_none()).map(|needs| format!(" The plate waits for {needs}."));
                 let next = not_yet.as_deref().unwrap_or("A new run may be started.");
                 format!("Aborted. The motors stand. {next}{}", plate.unwrap_or_default())
             }
-        },
+        }
         State::Stopping => match &s.specimen {
             Some(_) if !s.is_ending() => format!("Stopping after the specimen of well {well}."),
             _ => format!("Shutting down: {motors} record is being closed."),

@@ -76,7 +76,7 @@ impl Loader {
 
     /// The requests to the loader: the specimen to take out, then the specimen to bring. After the end of a run nobody ejects a specimen
     /// that is still inside, also with a driven sampler.
-    pub fn requests(&self, capillary: &Capillary, run: Option<&Handling>) -> (Option<String>, Option<String>) {
+    pub fn requests(capillary: &Capillary, run: Option<&Handling>) -> (Option<String>, Option<String>) {
         let left = capillary.inside().map(str::to_owned);
         match run {
             Some(run) => match run.awaited() {

@@ -46,7 +46,7 @@ impl Parts<'_> {
         }
         s.plate.barcode = self.state.plate.inside().map(str::to_owned);
         s.plate.present = self.state.plate.handed_over().is_some();
-        (s.plate.take_out, s.plate.bring) = self.loader.requests(capillary, self.run.map(RunInProgress::handling));
+        (s.plate.take_out, s.plate.bring) = Loader::requests(capillary, self.run.map(RunInProgress::handling));
         let keeps_plate = Surroundings {
             state: s.state,
             has_run: self.run.is_some(),

@@ -12,7 +12,7 @@ use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::geometry::{BoxUm, Camera, VoxelGrid};
 use carved_core::pipeline::{Pipeline, PipelineSettings, SegmentedFrame, SpecimenRecord};
 use carved_core::profile::SegmentSettings;
-use carved_core::quality::QualitySettings;
+use carved_core::quality::{QualitySettings, TurnFinding};
 use carved_core::reconstruction::ReconstructionSettings;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
@@ -99,8 +99,11 @@ impl Turn {
     }
 }
 
-/// The flag that a turn raises that is none, and the kinds of such turns.
-fn kinds(views: usize) -> Vec<(&'static str, &'static [&'static str], Box<dyn Fn(usize) -> Shot + Sync>)> {
+/// A kind of turn that is none, the flags of which it must raise one, and the picture of each view.
+type WrongTurn = (&'static str, &'static [&'static str], Box<dyn Fn(usize) -> Shot + Sync>);
+
+/// The kinds of turns that are none.
+fn kinds(views: usize) -> Vec<WrongTurn> {
     const STILL: &[&str] = &["rotation_suspect"];
     const MIRRORED: &[&str] = &["mirrored_views"];
     const ELSEWHERE: &[&str] = &["views_disagree"];
@@ -147,7 +150,7 @@ fn judged(kind: Kind, dirt: Dirt, seed: u64, views: usize, only: &[&str]) -> Vec
     let mut wrong = Vec::new();
     for (name, flags, shot) in kinds(views).into_iter().filter(|(name, ..)| only.is_empty() || only.contains(name)) {
         let record = turn.measured(shot);
-        let found: Vec<&str> = record.turn_findings.iter().map(|finding| finding.flag()).collect();
+        let found: Vec<&str> = record.turn_findings.iter().map(TurnFinding::flag).collect();
         if !flags.iter().any(|flag| found.contains(flag) && record.flags.iter().any(|f| f == flag))
             || record.quality.is_none_or(|q| q.passed)
         {
@@ -198,7 +201,7 @@ fn survey() {
         let kind = if seed % 2 == 0 { Kind::Finned } else { Kind::Finless };
         let wrong = judged(kind, Dirt::MEASURED, 1000 + seed, [21, 12, 21, 32][(seed % 4) as usize], &[]);
         missed += wrong.len();
-        wrong.iter().for_each(|line| println!("{line}"));
+        println!("{}", wrong.join("\n"));
     }
     println!("{turns} specimens, {missed} wrong of {} turns", turns * (kinds(21).len() as u64 + 1));
 }

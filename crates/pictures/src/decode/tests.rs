@@ -25,8 +25,11 @@ fn saved(picture: impl Into<DynamicImage>, format: ImageFormat) -> Vec<u8> {
     out.into_inner()
 }
 
+/// A page of a TIFF: its picture, a further tag, and its description.
+type Page<'a> = (GrayImage, Option<(Tag, u32)>, &'a str);
+
 /// Pages with their tags.
-fn tiff<K: TiffKind>(encoder: TiffEncoder<&mut Cursor<Vec<u8>>, K>, pages: &[(GrayImage, Option<(Tag, u32)>, &str)]) {
+fn tiff<K: TiffKind>(encoder: TiffEncoder<&mut Cursor<Vec<u8>>, K>, pages: &[Page]) {
     let mut encoder = encoder;
     for (page, tag, text) in pages {
         let mut image = encoder.new_image::<Gray8>(page.width(), page.height()).unwrap();
@@ -41,7 +44,7 @@ fn tiff<K: TiffKind>(encoder: TiffEncoder<&mut Cursor<Vec<u8>>, K>, pages: &[(Gr
     }
 }
 
-fn pages_of_tiff(pages: &[(GrayImage, Option<(Tag, u32)>, &str)]) -> Vec<u8> {
+fn pages_of_tiff(pages: &[Page]) -> Vec<u8> {
     let mut out = Cursor::new(Vec::new());
     tiff(TiffEncoder::new(&mut out).unwrap(), pages);
     out.into_inner()
@@ -51,7 +54,7 @@ fn short(value: u16) -> [u8; 2] {
     value.to_le_bytes()
 }
 
-/// Colours in planes of their own, in tiles of 16 px: what libtiff writes with PLANARCONFIG_SEPARATE and TIFFTAG_TILEWIDTH.
+/// Colours in planes of their own, in tiles of 16 px: what libtiff writes with `PLANARCONFIG_SEPARATE` and `TIFFTAG_TILEWIDTH`.
 fn planar_tiles(width: u16, height: u16) -> Vec<u8> {
     let tiles = 3 * usize::from(width.div_ceil(16)) * usize::from(height.div_ceil(16));
     let tags: [(u16, u16, u32, u32); 11] = [

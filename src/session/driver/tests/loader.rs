@@ -317,7 +317,9 @@ fn the_plate_of_an_aborted_run_can_be_taken_from_a_driven_sampler() {
                 b = bench(dir.path(), false);
             }
             let faults: Vec<u64> = b.status().faults.iter().map(|fault| fault.seq).collect();
-            faults.into_iter().for_each(|seq| requests::acknowledge(&mut b.d, seq).unwrap());
+            for seq in faults {
+                requests::acknowledge(&mut b.d, seq).unwrap();
+            }
             let plate = b.status().plate;
             assert_eq!((plate.removable, plate.take_out.as_deref(), plate.needs), (false, Some("A01"), Some(out("A01"))));
             assert!(b.status().doing.contains("A01"), "{}", b.status().doing);
