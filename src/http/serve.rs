@@ -79,12 +79,15 @@ pub async fn serve(
     let replays = Replays::new(session.clone());
     let (of_routes, until_ending) = (replays.clone(), session.clone());
     let routes = |guard, closing| router(session, of_routes, reader, &settings, guard, closing);
+    // Replays end with the session, or at the latest with the server.
     let end = async {
-        let of_replays = async {
-            until_ending.until_ending().await;
-            replays.end().await;
-        };
-        tokio::join!(shutdown, of_replays);
+        let mut shutdown = pin!(shutdown);
+        tokio::select! {
+            () = shutdown.as_mut() => replays.end().await,
+            () = until_ending.until_ending() => {
+                tokio::join!(shutdown, replays.end());
+            }
+        }
     };
     let served = serve_routes(listener, &settings, routes, end).await;
     replays.end().await;

@@ -35,7 +35,10 @@ fn as_stored(schema: &mut Schema) {
     if let Some(Value::String(description)) = schema.get_mut("description") {
         *description = description.replace("`None`", "`null`");
     }
-    schema.remove("additionalProperties");
+    // The type of a map's values stays.
+    if schema.get("additionalProperties").is_some_and(Value::is_boolean) {
+        schema.remove("additionalProperties");
+    }
     schema.remove("default");
     schema.remove("x-level");
     if schema.get("x-unit").is_some() {

@@ -183,7 +183,7 @@ fn a_picture_that_fails_says_why_and_the_others_go_on() {
     let larva = json(&dir.path().join("out/larva.json"));
     assert_eq!((&larva["error"], &larva["settings"]["method"]), (&Value::Null, &Value::from("level-set")));
     let left: Vec<_> = std::fs::read_dir(dir.path().join("out")).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
-    assert_eq!(left.len(), 6 + 4, "no part is left: {left:?}");
+    assert_eq!(left.len(), 7 + 4, "no part is left: {left:?}");
 }
 
 /// Each of these once gave an outline, or an unhelpful error.

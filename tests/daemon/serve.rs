@@ -518,16 +518,18 @@ fn an_axis_that_is_lost_between_runs_is_seen_and_opened_again_when_it_is_back() 
 }
 
 #[test]
-fn steps_lost_in_a_revolution_are_measured_but_flagged() {
+fn steps_lost_in_a_revolution_hold_the_run_with_the_larva_inside() {
     let instrument = start(&QUICK, ONCE);
     instrument.awaited("r1");
     instrument.load("r1", "A01", Specimen::larva(4, 1).unwrap());
     until("the first views", || instrument.rig.exposures().len() >= 6);
-    // 60 of 500 steps: the view at 360 deg is 43 deg away from the one at 0 deg.
+    // 60 of 500 steps: the capillary stands for 43 deg while the controller counts on.
     instrument.rig.faults().lose_steps(60);
-    let status = instrument.daemon.wait("the run's end", |s| s["state"] == "Complete");
-    let well = &status["run"]["results"][0];
-    assert_eq!(well["outcome"], "succeeded", "{status}");
-    assert!(well["flags"].as_array().unwrap().contains(&json!("moved")), "{status}");
-    assert_eq!((&status["run"]["wells"]["flagged"], &status["run"]["wells"]["succeeded"]), (&json!(1), &json!(0)), "{status}");
+    let status = instrument.daemon.wait("the hold", |s| s["state"] == "Held" || !s["run"]["outcome"].is_null());
+    let fault = &status["faults"][0];
+    assert_eq!((&fault["code"], &fault["operator_required"]), (&json!("rotation_suspect"), &json!(true)), "{status}");
+    assert_eq!((&status["specimen"]["well"], &status["specimen"]["in_capillary"]), (&json!("A01"), &json!(true)), "{status}");
+    instrument.daemon.go_on("r1", fault);
+    let status = instrument.daemon.wait_for_outcome();
+    assert!(status["run"]["results"][0]["volume_um3"].as_f64().is_some(), "{status}");
 }

@@ -942,6 +942,7 @@ export interface StoredMeasurementFile {
   quality?: StoredQuality | null;
   reference?: StoredStanding | null;
   shape?: StoredShape | null;
+  turn_findings?: StoredTurnFinding[];
   uncalibrated?: string | null;
   views: StoredViewRecord[];
 }
@@ -1258,6 +1259,15 @@ export interface StoredToBody {
   origin_um: [number, number, number];
   rotation: [[number, number, number], [number, number, number], [number, number, number]];
 }
+
+export type StoredTurnFinding =
+  | { finding: "still"; first: number; last: number; ledger_deg: number; moved_px: number }
+  | { apart_deg: number; finding: "repeated"; other: number; view: number }
+  | { before: number; finding: "mirrored"; found_px: number; mirrored_px: number; view: number }
+  | { finding: "ends"; most_percent: number; share_percent: number }
+  | { best_px: number; finding: "elsewhere"; off_deg: number; others: number; own_px: number; view: number }
+  | { finding: "foreign"; of: number; view: number; views: number }
+  | { finding: "off_bore"; found_px: number; most_px: number };
 
 export type StoredVersion = string | number;
 
