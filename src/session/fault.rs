@@ -82,7 +82,7 @@ pub fn of(seq: u64, error: &RunError) -> Fault {
         RunError::NotTurning { .. } => &fault_table::ROTATION_SUSPECT,
         RunError::Store(e) if e.is_full() => &fault_table::DISK_FULL,
         RunError::Store(_) => &fault_table::STORE_FAILED,
-        RunError::SpecimenThread => &fault_table::INTERNAL_ERROR,
+        RunError::SpecimenThread | RunError::NoThread(_) => &fault_table::INTERNAL_ERROR,
     };
     let fault = Fault::new(seq, code, error.to_string(), jiff::Timestamp::now().to_string());
     let is_for_a_person = matches!(error, RunError::NotTurning { .. }) || device_error(error).is_some_and(needs_a_person);

@@ -141,6 +141,9 @@ pub enum RunError {
     /// The specimen does not turn while the axis reports that it does.
     #[error("well {well}: {finding}")]
     NotTurning { well: String, finding: TurnFinding },
+    /// The computer starts no thread.
+    #[error("the specimen's thread could not be started: {0}. Look which program uses all threads or all memory of this computer")]
+    NoThread(std::io::Error),
     #[error("the specimen thread ended without a result; see the log")]
     SpecimenThread,
 }

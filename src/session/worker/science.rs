@@ -47,7 +47,11 @@ pub enum NoVerdict {
 }
 
 impl Science {
-    pub fn start(context: &Arc<RunContext>, planned: &PlannedWell, pipeline: Pipeline, writer: RecordingWriter) -> Self {
+    /// Starts the thread.
+    ///
+    /// # Errors
+    /// The computer starts no thread. The recording is left without its sums.
+    pub fn start(context: &Arc<RunContext>, planned: &PlannedWell, pipeline: Pipeline, writer: RecordingWriter) -> Result<Self, RunError> {
         // Room for every view, so that the axis never waits for the computation.
         let (work, handed) = sync_channel(2 * context.method.asd as usize + WORDS);
         let (verdict, verdicts) = channel();
@@ -67,11 +71,12 @@ impl Science {
             enough: Arc::clone(&enough),
             blind: Blind::default(),
         };
-        let thread = std::thread::spawn(move || {
+        let work_through = move || {
             let _living = living;
             specimen.run(&handed, &verdict)
-        });
-        Self { context: Arc::clone(context), planned: planned.clone(), work, verdicts, alive, thread, unwanted, decision, enough }
+        };
+        let thread = std::thread::Builder::new().name("specimen".into()).spawn(work_through).map_err(RunError::NoThread)?;
+        Ok(Self { context: Arc::clone(context), planned: planned.clone(), work, verdicts, alive, thread, unwanted, decision, enough })
     }
 
     /// Sends work to the thread.

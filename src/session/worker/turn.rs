@@ -54,7 +54,7 @@ impl Worker {
             }
         };
         writer.add_references(&self.context.config.references)?;
-        let science = Science::start(&self.context, planned, pipeline, writer);
+        let science = Science::start(&self.context, planned, pipeline, writer)?;
         match self.verdict(planned, &plan, &science, times, last) {
             Ok(None) => {
                 self.context.phase(&planned.well, Phase::Measure, true);

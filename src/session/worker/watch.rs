@@ -46,7 +46,7 @@ pub fn within<T, E: From<Overrun> + From<DeviceError>>(
     let (done, is_done) = channel::<()>();
     let (result, watched) = std::thread::scope(|scope| {
         let token = &token;
-        let watch = scope.spawn(move || {
+        let watching = move || {
             let watched = watch(&is_done, began + allowed, stop);
             if !matches!(watched, Watched::Done) {
                 token.cancel();
@@ -55,7 +55,12 @@ pub fn within<T, E: From<Overrun> + From<DeviceError>>(
                 stop.end_motion();
             }
             watched
-        });
+        };
+        // Without a watch the motors would not stop at the deadline.
+        let watch = match std::thread::Builder::new().name("watch".into()).spawn_scoped(scope, watching) {
+            Ok(watch) => watch,
+            Err(why) => return (Err(DeviceError::Unwatched { phase: phase.name(), why: why.to_string() }.into()), Watched::Done),
+        };
         // Dropped at the end of the work, also after a panic. The watch then ends.
         let done = done;
         let result = work(token);
