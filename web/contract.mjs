@@ -85,8 +85,11 @@ function typeOf(schema, at) {
 
 function objectOf(schema, at) {
   keywords(schema, ["type", "properties", "required", "additionalProperties"], at);
-  if (typeof schema.additionalProperties === "object") throw new Error(`${at}: web/contract.mjs knows no typed maps`);
-  if (schema.properties === undefined) return "Record<string, unknown>";
+  const rest = schema.additionalProperties;
+  if (schema.properties === undefined) {
+    return `Record<string, ${typeof rest === "object" ? typeOf(rest, `${at}/additionalProperties`) : "unknown"}>`;
+  }
+  if (typeof rest === "object") throw new Error(`${at}: web/contract.mjs knows no map with named fields`);
   const required = new Set(schema.required);
   const fields = Object.entries(schema.properties).map(
     ([name, property]) =>

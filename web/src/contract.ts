@@ -1102,7 +1102,7 @@ export type StoredResume = "automatic" | "operator";
 
 export interface StoredRigRecord {
   camera: StoredCamera;
-  camera_features?: Record<string, unknown>;
+  camera_features?: Record<string, string>;
   camera_identity: string;
   empty_capillary_sha256?: string | null;
   name: string;
