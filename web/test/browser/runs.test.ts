@@ -138,7 +138,7 @@ test("a run from the empty plate map to the download of all its files", { timeou
     assert.ok(view < (2 / 3) * views_planned || volume_wait !== "views", `${view} of ${views_planned}`);
     return s.run?.outcome != null;
   });
-  assert.equal(ended.run!.outcome, "succeeded", daemon.log);
+  assert.equal(ended.run!.outcome, "succeeded", `${JSON.stringify(ended.run!.results)}\n${daemon.log}`);
   const larva = ended.run!.results[1]!;
   // The map gave the strain, which is that of the references.
   const mismatches = [larva.reference!.volume, larva.reference!.area].flatMap((place) => place.mismatches).join();
