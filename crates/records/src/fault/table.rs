@@ -135,7 +135,7 @@ codes! {
         "Look what touched the switch or holds the capillary, and clear it.";
     ROTATION_INTERVENTION = "rotation_intervention", Motion, EscalateOperator, operator: true, recoverable: true,
         "Somebody stopped or moved the axis at its controller, or a safety circuit did: feed hold, knob, emergency stop, open door. The run is held and the axis is left alone.",
-        "Finish what you are doing at the instrument, close its door and release its stop.";
+        "Finish what you are doing at the instrument, and release what the message names: its stop, its door, its hold or its check mode.";
     VAST_LIST = "vast_list", Motion, EscalateOperator, operator: true, recoverable: true,
         "VAST's program does not have the list of the views yet. The run is held before the next specimen is asked for.",
         "In VAST's program, open Imaging, Imaging with external device, and load the list. Tick \"Enable external imaging\" and press \"Run external imaging\".";
