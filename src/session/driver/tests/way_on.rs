@@ -233,7 +233,7 @@ fn walk(sampling: Sampling, steps: &[Step]) {
 }
 
 fn walks() -> u32 {
-    std::env::var("CARVED_WALKS").ok().and_then(|walks| walks.parse().ok()).unwrap_or(64)
+    std::env::var("CARVED_WALKS").ok().and_then(|walks| walks.parse().ok()).unwrap_or(256)
 }
 
 proptest! {
