@@ -41,7 +41,8 @@ pub(super) fn noted(app: &AppState) -> Json<Noted> {
     )
 )]
 pub(super) async fn emergency_stop(State(app): State<AppState>, headers: HeaderMap) -> Result<(StatusCode, Json<Noted>), Problem> {
-    let stopped = tokio::time::timeout(LATCHED, app.session.emergency_stop()).await;
+    app.session.emergency_stop().await;
+    let stopped = tokio::time::timeout(LATCHED, app.session.latch_emergency_stop()).await;
     body::within(&headers, body::SMALL)?;
     let Ok(latched) = stopped else { return Ok((StatusCode::ACCEPTED, noted(&app))) };
     latched.map_err(|refusal| refused(&app, refusal))?;

@@ -1,19 +1,28 @@
 //! The direct path of the emergency stop to the motors. It works from any thread, past the mailbox and the driver.
 //!
 //! ```text
-//! stop ──► cancel the work ──► send the stop to the motors ──► pressed ──► the driver takes it: fault, abort
-//!                                                                │
-//! aim at new work ────────── cancelled at once, while ───────────┘
+//! stop ──► cancel the work ──► pressed ──► the driver takes it: fault, abort
+//!               │                 │
+//!               │                 └── aim at new work: cancelled at once
+//!               └──► the thread "carved-halt" ──► the stop is on the wire ──► the caller's answer
 //! ```
+//! A controller can take a second to accept bytes. A thread that does nothing else writes the stop, so that no task of the server waits
+//! for a serial port, and the stop waits for no other work of the daemon.
 
 use carved_devices::StopHandle;
 use carved_devices::cancel::CancelToken;
+use std::sync::mpsc;
 use std::sync::{Arc, Mutex, PoisonError};
-use tokio::sync::Notify;
+use std::thread;
+use tokio::sync::{Notify, oneshot};
 
 /// The emergency stop. Clones share one instrument and its current work.
-#[derive(Clone, Default)]
-pub struct Halt(Arc<(Mutex<Aim>, Notify)>);
+#[derive(Clone)]
+pub struct Halt {
+    shared: Arc<(Mutex<Aim>, Notify)>,
+    /// To the thread that writes stops. It ends with the last clone. `None`: no thread could be started.
+    wire: Option<mpsc::Sender<Press>>,
+}
 
 #[derive(Default)]
 struct Aim {
@@ -23,9 +32,33 @@ struct Aim {
     pressed: bool,
 }
 
+/// A stop that is to be written, and who waits until it is on the wire.
+struct Press {
+    motors: StopHandle,
+    is_on_wire: oneshot::Sender<()>,
+}
+
+impl Press {
+    fn write(self) {
+        self.motors.stop();
+        // The client may have disconnected.
+        let _gone = self.is_on_wire.send(());
+    }
+}
+
 impl Halt {
+    pub fn new() -> Self {
+        let (wire, presses) = mpsc::channel::<Press>();
+        let writes = move || presses.into_iter().for_each(Press::write);
+        let thread = thread::Builder::new().name("carved-halt".into()).spawn(writes);
+        if let Err(error) = &thread {
+            tracing::error!(%error, "no thread could be started for the emergency stop; the thread of its request writes it");
+        }
+        Self { shared: Arc::default(), wire: thread.is_ok().then_some(wire) }
+    }
+
     fn with<T>(&self, work: impl FnOnce(&mut Aim) -> T) -> T {
-        work(&mut self.0.0.lock().unwrap_or_else(PoisonError::into_inner))
+        work(&mut self.shared.0.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
     /// Sets the motors to stop, and the cancel token of the work that is about to move them. The token is cancelled at once if the stop was
@@ -39,32 +72,46 @@ impl Halt {
         });
     }
 
-    /// Cancels the work first, so that no move follows the stop. Sends the stop to the motors before it returns.
-    pub fn stop(&self) {
-        self.halt(true);
-        self.0.1.notify_one();
+    /// Cancels the work first, so that no move follows the stop, and has the stop written, whether or not the caller waits. What it returns
+    /// resolves when the stop is on the wire.
+    pub fn stop(&self) -> impl Future<Output = ()> + use<> {
+        let (is_on_wire, on_wire) = oneshot::channel();
+        if let Some(motors) = self.cancel(true) {
+            let press = Press { motors, is_on_wire };
+            match &self.wire {
+                Some(wire) => {
+                    if let Err(mpsc::SendError(press)) = wire.send(press) {
+                        press.write();
+                    }
+                }
+                None => press.write(),
+            }
+        }
+        self.shared.1.notify_one();
+        // Without motors the sender is dropped, and there is nothing to wait for.
+        async { drop(on_wire.await) }
     }
 
     /// Stops the motors before the process ends at once. It is no emergency stop.
     pub fn stop_motors(&self) {
-        self.halt(false);
+        if let Some(motors) = self.cancel(false) {
+            motors.stop();
+        }
     }
 
-    fn halt(&self, pressed: bool) {
-        let motors = self.with(|aim| {
+    /// Cancels the work. Returns the motors that are to stop.
+    fn cancel(&self, pressed: bool) -> Option<StopHandle> {
+        self.with(|aim| {
             aim.pressed |= pressed;
             aim.work.cancel();
             aim.motors.clone()
-        });
-        if let Some(motors) = motors {
-            motors.stop();
-        }
+        })
     }
 
     /// Resolves while the stop is pressed and not taken. The client that pressed it may have disconnected.
     pub async fn pressed(&self) {
         while !self.with(|aim| aim.pressed) {
-            self.0.1.notified().await;
+            self.shared.1.notified().await;
         }
     }
 
@@ -77,13 +124,40 @@ impl Halt {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use futures::FutureExt;
+    use std::sync::atomic::{AtomicBool, Ordering};
+    use std::time::Duration;
+
+    /// The only thread of the runtime must stay free: another task lets the controller go on.
+    #[test]
+    fn a_stop_that_waits_for_its_controller_keeps_no_task_from_running_and_is_answered_once_it_is_on_the_wire() {
+        tokio::runtime::Builder::new_current_thread().build().unwrap().block_on(async {
+            let halt = Halt::new();
+            let work = CancelToken::new();
+            let (accepts, accepted) = mpsc::channel::<()>();
+            let (accepted, is_on_wire) = (Mutex::new(accepted), Arc::new(AtomicBool::new(false)));
+            let written = Arc::clone(&is_on_wire);
+            let controller = StopHandle::new(move || {
+                let in_time = accepted.lock().unwrap().recv_timeout(Duration::from_secs(60)).is_ok();
+                written.store(in_time, Ordering::SeqCst);
+            });
+            halt.aim(controller, work.clone());
+            let mut answer = Box::pin(halt.stop());
+            assert!(work.is_cancelled(), "no move may follow");
+            halt.pressed().await;
+            assert_eq!(answer.as_mut().now_or_never(), None, "answered before it was on the wire");
+            accepts.send(()).unwrap();
+            answer.await;
+            assert!(is_on_wire.load(Ordering::SeqCst));
+        });
+    }
 
     #[test]
     fn work_that_was_made_ready_while_the_stop_was_pressed_is_cancelled() {
-        let halt = Halt::default();
+        let halt = Halt::new();
         let (before, during, after) = (CancelToken::new(), CancelToken::new(), CancelToken::new());
         halt.aim(StopHandle::new(|| ()), before.clone());
-        halt.stop();
+        drop(halt.stop());
         halt.aim(StopHandle::new(|| ()), during.clone());
         assert!(before.is_cancelled() && during.is_cancelled());
         assert!(halt.take() && !halt.take());

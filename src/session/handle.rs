@@ -122,7 +122,7 @@ pub enum Command {
         towards: Towards,
         answer: oneshot::Sender<Result<(), Refusal>>,
     },
-    /// The caller's thread has stopped the motors already.
+    /// The motors have stopped already.
     EmergencyStop {
         answer: oneshot::Sender<Result<(), Refusal>>,
     },
@@ -264,9 +264,13 @@ impl SessionHandle {
         self.ask(|answer| Command::Steer { id, towards, answer }).await
     }
 
-    /// Stops the motors first, on the caller's thread, then sends the command.
-    pub async fn emergency_stop(&self) -> Result<(), Refusal> {
-        self.halt.stop();
+    /// Stops the motors, whether or not the caller waits, and returns once the stop is on the wire.
+    pub async fn emergency_stop(&self) {
+        self.halt.stop().await;
+    }
+
+    /// Asks the driver to journal an emergency stop. It takes the stop in any case.
+    pub async fn latch_emergency_stop(&self) -> Result<(), Refusal> {
         self.ask(|answer| Command::EmergencyStop { answer }).await
     }
 
@@ -425,7 +429,7 @@ pub fn channel(first: Status, tail: Vec<Event>) -> (SessionHandle, mpsc::Receive
     let (status, watch) = watch::channel(Arc::new(first));
     let live = Arc::new(Mutex::new(Live::default()));
     let events = Arc::new(EventLog::new(tail));
-    let halt = Halt::default();
+    let halt = Halt::new();
     let handle = SessionHandle {
         commands,
         status: watch,

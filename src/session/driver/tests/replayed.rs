@@ -208,8 +208,7 @@ pub(super) async fn takes(b: &mut Bench, axis_answers: &AtomicBool, step: &Step)
         Step::DiskHasRoom => disk_trace::make_room(),
         Step::Beat => b.beat().await,
         Step::EmergencyStop => {
-            // The caller's thread stops the motors. Nobody reads the mailbox of the bench.
-            drop(b.handle.emergency_stop().now_or_never());
+            b.handle.emergency_stop().await;
             requests::emergency_pressed(&mut b.d);
         }
         Step::ShutDown(leaves_run) => {
