@@ -1,5 +1,6 @@
 //! JPEG. `image` reads it leniently: what is missing becomes grey.
 
+use super::entropy;
 use super::{DecodeError, Formats, MOST_ALLOCATED};
 use image::metadata::Orientation;
 use image::{DynamicImage, GrayImage, ImageFormat, RgbImage};
@@ -11,9 +12,7 @@ use zune_jpeg::JpegDecoder;
 pub(super) fn decode(bytes: &[u8], formats: Formats) -> Result<DynamicImage, DecodeError> {
     let unreadable = |why: String| DecodeError::Unreadable { expected: formats.words, why };
     let incomplete = |why: &str| DecodeError::Incomplete { format: ImageFormat::Jpeg, why: why.into() };
-    if !ends(bytes) {
-        return Err(incomplete("the marker of its end is missing"));
-    }
+    entropy::check(bytes)?;
     let options = DecoderOptions::default().set_strict_mode(true).set_max_width(usize::MAX).set_max_height(usize::MAX);
     let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
     decoder.decode_headers().map_err(|error| unreadable(error.to_string()))?;
@@ -36,25 +35,4 @@ pub(super) fn decode(bytes: &[u8], formats: Formats) -> Result<DynamicImage, Dec
     let orientation = decoder.exif().and_then(|exif| Orientation::from_exif_chunk(exif));
     image.apply_orientation(orientation.unwrap_or(Orientation::NoTransforms));
     Ok(image)
-}
-
-/// Whether the marker of the end comes, after all segments. A preview within a segment has such a marker too.
-fn ends(bytes: &[u8]) -> bool {
-    const END: u8 = 0xd9;
-    let mut at = 2;
-    while let Some(&[mark, marker]) = bytes.get(at..at + 2) {
-        match (mark, marker) {
-            (0xff, END) => return true,
-            // Stuffed, filled, or without a length: restarts and the start of the picture.
-            (0xff, 0x00 | 0x01 | 0xd0..=0xd8) => at += 2,
-            (0xff, 0xff) => at += 1,
-            (0xff, _) => {
-                let Some(&[high, low]) = bytes.get(at + 2..at + 4) else { return false };
-                at += 2 + usize::from(u16::from_be_bytes([high, low])).max(2);
-            }
-            // Pixels, between the segments.
-            _ => at += 1,
-        }
-    }
-    false
 }

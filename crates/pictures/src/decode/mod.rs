@@ -2,15 +2,17 @@
 //!
 //! ```text
 //!  bytes ── format ──┬─ TIFF ── pages without thumbnails ── one page ─┐
-//!                    ├─ JPEG ── strict, to its end marker ────────────┼─ turned as its orientation tag says ── pixels
+//!                    ├─ JPEG ── all its codes are there ──────────────┼─ turned as its orientation tag says ── pixels
 //!                    └─ PNG, BMP, PGM ────────────────────────────────┘
 //! ```
 //! A picture of a foreign program can make a decoder panic or ask for all memory. Here a panic is an error of that picture, memory is
 //! bounded, and a picture that is not whole is refused: a decoder fills up what is missing, and the outline of that is wrong without a sign.
 
+mod entropy;
 mod jpeg;
 #[cfg(test)]
 mod tests;
+mod tiff_kinds;
 mod tiff_pages;
 
 use image::metadata::Orientation;
@@ -28,6 +30,10 @@ const MOST_BYTES: u64 = 512 << 20;
 const MOST_BYTES_OF_TURN: u64 = 4 << 30;
 /// A decoder may ask for so many bytes.
 const MOST_ALLOCATED: u64 = 512 << 20;
+
+/// Where the header of a PNG says what its pixels are, and what it says of a palette.
+const PNG_COLOURS: usize = 25;
+const PNG_PALETTE: u8 = 3;
 
 /// The formats that a place reads.
 #[derive(Debug, Clone, Copy)]
@@ -187,14 +193,18 @@ pub fn pages(bytes: &[u8], formats: Formats) -> Result<usize, DecodeError> {
 pub fn size(bytes: &[u8], formats: Formats) -> Result<(u32, u32), DecodeError> {
     isolated(|| {
         let (format, page) = only_page_of(bytes, formats)?;
-        let mut decoder = decoder(bytes, format, page.as_ref(), formats)?;
+        if let Some(page) = &page {
+            return page.check(bytes).map(|()| page.turned_size());
+        }
+        let mut decoder = decoder(bytes, format, None, formats)?;
         let (width, height) = decoder.dimensions();
-        let is_turned = matches!(
-            decoder.orientation().map_err(|error| of_image(error, format, formats))?,
-            Orientation::Rotate90 | Orientation::Rotate270 | Orientation::Rotate90FlipH | Orientation::Rotate270FlipH
-        );
-        Ok(if is_turned { (height, width) } else { (width, height) })
+        let orientation = decoder.orientation().map_err(|error| of_image(error, format, formats))?;
+        Ok(if is_on_its_side(orientation) { (height, width) } else { (width, height) })
     })
+}
+
+fn is_on_its_side(orientation: Orientation) -> bool {
+    matches!(orientation, Orientation::Rotate90 | Orientation::Rotate270 | Orientation::Rotate90FlipH | Orientation::Rotate270FlipH)
 }
 
 thread_local! {
@@ -247,10 +257,20 @@ fn picture(bytes: &[u8], format: ImageFormat, page: Option<&Page>, formats: Form
     if format == ImageFormat::Jpeg {
         return jpeg::decode(bytes, formats);
     }
+    if let Some(page) = page {
+        page.check(bytes)?;
+        if let Some(mut image) = tiff_kinds::read(page, bytes, formats)? {
+            image.apply_orientation(page.orientation);
+            return Ok(image);
+        }
+    }
     let mut decoder = decoder(bytes, format, page, formats)?;
     let of_image = |error| of_image(error, format, formats);
     let orientation = decoder.orientation().map_err(of_image)?;
     let mut image = DynamicImage::from_decoder(decoder).map_err(of_image)?;
+    if format == ImageFormat::Png && bytes.get(PNG_COLOURS) == Some(&PNG_PALETTE) {
+        image = tiff_kinds::of_palette(&image.into_rgb8())?;
+    }
     image.apply_orientation(orientation);
     Ok(image)
 }
@@ -265,7 +285,6 @@ fn decoder<'a>(
     let mut limits = Limits::default();
     limits.max_alloc = Some(MOST_ALLOCATED);
     if let Some(page) = page {
-        page.check(bytes)?;
         let mut decoder = image::codecs::tiff::TiffDecoder::new(page.reader(bytes)).map_err(of_image)?;
         decoder.set_limits(limits).map_err(of_image)?;
         return Ok(Box::new(decoder));

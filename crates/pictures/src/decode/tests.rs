@@ -156,6 +156,146 @@ fn a_jpeg_needs_the_marker_of_its_own_end() {
     assert!(decode(&[&whole[..], b"more"].concat(), FRAMES).is_ok_and(|found| found == decode(&whole, FRAMES).unwrap()));
 }
 
+/// Of libjpeg: progressive, with restarts, with colours of half the size, and within a TIFF.
+const JPEGS: [(&str, &[u8]); 5] = [
+    ("progressive", include_bytes!("data/progressive.jpg")),
+    ("grey, progressive", include_bytes!("data/grey_progressive.jpg")),
+    ("subsampled", include_bytes!("data/subsampled.jpg")),
+    ("restarts", include_bytes!("data/restarts.jpg")),
+    ("grey, restarts", include_bytes!("data/grey_restarts.jpg")),
+];
+
+fn jpegs() -> Vec<(&'static str, Vec<u8>)> {
+    let mut all: Vec<_> = JPEGS.iter().map(|(name, bytes)| (*name, bytes.to_vec())).collect();
+    all.extend([("grey", saved(grey(0), ImageFormat::Jpeg)), ("colour", saved(rgb(), ImageFormat::Jpeg))]);
+    all
+}
+
+#[test]
+fn a_jpeg_that_was_cut_and_closed_with_a_marker_of_an_end_is_refused() {
+    for (name, whole) in jpegs() {
+        let picture = decode(&whole, FRAMES).unwrap_or_else(|e| panic!("{name}: {e}"));
+        assert_eq!((picture.width(), picture.height()), SIZE, "{name}");
+        for length in 2..whole.len() - 2 {
+            let closed = [&whole[..length], &[0xff, 0xd9]].concat();
+            assert!(decode(&closed, FRAMES).is_err(), "{name}: cut at {length} of {} and closed", whole.len());
+        }
+    }
+}
+
+#[test]
+fn a_jpeg_that_lacks_blocks_or_has_some_twice_is_refused() {
+    for (name, whole) in jpegs() {
+        let start = whole.windows(2).position(|pair| pair == [0xff, 0xda]).unwrap() + 14;
+        let (mut cases, mut missed) = (0, 0);
+        for at in start..whole.len() - 12 {
+            for length in [60, 150].into_iter().filter(|length| at + length < whole.len() - 12) {
+                let lacking = [&whole[..at], &whole[at + length..]].concat();
+                let twice = [&whole[..at + length], &whole[at..]].concat();
+                cases += 2;
+                missed += [lacking, twice].iter().filter(|bytes| decode(bytes, FRAMES).is_ok()).count();
+            }
+        }
+        // Codes of another place can fill the picture to the last byte by chance.
+        eprintln!("{name}: {missed} of {cases}");
+        assert!(missed * 50 < cases, "{name}: {missed} of {cases}");
+    }
+}
+
+#[test]
+fn a_damaged_jpeg_in_a_tiff_is_refused() {
+    for (name, whole) in [("grey", &include_bytes!("data/grey_jpeg.tif")[..]), ("colour", include_bytes!("data/jpeg.tif"))] {
+        let picture = decode(whole, FRAMES).unwrap_or_else(|e| panic!("{name}: {e}"));
+        assert_eq!((picture.width(), picture.height(), size(whole, FRAMES).unwrap()), (SIZE.0, SIZE.1, SIZE), "{name}");
+        let expected = DynamicImage::from(rgb()).to_luma8();
+        let worst = picture.to_luma8().iter().zip(expected.iter()).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
+        // Sharp steps of the pattern, at the quality of the file.
+        assert!(worst < 100, "{name}: {worst}");
+        let scan = whole.windows(2).position(|pair| pair == [0xff, 0xda]).unwrap();
+        let end = scan + whole[scan..].windows(2).position(|pair| pair == [0xff, 0xd9]).unwrap();
+        let mut zeroed = whole.to_vec();
+        zeroed[end - 40..end].fill(0);
+        let mut closed = whole.to_vec();
+        closed[end - 40..end - 38].copy_from_slice(&[0xff, 0xd9]);
+        for damaged in [zeroed, closed] {
+            let error = decode(&damaged, FRAMES).unwrap_err().to_string();
+            assert!(error.contains("incomplete"), "{name}: {error}");
+        }
+    }
+}
+
+#[test]
+fn palettes_of_grey_are_read_and_those_of_colours_refused() {
+    let numbers = grey(0);
+    let of = |colour: &dyn Fn(u8) -> [u8; 3], scale: u16| {
+        let mut out = Cursor::new(Vec::new());
+        let mut encoder = TiffEncoder::new(&mut out).unwrap();
+        let mut image = encoder.new_image::<Gray8>(SIZE.0, SIZE.1).unwrap();
+        let map: Vec<u16> =
+            (0..3).flat_map(|channel| (0..=255).map(move |n| (n, channel))).map(|(n, c)| u16::from(colour(n)[c]) * scale).collect();
+        image.encoder().write_tag(Tag::PhotometricInterpretation, 3u16).unwrap();
+        image.encoder().write_tag(Tag::ColorMap, &map[..]).unwrap();
+        image.write_data(&numbers).unwrap();
+        out.into_inner()
+    };
+    let mut inverted = numbers.clone();
+    inverted.iter_mut().for_each(|v| *v = 255 - *v);
+    for scale in [1, 256, 257] {
+        let bytes = of(&|n| [255 - n; 3], scale);
+        assert_eq!(decode(&bytes, FRAMES).unwrap(), inverted.clone().into(), "{scale}");
+        assert_eq!(size(&bytes, FRAMES).unwrap(), SIZE);
+    }
+    let tinted = decode(&of(&|n| [n, n, n.saturating_sub(20)], 257), FRAMES).unwrap();
+    assert!(tinted.color().has_color() && tinted.to_rgb8().pixels().zip(numbers.pixels()).all(|(p, n)| p.0[..2] == [n.0[0]; 2]));
+    let error = decode(&of(&|n| [n, 0, 255 - n], 257), FRAMES).unwrap_err().to_string();
+    assert!(error.contains("other colours than grey") && error.contains("save it as"), "{error}");
+}
+
+#[test]
+fn palettes_of_png_are_read_as_those_of_tiff() {
+    let of = |colour: &dyn Fn(u8) -> [u8; 3]| {
+        let mut out = Vec::new();
+        let mut encoder = png::Encoder::new(&mut out, SIZE.0, SIZE.1);
+        encoder.set_color(png::ColorType::Indexed);
+        encoder.set_palette((0..=255).flat_map(colour).collect::<Vec<u8>>());
+        encoder.write_header().unwrap().write_image_data(&grey(0)).unwrap();
+        out
+    };
+    assert_eq!(decode(&of(&|n| [n; 3]), FRAMES).unwrap(), grey(0).into());
+    let error = decode(&of(&|n| [n, 0, 255 - n]), FRAMES).unwrap_err().to_string();
+    assert!(error.contains("other colours than grey"), "{error}");
+}
+
+#[test]
+fn floating_point_numbers_are_read_by_their_range_and_refused_where_it_is_none() {
+    let of = |value: &dyn Fn(u8) -> f32| {
+        let mut out = Cursor::new(Vec::new());
+        let values: Vec<f32> = grey(0).iter().map(|v| value(*v)).collect();
+        TiffEncoder::new(&mut out).unwrap().write_image::<tiff::encoder::colortype::Gray32Float>(SIZE.0, SIZE.1, &values).unwrap();
+        out.into_inner()
+    };
+    let expected = DynamicImage::from(grey(0));
+    for bytes in [of(&|v| f32::from(v) / 255.0), of(&f32::from), of(&|v| f32::from(v) * 0.999)] {
+        assert_eq!(size(&bytes, FRAMES).unwrap(), SIZE);
+        let found = decode(&bytes, FRAMES).unwrap().into_luma8();
+        assert!(found.iter().zip(grey(0).iter()).all(|(a, b)| a.abs_diff(*b) <= 1));
+    }
+    assert_eq!(decode(&of(&f32::from), FRAMES).unwrap(), expected);
+    let counts = decode(&of(&|v| f32::from(v) * 16.0), FRAMES).unwrap().into_luma16();
+    assert!(counts.iter().zip(grey(0).iter()).all(|(a, b)| *a == u16::from(*b) * 16));
+    let ambiguous: [(&str, &dyn Fn(u8) -> f32); 5] = [
+        ("below zero", &|v| f32::from(v) - 100.0),
+        ("no numbers", &|v| if v == 0 { f32::NAN } else { f32::from(v) }),
+        ("a mask", &|v| f32::from(v / 128)),
+        ("of another scale", &|v| f32::from(v) / 100.0),
+        ("too large", &|v| f32::from(v) * 1000.0),
+    ];
+    for (name, value) in ambiguous {
+        let error = decode(&of(value), FRAMES).unwrap_err().to_string();
+        assert!(error.contains("floating point numbers from") && error.contains("save it as"), "{name}: {error}");
+    }
+}
+
 #[test]
 fn pages_are_counted_and_thumbnails_are_none() {
     let reduced = Some((Tag::NewSubfileType, 1));
@@ -190,14 +330,9 @@ fn stacks_that_pages_do_not_show_are_refused_with_a_way_out() {
     }
     let fits = pages_of_tiff(&[(grey(0), None, "ImageJ=1.54f\nimages=2\n"), (grey(1), None, "")]);
     assert_eq!(decode_page(&fits, 1, FRAMES).unwrap(), grey(1).into());
-    let palette = pages_of_tiff(&[(grey(0), Some((Tag::PhotometricInterpretation, 3)), "")]);
-    let error = decode(&palette, FRAMES).unwrap_err().to_string();
+    let without_colours = pages_of_tiff(&[(grey(0), Some((Tag::PhotometricInterpretation, 3)), "")]);
+    let error = decode(&without_colours, FRAMES).unwrap_err().to_string();
     assert!(error.contains("palette") && error.contains("save it as"), "{error}");
-    let mut float = Cursor::new(Vec::new());
-    let values: Vec<f32> = grey(0).iter().map(|v| f32::from(*v)).collect();
-    TiffEncoder::new(&mut float).unwrap().write_image::<tiff::encoder::colortype::Gray32Float>(SIZE.0, SIZE.1, &values).unwrap();
-    let error = decode(float.get_ref(), FRAMES).unwrap_err().to_string();
-    assert!(error.contains("32 bit floating point") && error.contains("save it as"), "{error}");
 }
 
 /// EXIF with the one tag.

@@ -4,8 +4,9 @@
 //!  header ── page ── thumbnail ── page ── ..     a page is read from a header that names it as the first
 //! ```
 
-use super::{DecodeError, Formats};
+use super::{DecodeError, Formats, entropy, is_on_its_side};
 use image::ImageFormat;
+use image::metadata::Orientation;
 use std::collections::HashSet;
 use std::io::{BufRead, Cursor, Read, Seek, SeekFrom};
 use tiff::TiffError;
@@ -20,16 +21,43 @@ const REDUCED_OR_MASK: u32 = 0b101;
 /// What the older `SubfileType` says of a smaller copy.
 const OLD_REDUCED: u32 = 2;
 
+/// `PhotometricInterpretation`, and its value for palettes.
+const PHOTOMETRIC: u16 = 262;
+const PALETTE: u32 = 3;
+/// `Compression` by JPEG.
+const JPEG: u32 = 7;
+
 /// One page.
 #[derive(Debug)]
 pub(super) struct Page {
     /// The header of a file whose first page it is.
     header: Vec<u8>,
     is_reduced: bool,
-    /// What `image` would not read, or would read wrongly.
-    unread: Option<String>,
+    pub kind: Kind,
+    /// Before it is turned, px.
+    pub size: (u32, u32),
+    pub orientation: Orientation,
     /// Where the pieces of its pixels begin, and their lengths.
     pieces: (Vec<u64>, Vec<u64>),
+    /// Width and height of a piece, px.
+    pub piece: (u32, u32),
+    /// The pieces are JPEGs. These are the tables that they share.
+    jpeg: Option<Vec<u8>>,
+}
+
+/// Who reads the pixels.
+#[derive(Debug)]
+pub(super) enum Kind {
+    /// `image`.
+    Plain,
+    /// Numbers of a palette: red, green and blue of each, and where the file says that it has one.
+    Palette { colours: Vec<u16>, said_at: usize },
+    /// Floating point numbers.
+    Float,
+    /// Pieces that are JPEGs in brightness and colour difference.
+    Jpegs,
+    /// Nobody. It is what the words say.
+    Unread(String),
 }
 
 /// The pages of a file, without thumbnails unless there is nothing else.
@@ -55,22 +83,40 @@ pub(super) fn of(bytes: &[u8], formats: Formats) -> Result<Vec<Page>, DecodeErro
         let mut list = |tag| Ok::<_, DecodeError>(tags.find_tag_unsigned_vec::<u64>(tag).map_err(of_tiff)?.unwrap_or_default());
         let bits = list(Tag::BitsPerSample)?.first().copied().unwrap_or(1);
         let format = list(Tag::SampleFormat)?.first().copied().unwrap_or(1);
-        let unread = match (colours, format, bits) {
-            (Some(3), ..) => Some("a picture with a palette".into()),
-            (Some(6), ..) => Some("a picture in YCbCr, as in TIFF with JPEG compression,".into()),
-            (_, 3, _) => Some(format!("a picture of {bits} bit floating point numbers")),
-            (_, 2, _) => Some("a picture of signed numbers".into()),
-            (_, _, 1 | 8 | 16) => None,
-            _ => Some(format!("a picture of {bits} bits per value")),
-        };
         let (mut starts, mut lengths) = (list(Tag::StripOffsets)?, list(Tag::StripByteCounts)?);
         if starts.is_empty() {
             (starts, lengths) = (list(Tag::TileOffsets)?, list(Tag::TileByteCounts)?);
         }
+        let mut first = |tag| Ok::<_, DecodeError>(list(tag)?.first().copied().and_then(|value| u32::try_from(value).ok()));
+        let size = (first(Tag::ImageWidth)?.unwrap_or(0), first(Tag::ImageLength)?.unwrap_or(0));
+        let strip = (size.0, first(Tag::RowsPerStrip)?.unwrap_or(size.1).min(size.1));
+        let piece = (first(Tag::TileWidth)?.unwrap_or(strip.0), first(Tag::TileLength)?.unwrap_or(strip.1));
+        let is_planar = first(Tag::PlanarConfiguration)? == Some(2);
+        let orientation = first(Tag::Orientation)?.and_then(|value| Orientation::from_exif(u8::try_from(value).ok()?));
+        let is_jpeg = first(Tag::Compression)? == Some(JPEG);
+        let colours_of_palette: Vec<u16> = list(Tag::ColorMap)?.into_iter().filter_map(|value| u16::try_from(value).ok()).collect();
+        let kind = match (colours, format, bits) {
+            (Some(PALETTE), _, 8) if samples == 1 && colours_of_palette.len() == 3 << 8 => match place_of(bytes, at.0, PHOTOMETRIC) {
+                Some(said_at) => Kind::Palette { colours: colours_of_palette, said_at },
+                None => Kind::Unread("a picture with a palette".into()),
+            },
+            (Some(PALETTE), ..) => Kind::Unread(format!("a picture with a palette of {bits} bits")),
+            (Some(6), _, 8) if is_jpeg && !is_planar => Kind::Jpegs,
+            (Some(6), ..) => Kind::Unread("a picture in YCbCr without JPEG compression".into()),
+            (Some(0 | 1), 3, 32 | 64) if samples == 1 => Kind::Float,
+            (_, 3, _) => Kind::Unread(format!("a picture of {samples} x {bits} bit floating point numbers")),
+            (_, 2, _) => Kind::Unread("a picture of signed numbers".into()),
+            (_, _, 1 | 8 | 16) => Kind::Plain,
+            _ => Kind::Unread(format!("a picture of {bits} bits per value")),
+        };
+        let tables =
+            if is_jpeg { tags.find_tag(Tag::JPEGTables).map_err(of_tiff)?.map(tiff::decoder::ifd::Value::into_u8_vec) } else { None };
+        let jpeg = is_jpeg.then(|| tables.transpose().map(Option::unwrap_or_default)).transpose().map_err(of_tiff)?;
         if said.is_none() {
             said = Some((tags.find_tag(Tag::ImageDescription).map_err(of_tiff)?.and_then(|text| text.into_string().ok()), samples));
         }
-        pages.push(Page { header: header(bytes, at.0), is_reduced, unread, pieces: (starts, lengths) });
+        let orientation = orientation.unwrap_or(Orientation::NoTransforms);
+        pages.push(Page { header: header(bytes, at.0), is_reduced, kind, size, orientation, pieces: (starts, lengths), piece, jpeg });
     }
     if pages.iter().any(|page| !page.is_reduced) {
         pages.retain(|page| !page.is_reduced);
@@ -103,6 +149,22 @@ fn is_as_said(text: &str, samples: u32, pages: usize) -> Result<(), DecodeError>
     Ok(())
 }
 
+/// Where a page has the value of a tag with one short number.
+fn place_of(bytes: &[u8], page: u64, tag: u16) -> Option<usize> {
+    let is_little = bytes.starts_with(b"II");
+    let short = |at: usize| {
+        let pair: [u8; 2] = bytes.get(at..at.checked_add(2)?)?.try_into().ok()?;
+        Some(if is_little { u16::from_le_bytes(pair) } else { u16::from_be_bytes(pair) })
+    };
+    let page = usize::try_from(page).ok()?;
+    let is_big = bytes.get(2..4)?.contains(&0x2b);
+    // The number of entries has 2 or 8 bytes, an entry 12 or 20, and its value stands behind tag, kind and count.
+    let (number, first, entry, value) = if is_big { (if is_little { 0 } else { 6 }, 8, 20, 12) } else { (0, 2, 12, 8) };
+    let entries = usize::from(short(page.checked_add(number)?)?);
+    let at = (0..entries).map(|entry_at| page + first + entry * entry_at).find(|at| short(*at) == Some(tag))?;
+    short(at + value).map(|_| at + value)
+}
+
 /// The header with another first page.
 fn header(bytes: &[u8], page: u64) -> Vec<u8> {
     let is_little = bytes.starts_with(b"II");
@@ -118,9 +180,9 @@ fn header(bytes: &[u8], page: u64) -> Vec<u8> {
 }
 
 impl Page {
-    /// Refuses what `image` reads wrongly or not at all, and pixels that lie beyond the end of the file.
+    /// Refuses what nobody reads, pixels that lie beyond the end of the file, and JPEGs that are not whole.
     pub fn check(&self, bytes: &[u8]) -> Result<(), DecodeError> {
-        if let Some(why) = &self.unread {
+        if let Kind::Unread(why) = &self.kind {
             return Err(DecodeError::Kind { why: why.clone() });
         }
         let ends = self.pieces.0.iter().zip(&self.pieces.1).map(|(start, length)| start.saturating_add(*length));
@@ -129,7 +191,27 @@ impl Page {
             let why = format!("its last {missing} bytes are missing");
             return Err(DecodeError::Incomplete { format: ImageFormat::Tiff, why });
         }
-        Ok(())
+        self.jpegs(bytes).iter().try_for_each(|jpeg| entropy::check(jpeg))
+    }
+
+    /// Its pieces as files of their own, where they are JPEGs.
+    pub fn jpegs(&self, bytes: &[u8]) -> Vec<Vec<u8>> {
+        let Some(tables) = &self.jpeg else { return Vec::new() };
+        // The tables end with the marker of an end, and the piece begins with that of a start.
+        let shared = tables.len().checked_sub(2).and_then(|end| tables.get(..end)).filter(|shared| !shared.is_empty());
+        let range =
+            |(start, length): (&u64, &u64)| bytes.get(usize::try_from(*start).ok()?..usize::try_from(start.checked_add(*length)?).ok()?);
+        let whole = |piece: &[u8]| match shared {
+            Some(shared) => [shared, piece.get(2..).unwrap_or_default()].concat(),
+            None => piece.to_vec(),
+        };
+        self.pieces.0.iter().zip(&self.pieces.1).map(|piece| whole(range(piece).unwrap_or_default())).collect()
+    }
+
+    /// Width and height, turned as its orientation tag says, px.
+    pub fn turned_size(&self) -> (u32, u32) {
+        let (width, height) = self.size;
+        if is_on_its_side(self.orientation) { (height, width) } else { (width, height) }
     }
 
     /// The file as if this page were its first.
@@ -172,7 +254,7 @@ impl Seek for FromPage<'_> {
     }
 }
 
-fn of_tiff(error: TiffError, formats: Formats) -> DecodeError {
+pub(super) fn of_tiff(error: TiffError, formats: Formats) -> DecodeError {
     match error {
         TiffError::IoError(error) if error.kind() == std::io::ErrorKind::UnexpectedEof => {
             DecodeError::Incomplete { format: ImageFormat::Tiff, why: "the file ends before its directory of pages".into() }
