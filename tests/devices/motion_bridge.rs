@@ -205,7 +205,7 @@ fn every_error_of_the_bridge_is_told_by_its_number() {
 }
 
 #[test]
-fn a_bridge_that_restarts_while_vast_turns_makes_the_position_suspect() {
+fn a_bridge_that_is_reset_while_vast_turns_or_rests_waits_for_a_person() {
     let bench = Bench::slow();
     let mut axis = bench.open();
     bench.take_up(&mut axis, ViewOrder::CoarseToFine);
@@ -215,10 +215,28 @@ fn a_bridge_that_restarts_while_vast_turns_makes_the_position_suspect() {
         until("the shaft turns", || true_steps(&bench.emulated) > 1.0);
         bench.emulated.faults().reboot_controller();
         let error = moving.join().unwrap().unwrap_err();
-        assert!(out_of_step(&error, "restarted"), "{error}");
+        assert!(is_a_persons_reset(&error), "{error}");
     });
     assert!(is_suspect(&axis));
     until("VAST ends its step", || (true_steps(&bench.emulated) - half_a_turn.0 as f64).abs() < 1e-6);
+
+    let bench = Bench::new();
+    let mut axis = bench.open();
+    bench.take_up(&mut axis, ViewOrder::CoarseToFine);
+    axis.check().unwrap();
+    bench.emulated.faults().reboot_controller();
+    let mut found = Ok(());
+    until("the reset to be seen", || {
+        found = axis.check();
+        found.is_err()
+    });
+    let error = found.unwrap_err();
+    assert!(is_a_persons_reset(&error), "{error}");
+    assert!(is_suspect(&axis));
+}
+
+fn is_a_persons_reset(error: &DeviceError) -> bool {
+    matches!(error, DeviceError::Intervention { what, .. } if what.contains("not by carved"))
 }
 
 #[test]

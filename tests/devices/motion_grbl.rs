@@ -274,7 +274,7 @@ fn disturbed_move(bench: &Bench, grbl: &mut Grbl, meanwhile: impl FnOnce()) -> D
 }
 
 #[test]
-fn a_restart_in_the_middle_of_a_move_is_noticed_with_and_without_an_alarm() {
+fn a_restart_in_the_middle_of_a_move_is_a_persons_with_and_without_an_alarm() {
     let mut without_lock = Settings::default();
     without_lock.set(22, 0.0).unwrap();
     for (name, controller) in [
@@ -292,14 +292,46 @@ fn a_restart_in_the_middle_of_a_move_is_noticed_with_and_without_an_alarm() {
         let error = disturbed_move(&bench, &mut grbl, || {
             if name.ends_with("by a reset") { bench.rig.faults().serial_noise(b"\x18") } else { bench.rig.faults().reboot_controller() }
         });
-        match &error {
-            DeviceError::Suspect { why } => assert!(why.contains("restarted"), "{name}: {why}"),
-            DeviceError::Alarm { what, .. } => assert!(name.contains("alarm") && what.contains("ALARM:3"), "{name}: {what}"),
-            other => panic!("{name}: {other}"),
-        }
+        assert!(is_a_persons_reset(&error), "{name}: {error}");
+        grbl.check().unwrap();
         assert_eq!(grbl.position(), Position::Suspect { epoch: epoch + 1 }, "{name}");
         refuses_to_move(&mut grbl);
         assert_eq!(grbl.reference(&CancelToken::new()).unwrap().epoch, epoch + 2, "{name}");
+    }
+}
+
+fn is_a_persons_reset(error: &DeviceError) -> bool {
+    matches!(error, DeviceError::Intervention { what, .. } if what.contains("reset, but not by carved"))
+}
+
+/// By the reset button, by a power cut, and by another program.
+#[test]
+fn a_reset_at_rest_is_a_persons_and_told_once() {
+    for controller in [Controller::default(), Controller::GrblHal(Settings::default())] {
+        let bench = Bench::with(20.0, controller);
+        let mut grbl = bench.referenced();
+        for by_program in [false, true] {
+            let reset = || if by_program { bench.rig.faults().serial_noise(b"\x18") } else { bench.rig.faults().reboot_controller() };
+            reset();
+            let until = Instant::now() + PATIENCE;
+            let error = loop {
+                match grbl.check() {
+                    Ok(()) => assert!(Instant::now() < until, "the reset is not seen"),
+                    Err(error) => break error,
+                }
+            };
+            assert!(is_a_persons_reset(&error), "{error}");
+            refuses_to_move(&mut grbl);
+            grbl.check().unwrap();
+            bench.is_cured_by_a_reference(&mut grbl);
+            // Nobody has looked before the next specimen is begun.
+            let stands = bench.true_steps();
+            reset();
+            let error = grbl.reference(&CancelToken::new()).unwrap_err();
+            assert!(is_a_persons_reset(&error), "{error}");
+            assert!((bench.true_steps() - stands).abs() < 1e-9, "it moved");
+            bench.is_cured_by_a_reference(&mut grbl);
+        }
     }
 }
 
@@ -619,7 +651,7 @@ fn a_restart_whose_greeting_is_garbled_is_still_one() {
         let mut grbl = bench.referenced();
         bench.rig.faults().serial().rewrite_next(from, to);
         let error = disturbed_move(&bench, &mut grbl, || bench.rig.faults().reboot_controller());
-        assert!(matches!(&error, DeviceError::Suspect { why } if why.contains("restarted")), "{error}");
+        assert!(is_a_persons_reset(&error), "{error}");
     }
 }
 

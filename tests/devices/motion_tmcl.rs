@@ -299,7 +299,7 @@ fn a_flipped_bit_that_parses_is_asked_again() {
 }
 
 #[test]
-fn a_reset_in_the_middle_of_a_move_and_between_two_makes_the_position_suspect() {
+fn a_reset_in_the_middle_of_a_move_between_two_and_at_rest_is_a_persons() {
     let rig = rig(Settings::default());
     let mut axis = referenced(settings(&rig));
     std::thread::scope(|scope| {
@@ -307,7 +307,7 @@ fn a_reset_in_the_middle_of_a_move_and_between_two_makes_the_position_suspect() 
         until("the pair to turn", || turns(&rig) > 0.1);
         rig.faults().reboot_controller();
         let error = moving.join().unwrap().unwrap_err();
-        assert!(matches!(error, DeviceError::Suspect { .. }), "{error}");
+        assert!(matches!(error, DeviceError::Intervention { .. }), "{error}");
     });
     assert_eq!(axis.position(), Position::Suspect { epoch: 2 });
     assert_eq!(axis.reference(&CancelToken::new()).unwrap().epoch, 3);
@@ -315,7 +315,17 @@ fn a_reset_in_the_middle_of_a_move_and_between_two_makes_the_position_suspect() 
     let stands = turns(&rig);
     rig.faults().reboot_controller();
     let error = axis.move_to(Steps(320)).unwrap_err();
-    assert!(matches!(&error, DeviceError::Suspect { why } if why.contains("reset")), "{error}");
+    let is_told =
+        |error: &DeviceError| matches!(error, DeviceError::Intervention { what, .. } if what.contains("reset, but not by carved"));
+    assert!(is_told(&error), "{error}");
+    for at_rest in [RotationAxis::check, |axis: &mut Tmcl| axis.reference(&CancelToken::new()).map(drop)] {
+        axis.reference(&CancelToken::new()).unwrap();
+        axis.check().unwrap();
+        rig.faults().reboot_controller();
+        let error = at_rest(&mut axis).unwrap_err();
+        assert!(is_told(&error), "{error}");
+        axis.check().unwrap();
+    }
     assert_eq!(turns(&rig).to_bits(), stands.to_bits(), "nothing moved");
 }
 

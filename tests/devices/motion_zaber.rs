@@ -159,20 +159,30 @@ fn a_wrong_number_that_parses_is_asked_again() {
 }
 
 #[test]
-fn a_restart_in_the_middle_of_a_move_and_between_two_makes_the_position_suspect() {
+fn a_restart_in_the_middle_of_a_move_between_two_and_at_rest_is_a_persons() {
     let rig = rig(Settings::default());
     let mut axis = referenced(settings(&rig));
     let error = failed(&mut axis, 6400, || {
         until("the axis to turn", || turns(&rig) > 0.1);
         rig.faults().reboot_controller();
     });
-    assert!(matches!(&error, DeviceError::Suspect { why } if why.contains("restarted")), "{error}");
+    let is_told =
+        |error: &DeviceError| matches!(error, DeviceError::Intervention { what, .. } if what.contains("reset, but not by carved"));
+    assert!(is_told(&error), "{error}");
     assert_eq!(axis.reference(&CancelToken::new()).unwrap().epoch, 3);
     // After the restart the counter is 0, which is also the expected position.
     let stands = turns(&rig);
     rig.faults().reboot_controller();
     let error = failed(&mut axis, 320, || ());
-    assert!(matches!(&error, DeviceError::Suspect { why } if why.contains("restarted")), "{error}");
+    assert!(is_told(&error), "{error}");
+    for at_rest in [RotationAxis::check, |axis: &mut Zaber| axis.reference(&CancelToken::new()).map(drop)] {
+        axis.reference(&CancelToken::new()).unwrap();
+        axis.check().unwrap();
+        rig.faults().reboot_controller();
+        let error = at_rest(&mut axis).unwrap_err();
+        assert!(is_told(&error), "{error}");
+        axis.check().unwrap();
+    }
     assert_eq!(turns(&rig).to_bits(), stands.to_bits(), "nothing moved");
 }
 

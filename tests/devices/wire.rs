@@ -208,7 +208,7 @@ fn a_stop_in_the_middle_of_a_move_leaves_the_shaft_standing_until_the_next_refer
 }
 
 #[test]
-fn a_controller_that_restarts_in_a_revolution_ends_it_and_no_view_has_a_wrong_angle() {
+fn a_controller_that_is_reset_in_a_revolution_waits_for_a_person_and_no_view_has_a_wrong_angle() {
     let emulated = rig(1.0);
     let mut devices = Rig { rotation: Box::new(axis(&emulated)), camera: camera::open(camera_settings(&emulated)).unwrap() };
     devices.camera.arm().unwrap();
@@ -223,7 +223,7 @@ fn a_controller_that_restarts_in_a_revolution_ends_it_and_no_view_has_a_wrong_an
         Ok(Next::View)
     })
     .unwrap_err();
-    assert!(matches!(refusal, AcquisitionError::Device { view: 6, source: DeviceError::Suspect { .. } }), "{refusal}");
+    assert!(matches!(refusal, AcquisitionError::Device { view: 6, source: DeviceError::Intervention { .. } }), "{refusal}");
     assert_eq!(views.len(), 6);
     let exposures = emulated.exposures();
     for view in &views {

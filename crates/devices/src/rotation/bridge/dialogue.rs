@@ -192,8 +192,13 @@ pub(super) fn out_of_step(why: &str) -> DeviceError {
     DeviceError::OutOfStep { why: why.into() }
 }
 
+/// An `OK` to no request is the greeting of a restart. carved never restarts the bridge, so somebody else did.
 fn restarted() -> DeviceError {
-    out_of_step("the bridge sent an OK without a request: it restarted, or VAST received an unintended trigger")
+    DeviceError::Intervention {
+        device: DEVICE,
+        what: "the bridge was reset, or VAST was triggered, but not by carved (an OK came without a request)".into(),
+        way_out: "Find out who reset it. End the list at VAST, then acknowledge the fault and let the run go on",
+    }
 }
 
 /// The bridge's firmware reports an input or request that it could not serve, by a number only.

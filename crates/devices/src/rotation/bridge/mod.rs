@@ -256,11 +256,16 @@ impl RotationAxis for VastBridge {
     }
 
     /// The answer to the bridge's only question begins with the same `OK` as that to a trigger, and a late one would be mistaken for it. So
-    /// the question is sent only while no trigger can follow. Within a list, and after a stop, only the connection is checked.
+    /// the question is sent only while no trigger can follow. Within a list what came unasked is read. After a stop only the connection is
+    /// checked.
     fn check(&mut self) -> Result<(), DeviceError> {
         self.dialogue.still_there()?;
-        if self.knowledge.is_known() || self.dialogue.is_stopped() {
+        if self.dialogue.is_stopped() {
             return Ok(());
+        }
+        if self.knowledge.is_known() {
+            let found = self.dialogue.catch_up();
+            return self.unless_doubtful(found);
         }
         self.dialogue.greet().map(|_settings| ())
     }

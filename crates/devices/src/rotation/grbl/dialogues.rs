@@ -156,13 +156,83 @@ fn an_alarm_is_unlocked_only_by_a_reference() {
 }
 
 #[test]
-fn a_restart_in_the_middle_of_a_move_makes_the_position_suspect() {
-    let mut script = move_begins();
-    script.push(step("G4P0", GREETING));
-    script.extend(halted());
-    let (error, known) = failed_move(script);
-    assert!(matches!(&error, DeviceError::Suspect { why } if why.contains("restarted")), "{error}");
-    assert_eq!(known, Position::Suspect { epoch: 2 });
+fn a_restart_in_the_middle_of_a_move_is_a_persons_with_and_without_an_alarm() {
+    for says in [GREETING.to_owned(), format!("ALARM:3\r\n{GREETING}")] {
+        let mut script = move_begins();
+        script.push(("G4P0", says));
+        let (error, known) = failed_move(script);
+        assert!(is_a_persons_reset(&error), "{error}");
+        assert_eq!(known, Position::Suspect { epoch: 2 });
+    }
+}
+
+fn is_a_persons_reset(error: &DeviceError) -> bool {
+    matches!(error, DeviceError::Intervention { what, .. } if what.contains("reset, but not by carved"))
+}
+
+/// The greeting has come, or comes with the next report.
+#[test]
+fn a_reset_at_rest_is_told_once_by_whatever_asks_next() {
+    type Ask = fn(&mut Grbl) -> Result<(), DeviceError>;
+    let cancel = CancelToken::new;
+    let asks: [(&str, Ask); 4] = [
+        ("a check", |grbl| grbl.check()),
+        ("a reference", |grbl| grbl.reference(&CancelToken::new()).map(drop)),
+        ("the wait for a specimen", |grbl| crate::SpecimenInput::begin(grbl, &CancelToken::new())),
+        ("a move", |grbl| grbl.move_to(Steps(0)).map(drop)),
+    ];
+    for (name, ask) in asks {
+        let mut script = referenced("0.000");
+        script.push(("?", GREETING.to_owned() + &idle("0.000")));
+        // Told: the next check finds nothing, and the next reference finds the position.
+        script.push(("?", idle("0.000")));
+        script.extend(woken());
+        script.push(step("$$", SETTINGS));
+        script.extend((0..3).map(|_| ("?", idle("0.000"))));
+        let controller = play(script);
+        let mut grbl = open(&controller).unwrap();
+        grbl.reference(&cancel()).unwrap();
+        let error = ask(&mut grbl).unwrap_err();
+        assert!(is_a_persons_reset(&error), "{name}: {error}");
+        assert_eq!(grbl.position(), Position::Suspect { epoch: 2 }, "{name}");
+        grbl.check().unwrap();
+        assert_eq!(grbl.reference(&cancel()).unwrap().epoch, 3, "{name}");
+        controller.followed(grbl);
+    }
+}
+
+/// Nothing can be reported where the sampler's wire is read between runs.
+#[test]
+fn a_reset_that_is_seen_while_the_wire_is_read_is_told_by_the_next_check() {
+    let mut script = referenced("0.000");
+    script.push(("?", GREETING.to_owned() + &idle("0.000")));
+    let controller = play(script);
+    let mut grbl = open(&controller).unwrap();
+    grbl.reference(&CancelToken::new()).unwrap();
+    assert!(crate::SpecimenInput::is_active_at_rest(&mut grbl).is_err());
+    let error = grbl.check().unwrap_err();
+    assert!(is_a_persons_reset(&error), "{error}");
+    controller.followed(grbl);
+}
+
+/// A stop at rest resets the controller. Its greeting comes before the next report, or after it.
+#[test]
+fn the_greeting_of_a_stop_of_carved_is_no_intervention() {
+    for (at_once, later) in [(GREETING, ""), ("", GREETING)] {
+        let mut script = referenced("0.000");
+        script.extend([step("!", ""), step(RESET, at_once), ("?", idle("0.000") + later), ("?", idle("0.000"))]);
+        script.extend(woken());
+        script.push(step("$$", SETTINGS));
+        script.extend((0..3).map(|_| ("?", idle("0.000"))));
+        let controller = play(script);
+        let mut grbl = open(&controller).unwrap();
+        grbl.reference(&CancelToken::new()).unwrap();
+        grbl.stop_handle().stop();
+        grbl.check().unwrap();
+        grbl.check().unwrap();
+        grbl.reference(&CancelToken::new()).unwrap();
+        controller.followed(grbl);
+    }
 }
 
 #[test]
@@ -201,7 +271,7 @@ fn a_restart_between_moves_is_noticed_by_its_greeting_or_by_its_place() {
         }
         let error = grbl.move_to(Steps(48)).unwrap_err();
         match error {
-            DeviceError::Suspect { .. } => assert!(greets),
+            DeviceError::Intervention { .. } => assert!(greets),
             DeviceError::Missed { target: Steps(24), achieved: Steps(0) } => assert!(!greets),
             other => panic!("{other}"),
         }
@@ -532,10 +602,10 @@ fn a_line_is_not_sent_again_where_the_axis_stands_anywhere_else() {
 
 #[test]
 fn a_line_is_not_sent_again_after_a_restart() {
-    let mut script = vec![("?", idle("0.000")), step(MOVE_24, ""), ("?", GREETING.to_owned() + &idle("0.000"))];
-    script.extend(halted());
+    // Nothing is sent to a controller that somebody has reset.
+    let script = vec![("?", idle("0.000")), step(MOVE_24, ""), ("?", GREETING.to_owned() + &idle("0.000"))];
     let (error, _) = failed_move(script);
-    assert!(matches!(&error, DeviceError::Suspect { why } if why.contains("restarted")), "{error}");
+    assert!(is_a_persons_reset(&error), "{error}");
 }
 
 #[test]

@@ -4,6 +4,7 @@
 //!   report ─┬─ Hold, Door, Jog, Home, Check, Sleep, Tool, and carved did not request it ───┐
 //!           ├─ input E (emergency stop), R (reset) or H (feed hold) is active              ├─ read twice ─► Intervention
 //!           └─ input D (door) is active, and the axis is to move or is locked ─────────────┘
+//!   a greeting or ALARM:3 that no reset of carved explains ─────────────────────────────────────────────► Intervention
 //! ```
 //! The stop of this program is a feed hold and a reset, and the reset ends the hold. So a hold that persists comes from a person. Stops
 //! that the program decides on write nothing to an axis at rest ([`StopHandle::end_motion`](crate::StopHandle::end_motion)), because
@@ -19,6 +20,7 @@ const CLOSE_DOOR: &str = "Close the door and press cycle start at the controller
 const RELEASE: &str = "Release the stop when the axis may move, then acknowledge the fault and let the run go on";
 const FINISH: &str = "Finish what you are doing with the axis, then acknowledge the fault and let the run go on";
 const RESET: &str = "Reset the controller, then acknowledge the fault and let the run go on";
+const WHO_RESET: &str = "Find out who reset it, or why it restarted. When the axis may turn, acknowledge the fault and let the run go on: it begins with a reference";
 
 /// The intervention that a report shows, if any. `before_motion`: the axis is about to move.
 pub(super) fn of(status: &Status, before_motion: bool) -> Option<DeviceError> {
@@ -48,6 +50,13 @@ pub(super) fn still_turning(status: &Status) -> DeviceError {
     intervention(&format!("the axis turns without a command of carved (it reports {status})"), FINISH)
 }
 
+/// The error of a reset that carved did not request. `sign`: what the controller said.
+pub(super) fn reset(sign: &str) -> DeviceError {
+    intervention(&format!("the controller was reset, but not by carved (it says {sign})"), WHO_RESET)
+}
+
+/// Number of the alarm for a reset of a moving axis.
+pub(super) const RESET_IN_MOTION: u16 = 3;
 /// Number of grblHAL's alarm for the emergency stop.
 const EMERGENCY_STOP: u16 = 10;
 /// Number of the alarm for a door that was opened in a homing cycle.

@@ -163,7 +163,7 @@ impl LinearAxis for Grbl {
         if self.settings.reference == Reference::Home {
             self.slide_from()?;
         }
-        self.link.release(cancel)?;
+        self.release(cancel)?;
         match self.home_slide() {
             Ok(()) => Ok(self.slide()?.knowledge.arrived(Steps(0))),
             Err(error) => {

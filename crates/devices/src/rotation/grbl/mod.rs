@@ -11,9 +11,9 @@
 //! the reference found. Moves are absolute and in machine coordinates. Their modes stand on the same line, because a reset restores
 //! the controller's modes, and work offsets survive in its memory.
 //!
-//! `ok` means queued, not arrived. Any greeting means a restart: the controller then counts from 0 without an alarm. So the last
-//! position is checked before every move, and the target after it. A failed move is stopped, makes the position suspect and is not
-//! tried again by this driver.
+//! `ok` means queued, not arrived. Any greeting means a restart: the controller then counts from 0 without an alarm. A restart that
+//! carved did not request counts as a person's ([`intervention`]). The last position is checked before every move, and the target
+//! after it. A failed move is stopped, makes the position suspect and is not tried again by this driver.
 //!
 //! ```text
 //! open ──► free? ── soft reset ── $I ── $$ ──► identified         nothing moves
@@ -84,6 +84,8 @@ pub struct Grbl {
     /// Its settings when they were last equal to the configuration.
     controller_settings: ControllerSettings,
     outputs: Bank<GrblPin>,
+    /// What the controller said at a reset that carved did not request, until it is reported.
+    unreported_reset: Option<String>,
 }
 
 impl Grbl {
@@ -122,6 +124,7 @@ impl Grbl {
             zero_at_home: false,
             slide: translation.map(Slide::new),
             controller_settings: ControllerSettings::new(),
+            unreported_reset: None,
         };
         match grbl.identify() {
             // The daemon can start and show it: `check` reports it again.
@@ -165,6 +168,7 @@ impl Grbl {
     /// Asks for a report, and identifies the controller if that was not possible before. A motion that continues after a hold is not waited
     /// for, and a stopped controller is not reset: a later check, or the reference, identifies it.
     fn check_at_rest(&mut self) -> Result<(), DeviceError> {
+        self.is_reset_reported()?;
         let report = self.free_report_at_rest()?;
         let is_moving = report.is_none_or(|status| status.state == State::Run);
         if self.is_identified || is_moving || self.link.is_stopped() { Ok(()) } else { self.identify() }
@@ -199,7 +203,9 @@ impl Grbl {
 
     /// Stops the axis and makes its position suspect. Nothing is sent in an intervention.
     fn doubt(&mut self, error: &DeviceError) {
-        if !matches!(error, DeviceError::Intervention { .. }) && self.link.is_moving() {
+        if matches!(error, DeviceError::Intervention { .. }) {
+            self.unreported_reset = None;
+        } else if self.link.is_moving() {
             self.link.halt();
         }
         self.link.set_moving(false);
@@ -213,9 +219,12 @@ impl Grbl {
     /// Finds the reference position. A second attempt follows if the first was only disturbed: by a missing answer, or by a late greeting
     /// before anything moved. A reset separates the two, so that no answer to the first counts for the second.
     fn find_origin(&mut self) -> Result<i64, DeviceError> {
+        self.is_reset_reported()?;
         self.identify()?;
         self.wait_until_free()?;
         self.unwind()?;
+        // From here on a greeting may be that of the driver's own reset.
+        self.knowledge.forget();
         self.wake()?;
         match self.found_origin() {
             Err(error) if self.was_only_disturbed(&error) => {
@@ -227,6 +236,16 @@ impl Grbl {
             }
             found => found,
         }
+    }
+
+    /// Releases a latched stop. The stop has reset the controller, so the position is suspect, and its greeting is no intervention.
+    fn release(&mut self, cancel: &CancelToken) -> Result<(), DeviceError> {
+        let was_stopped = self.link.is_stopped();
+        self.link.release(cancel)?;
+        if was_stopped {
+            self.doubt(&DeviceError::Stopped);
+        }
+        Ok(())
     }
 
     fn was_only_disturbed(&self, error: &DeviceError) -> bool {
@@ -311,7 +330,7 @@ impl RotationAxis for Grbl {
     }
 
     fn reference(&mut self, cancel: &CancelToken) -> Result<Achieved, DeviceError> {
-        self.link.release(cancel)?;
+        self.release(cancel)?;
         match self.find_origin() {
             Ok(origin) => {
                 self.origin = origin;

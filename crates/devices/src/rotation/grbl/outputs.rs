@@ -63,7 +63,12 @@ impl Outputs for Grbl {
         if let Err(error) = &switched
             && !matches!(error, DeviceError::Unexpected { .. })
         {
+            let unreported = self.unreported_reset.clone();
             self.doubt(error);
+            if !on {
+                // The error of an output that is switched off holds no run, so the next check reports the reset.
+                self.unreported_reset = unreported;
+            }
         }
         self.outputs.note(DEVICE, name, on, switched)
     }

@@ -48,9 +48,11 @@ impl Grbl {
 impl SpecimenInput for Grbl {
     fn begin(&mut self, cancel: &CancelToken) -> Result<(), DeviceError> {
         let was_stopped = self.link.is_stopped();
-        self.link.release(cancel)?;
-        self.identify()?;
-        self.wait_until_free()?;
+        self.release(cancel)?;
+        if let Err(error) = self.is_reset_reported().and_then(|()| self.identify()).and_then(|()| self.wait_until_free()) {
+            self.doubt(&error);
+            return Err(error);
+        }
         if was_stopped { self.revive(&DeviceError::Stopped) } else { Ok(()) }
     }
 

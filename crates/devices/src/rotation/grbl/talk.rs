@@ -5,7 +5,8 @@
 //! command   line ──► ok | error | nothing: a status report tells whether the line was taken
 //! status    ?    ──► <...>                                        asked up to three times
 //!
-//! any greeting meanwhile ──► Suspect       ALARM:n ──► Alarm, or Intervention
+//! any greeting meanwhile ──► Intervention, or Suspect if it may be that of a reset of carved
+//! ALARM:n ──► Alarm, or Intervention
 //! ```
 
 use super::geometry::Geometry;
@@ -87,7 +88,10 @@ impl Grbl {
                 }
                 // This may have been the answer, disturbed.
                 Line::Other(noise) if !noise.is_empty() => until = until.min(Instant::now() + self.settings.answer_timeout()),
-                other => heard(unless_lost(other)?),
+                other => {
+                    let other = self.unless_lost(other)?;
+                    heard(other);
+                }
             }
         }
         Ok(false)
@@ -199,8 +203,12 @@ impl Grbl {
                 match Line::parse(&text) {
                     Line::Status(status) => return Ok(Some(status)),
                     Line::Error(MEMORY_ERASED) => self.memory_erased = true,
-                    // It restarted and may have missed the question, or its report is garbled.
-                    Line::Greeting(_) | Line::BrokenStatus(_) => continue 'ask,
+                    // It restarted and may have missed the question.
+                    greeting @ Line::Greeting(_) => match self.unless_lost(greeting) {
+                        Err(error @ DeviceError::Intervention { .. }) => return Err(error),
+                        _ => continue 'ask,
+                    },
+                    Line::BrokenStatus(_) => continue 'ask,
                     _ => {}
                 }
             }
@@ -226,7 +234,7 @@ impl Grbl {
             self.link.send(request)?;
             let until = Instant::now() + wait;
             while let Some(text) = self.link.line(until)? {
-                match unless_lost(Line::parse(&text))? {
+                match self.unless_lost(Line::parse(&text))? {
                     Line::Status(status) => return Ok(status),
                     Line::BrokenStatus(text) => garbled = Some(text),
                     Line::Other(text) if !text.is_empty() => garbled = Some(text),
@@ -290,7 +298,7 @@ impl Grbl {
     }
 
     /// A report of a controller that may be stopped; `None` if none can be read. A restart or an alarm before it makes the position
-    /// suspect.
+    /// suspect. One that a person caused is an error.
     pub(super) fn report_at_rest(&mut self) -> Result<Option<Status>, DeviceError> {
         let wait = self.settings.answer_timeout();
         let mut lines = self.link.probe(STATUS, wait)?;
@@ -302,9 +310,10 @@ impl Grbl {
         }
         let mut newest = None;
         for line in lines {
-            match unless_lost(Line::parse(&line)) {
+            match self.unless_lost(Line::parse(&line)) {
                 Ok(Line::Status(status)) => newest = Some(status),
                 Ok(_) => {}
+                Err(error @ DeviceError::Intervention { .. }) => return Err(error),
                 Err(error) => self.doubt(&error),
             }
         }
@@ -314,9 +323,38 @@ impl Grbl {
     /// Reads the lines that came since the last answer. A restart or an alarm is an error.
     pub(super) fn catch_up(&mut self) -> Result<(), DeviceError> {
         while let Some(text) = self.link.line_now()? {
-            unless_lost(Line::parse(&text))?;
+            self.unless_lost(Line::parse(&text))?;
         }
         Ok(())
+    }
+
+    /// Makes lines after which the position is not known errors.
+    ///
+    /// A greeting belongs to a reset. carved resets the controller with a stop, when it is opened and while it takes a reference. Otherwise
+    /// somebody else did, and the reset counts as a person's: it is the emergency stop of a controller without one. It is announced once,
+    /// so it is remembered until it is reported.
+    fn unless_lost(&mut self, line: Line) -> Result<Line, DeviceError> {
+        let sign = match &line {
+            Line::Greeting(greeting) => greeting.clone(),
+            Line::Alarm(intervention::RESET_IN_MOTION) => alarm_text(intervention::RESET_IN_MOTION),
+            _ => return unless_alarm(line),
+        };
+        let is_own = self.link.is_stopped() || !(self.knowledge.is_known() || self.link.is_moving());
+        if !is_own {
+            let error = intervention::reset(&sign);
+            self.knowledge.doubt(&error);
+            self.unreported_reset = Some(sign);
+            return Err(error);
+        }
+        match line {
+            Line::Greeting(greeting) => Err(DeviceError::Suspect { why: format!("the controller restarted: {greeting}") }),
+            alarm => unless_alarm(alarm),
+        }
+    }
+
+    /// The error of a reset that was seen where it could not be reported, as while an output was switched.
+    pub(super) fn is_reset_reported(&mut self) -> Result<(), DeviceError> {
+        self.unreported_reset.take().map_or(Ok(()), |sign| Err(intervention::reset(&sign)))
     }
 }
 
@@ -339,10 +377,9 @@ impl Dialect {
     }
 }
 
-/// Makes lines after which the position is not known errors.
-fn unless_lost(line: Line) -> Result<Line, DeviceError> {
+/// Makes an alarm an error.
+fn unless_alarm(line: Line) -> Result<Line, DeviceError> {
     match line {
-        Line::Greeting(greeting) => Err(DeviceError::Suspect { why: format!("the controller restarted: {greeting}") }),
         Line::Alarm(n) => Err(intervention::of_alarm(n).unwrap_or_else(|| DeviceError::Alarm { device: DEVICE, what: alarm_text(n) })),
         other => Ok(other),
     }

@@ -364,8 +364,41 @@ fn a_reset_is_seen_by_its_mark_also_where_the_counters_say_nothing() {
     let (module, mut tmcl) = axis(steps);
     tmcl.move_to(Steps(1600)).unwrap();
     let error = tmcl.move_to(Steps(0)).unwrap_err();
-    assert!(matches!(&error, DeviceError::Suspect { why } if why.contains("reset")), "{error}");
+    assert!(matches!(&error, DeviceError::Intervention { what, .. } if what.contains("reset, but not by carved")), "{error}");
     assert_eq!(tmcl.position(), Position::Suspect { epoch: 2 });
+    module.followed(tmcl);
+}
+
+#[test]
+fn a_reset_at_rest_is_told_once_by_a_check_or_by_the_next_reference() {
+    let mut script = referenced();
+    script.extend([seen(0, 0, 0), vec![fence(0), fence(0)], alone(Request::get(parameter::ACTUAL_POSITION, 0), 0, 0)].concat());
+    let (module, mut tmcl) = axis(script);
+    let error = tmcl.check().unwrap_err();
+    assert!(matches!(&error, DeviceError::Intervention { what, .. } if what.contains("reset, but not by carved")), "{error}");
+    assert_eq!(tmcl.position(), Position::Suspect { epoch: 2 });
+    tmcl.check().unwrap();
+    module.followed(tmcl);
+
+    let mut script = referenced();
+    script.push(step(Request::version(), VERSION));
+    script.extend([seen(0, 0, 0), vec![fence(0), fence(0), halt()]].concat());
+    let (module, mut tmcl) = axis(script);
+    let error = tmcl.reference(&CancelToken::new()).unwrap_err();
+    assert!(matches!(&error, DeviceError::Intervention { .. }), "{error}");
+    module.followed(tmcl);
+}
+
+#[test]
+fn counters_that_somebody_cleared_are_told() {
+    let mut script = referenced();
+    script.extend(sent_to(1600));
+    script.extend(arrived(1600));
+    script.extend([look(0, 0), look(0, 0)].concat());
+    let (module, mut tmcl) = axis(script);
+    tmcl.move_to(Steps(1600)).unwrap();
+    let error = tmcl.check().unwrap_err();
+    assert!(matches!(&error, DeviceError::Intervention { what, .. } if what.contains("left at 1600")), "{error}");
     module.followed(tmcl);
 }
 

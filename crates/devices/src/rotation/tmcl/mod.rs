@@ -17,7 +17,8 @@
 //! read twice: bits can flip, and the checksum with them.
 //!
 //! **The mark.** A module that was reset reports nothing and counts from 0, which may be the expected position. At every reference a
-//! number is written into a variable that a reset clears. It is read with every look.
+//! number is written into a variable that a reset clears. It is read with every look, at rest and before every reference. carved never
+//! resets the module, so a reset counts as a person's.
 //!
 //! **Stalls.** If the stall stop is armed on a stalled motor, its old move continues. So it is armed only by a reference, after a
 //! stop, which ends the move. The module counts the steps that it sends. Steps that are lost without a stall show as skew when the
@@ -112,6 +113,9 @@ impl Tmcl {
         // misread.
         self.in_flight = true;
         self.wire.flush()?;
+        if let Ok(Steps(place)) = self.knowledge.known_steps() {
+            self.is_as_left(place)?;
+        }
         self.compare_settings()?;
         self.stop_and_rest()?;
         if let Some(speed) = self.settings.stop_on_stall {
@@ -186,7 +190,18 @@ impl RotationAxis for Tmcl {
         if self.wire.is_stopped() {
             return self.wire.sign_of_life();
         }
-        self.wire.ask(Request::get(parameter::ACTUAL_POSITION, self.settings.motors[0]))?;
+        match self.knowledge.known_steps() {
+            Ok(Steps(place)) => {
+                let found = self.is_as_left(place);
+                if let Err(error @ DeviceError::Intervention { .. }) = &found {
+                    self.doubt(error);
+                }
+                found?;
+            }
+            Err(_) => {
+                self.wire.ask(Request::get(parameter::ACTUAL_POSITION, self.settings.motors[0]))?;
+            }
+        }
         // A module that was reset says nothing, and has switched its outputs off.
         for TmclPin(port) in self.outputs.pins_on() {
             if self.wire.ask(Request::output(port))? != 1 {

@@ -59,8 +59,23 @@ impl Look {
     }
 }
 
+/// The module was reset. carved never resets it, so somebody else did, or its supply was off.
 fn was_reset() -> DeviceError {
-    DeviceError::Suspect { why: "the module was reset: the number that the last reference wrote is gone".into() }
+    DeviceError::Intervention {
+        device: DEVICE,
+        what: "the module was reset, but not by carved (the number that the last reference wrote is gone)".into(),
+        way_out: "Find out who reset it, or why it restarted. When the axis may turn, acknowledge the fault and let the run go on: it begins \
+                  with a reference",
+    }
+}
+
+fn was_cleared(place: i64) -> DeviceError {
+    DeviceError::Intervention {
+        device: DEVICE,
+        what: format!("the position counters were set to 0, but not by carved (they were left at {place})"),
+        way_out: "Find out which program uses the module, and exit it. Then acknowledge the fault and let the run go on: it begins with a \
+                  reference",
+    }
 }
 
 fn off_its_way(look: Look, from: i64, to: i64) -> DeviceError {
@@ -114,7 +129,7 @@ impl Tmcl {
     }
 
     /// Checks that the module was not reset since the reference.
-    fn check_mark(&mut self) -> Result<(), DeviceError> {
+    pub(super) fn check_mark(&mut self) -> Result<(), DeviceError> {
         if self.wire.mark()? == self.mark || self.wire.mark()? == self.mark { Ok(()) } else { Err(was_reset()) }
     }
 
@@ -138,9 +153,22 @@ impl Tmcl {
         Err(DeviceError::Missed { target: Steps(place), achieved: Steps(off) })
     }
 
+    /// Confirms that nobody has reset the module or cleared its counters since it was left at `place`.
+    pub(super) fn is_as_left(&mut self, place: i64) -> Result<(), DeviceError> {
+        let cleared = |look: Look| place != 0 && look.both_at(0);
+        let look = self.look()?;
+        if look.mark != self.mark {
+            self.check_mark()?;
+        }
+        if cleared(look) && cleared(self.look()?) { Err(was_cleared(place)) } else { Ok(()) }
+    }
+
     /// Turns the pair from one position to another and returns once it has arrived.
     pub(super) fn travel(&mut self, from: i64, to: i64) -> Result<(), DeviceError> {
-        self.confirm(from)?;
+        match self.confirm(from) {
+            Err(DeviceError::Missed { achieved: Steps(0), .. }) => return Err(was_cleared(from)),
+            confirmed => confirmed?,
+        }
         if from == to {
             return Ok(());
         }

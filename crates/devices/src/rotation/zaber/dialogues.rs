@@ -363,5 +363,26 @@ fn a_controller_that_has_forgotten_its_checksums_was_restarted() {
     let id = script.id;
     let bare = |id| format!("@01 1 {id:02} OK IDLE -- 0\r\n");
     let error = script.raw(1, "", &bare(id)).raw(1, "", &bare(id + 1)).fails();
-    assert!(matches!(&error, DeviceError::Suspect { why } if why.contains("restarted")), "{error}");
+    assert!(matches!(&error, DeviceError::Intervention { what, .. } if what.contains("reset, but not by carved")), "{error}");
+}
+
+#[test]
+fn a_restart_at_rest_is_told_once_by_a_check_or_by_the_next_reference() {
+    let restarted = "IDLE WR 02 WR WH";
+    let is_told = |error: &DeviceError| matches!(error, DeviceError::Intervention { what, .. } if what.contains("it reports WR"));
+    let controller = Scripted::play(Script::referenced().say(1, "warnings", restarted).say(1, "warnings", restarted).steps);
+    let mut zaber = Zaber::open(settings(&controller.port())).unwrap();
+    zaber.reference(&CancelToken::new()).unwrap();
+    let error = zaber.check().unwrap_err();
+    assert!(is_told(&error), "{error}");
+    assert_eq!(zaber.position(), Position::Suspect { epoch: 2 });
+    zaber.check().unwrap();
+    controller.followed(zaber);
+
+    let controller = Scripted::play(Script::referenced().settings().flagged("IDLE", &["WR", "WH"]).steps);
+    let mut zaber = Zaber::open(settings(&controller.port())).unwrap();
+    zaber.reference(&CancelToken::new()).unwrap();
+    let error = zaber.reference(&CancelToken::new()).unwrap_err();
+    assert!(is_told(&error), "{error}");
+    controller.followed(zaber);
 }

@@ -19,6 +19,8 @@ enum Kind {
     Alarm,
     /// The position is not known any more. The next reference finds it.
     Suspect,
+    /// The controller was restarted. carved never restarts it, so on a referenced axis this is an intervention. Otherwise as `Suspect`.
+    Restarted,
     /// An intervention: a person, or a safety circuit that a person resets, holds the axis. With the way out.
     ByHand(&'static str),
     /// It does not prevent a turn. An effect would show in the counter, which is compared after each move.
@@ -26,6 +28,7 @@ enum Kind {
 }
 
 const LET_GO: &str = "Let go of the axis, then acknowledge the fault and let the run go on: it begins with a reference";
+const WHO_RESET: &str = "Find out who reset it, or why it restarted. When the axis may turn, acknowledge the fault and let the run go on: it begins with a reference";
 const RELEASE: &str =
     "Release the emergency stop, then acknowledge the fault and let the run go on: the next reference switches the driver on again";
 
@@ -56,8 +59,8 @@ const MEANINGS: &[(&str, Kind, &str)] = &[
     ("WS", Kind::Alarm, "the axis stalled and went on: something holds the shaft"),
     ("WM", Kind::ByHand(LET_GO), "the axis was turned while it stood"),
     ("WP", Kind::Alarm, "the calibration does not fit the peripheral: angles are not corrected"),
-    ("WR", Kind::Suspect, "it has no reference any more; it was restarted"),
-    ("WH", Kind::Suspect, "it has not been homed since it was started"),
+    ("WR", Kind::Restarted, "it has no reference any more; it was restarted"),
+    ("WH", Kind::Restarted, "it has not been homed since it was started"),
     (KNOB, Kind::ByHand(LET_GO), "the axis was turned with the controller's knob"),
     (INTERRUPTED, Kind::ByHand(LET_GO), "a move was interrupted by hand or by another program"),
     ("ND", Kind::Suspect, "a streamed motion slowed down, and this program streams none"),
@@ -87,8 +90,18 @@ pub(super) fn ends_with_a_reference(flag: &str) -> bool {
     matches!(flag, "WR" | "WH" | "WM") || matches!(flag, KNOB | INTERRUPTED)
 }
 
+/// Whether the flag shows that the controller was restarted.
+pub(super) fn is_of_a_restart(flag: &str) -> bool {
+    meaning(flag).0 == Kind::Restarted
+}
+
+/// The error of a restart that carved did not request. `sign`: how it shows.
+pub(super) fn restarted(sign: &str) -> DeviceError {
+    DeviceError::Intervention { device: DEVICE, what: format!("the controller was reset, but not by carved ({sign})"), way_out: WHO_RESET }
+}
+
 /// The error that flags show on an axis with this kind of reference. An intervention comes before anything else.
-pub(super) fn judge(flags: &[String], reference: Reference) -> Result<(), DeviceError> {
+pub(super) fn judge(flags: &[String], reference: Reference, is_referenced: bool) -> Result<(), DeviceError> {
     let mut worst = Ok(());
     for flag in flags {
         let (kind, text) = meaning(flag);
@@ -98,8 +111,9 @@ pub(super) fn judge(flags: &[String], reference: Reference) -> Result<(), Device
             }
             Kind::Alarm => DeviceError::Alarm { device: DEVICE, what: format!("{flag} ({text})") },
             // With this reference the axis is not homed, and need not be.
-            Kind::Suspect if flag == "WH" && reference == Reference::Here => continue,
-            Kind::Suspect => DeviceError::Suspect { why: format!("the controller reports {flag}: {text}") },
+            Kind::Restarted if flag == "WH" && reference == Reference::Here => continue,
+            Kind::Restarted if is_referenced => return Err(restarted(&format!("it reports {flag}: {text}"))),
+            Kind::Suspect | Kind::Restarted => DeviceError::Suspect { why: format!("the controller reports {flag}: {text}") },
             Kind::Harmless => {
                 tracing::warn!(device = DEVICE, flag, "{text}");
                 continue;
@@ -115,7 +129,20 @@ mod tests {
     use super::*;
 
     fn judged(flags: &[&str], reference: Reference) -> Result<(), DeviceError> {
-        judge(&flags.iter().map(|flag| (*flag).to_owned()).collect::<Vec<_>>(), reference)
+        judge(&flags.iter().map(|flag| (*flag).to_owned()).collect::<Vec<_>>(), reference, false)
+    }
+
+    #[test]
+    fn a_restart_of_a_referenced_axis_is_a_persons() {
+        for flag in ["WR", "WH"] {
+            let error = judge(&[flag.to_owned()], Reference::Home, true).unwrap_err();
+            assert!(
+                matches!(&error, DeviceError::Intervention { what, .. } if what.contains("not by carved") && what.contains(flag)),
+                "{error}"
+            );
+        }
+        judge(&["WH".to_owned()], Reference::Here, true).unwrap();
+        assert!(matches!(judge(&["ND".to_owned()], Reference::Home, true), Err(DeviceError::Suspect { .. })));
     }
 
     #[test]

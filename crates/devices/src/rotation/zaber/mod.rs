@@ -11,7 +11,7 @@
 //! the shaft, so that lost steps are detected.
 //!
 //! **Interventions.** A turned knob, a pushed shaft and a hardware stop are reported once, and nothing that turns the axis is sent
-//! until the next reference. Their flags stay set until the axis moves, so the driver remembers the reported ones. Its own stop sets
+//! until the next reference. A restart counts as one, because carved never restarts the controller. Their flags stay set until the axis moves, so the driver remembers the reported ones. Its own stop sets
 //! the same flag (NI) as a person who interrupts a move. After an own stop this flag counts as reported.
 
 mod flags;
@@ -127,7 +127,7 @@ impl Zaber {
     fn judge(&self) -> Result<(), DeviceError> {
         let is_new = |flag: &&String| flags::switches_off(flag) || !self.reported.contains(flag);
         let new: Vec<String> = self.flags.iter().filter(is_new).cloned().collect();
-        flags::judge(&new, self.settings.reference)
+        flags::judge(&new, self.settings.reference, self.knowledge.is_known())
     }
 
     /// Waits until the axis rests or an intervention shows, and reads the flags.
@@ -232,14 +232,15 @@ impl Zaber {
     fn require_free(&mut self) -> Result<(), DeviceError> {
         let reply = self.wire.ask("")?;
         self.read_flags(&reply)?;
+        self.is_not_restarted()?;
         let by_hand: Vec<String> = self.flags.iter().filter(|flag| flags::is_by_hand(flag)).cloned().collect();
         let is_new = |flag: &String| !self.reported.contains(flag) || (reply.moving && flag == flags::KNOB);
         if by_hand.iter().any(is_new) {
-            return flags::judge(&by_hand, self.settings.reference);
+            return flags::judge(&by_hand, self.settings.reference, false);
         }
         if by_hand.iter().any(|flag| flags::switches_off(flag)) {
             if !self.wire.is_accepted("driver enable")? {
-                return flags::judge(&by_hand, self.settings.reference);
+                return flags::judge(&by_hand, self.settings.reference, false);
             }
             let reply = self.wire.ask("")?;
             self.read_flags(&reply)?;
@@ -248,10 +249,16 @@ impl Zaber {
         Ok(())
     }
 
+    /// The error of a referenced axis whose flags show that the controller was restarted.
+    fn is_not_restarted(&self) -> Result<(), DeviceError> {
+        let signs: Vec<String> = self.flags.iter().filter(|flag| flags::is_of_a_restart(flag)).cloned().collect();
+        if self.knowledge.is_known() { flags::judge(&signs, self.settings.reference, true) } else { Ok(()) }
+    }
+
     /// The error of flags that are still set after `warnings clear`, without those that a reference clears.
     fn judge_before_a_reference(&self) -> Result<(), DeviceError> {
         let left: Vec<String> = self.flags.iter().filter(|flag| !flags::ends_with_a_reference(flag)).cloned().collect();
-        flags::judge(&left, self.settings.reference)
+        flags::judge(&left, self.settings.reference, false)
     }
 
     fn find_origin(&mut self) -> Result<(), DeviceError> {
@@ -335,6 +342,10 @@ impl RotationAxis for Zaber {
         match self.travel(from.0, target.0) {
             Ok(()) => Ok(self.knowledge.arrived(target)),
             Err(error) => {
+                let error = match error {
+                    DeviceError::Suspect { why } if self.wire.is_bare() => flags::restarted(&why),
+                    other => other,
+                };
                 self.doubt(&error);
                 Err(error)
             }
@@ -349,7 +360,13 @@ impl RotationAxis for Zaber {
             self.mark_reported();
         }
         self.look_at_outputs();
-        flags::judge(&new, self.settings.reference)
+        let found = self.is_not_restarted().and_then(|()| flags::judge(&new, self.settings.reference, false));
+        if let Err(error) = &found
+            && self.knowledge.is_known()
+        {
+            self.doubt(error);
+        }
+        found
     }
 
     fn outputs(&mut self) -> Option<&mut dyn Outputs> {

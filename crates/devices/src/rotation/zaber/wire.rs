@@ -121,6 +121,11 @@ impl Wire {
         }
     }
 
+    /// Whether the last answer had no checksum. A controller that was told to send them was restarted since.
+    pub fn is_bare(&self) -> bool {
+        self.bare
+    }
+
     /// The error of a command that was sent `times` and never answered.
     pub fn silent(&self, command: &str, times: u32) -> DeviceError {
         DeviceError::Silent { device: DEVICE, request: request(command), waited_ms: u128::from(times) * self.wait.as_millis() }
