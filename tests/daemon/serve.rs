@@ -295,6 +295,15 @@ fn started(daemon: &Daemon) -> Value {
     daemon.wait("the first word", |s| s["not_ready_reason"] != "starting")
 }
 
+/// The fault that says that a lost axis is back.
+fn axis_is_back(daemon: &Daemon) -> Value {
+    let is_back = |s: &Value| s["faults"].as_array().is_some_and(|f| f.len() == 1) && s["faults"][0]["code"] == "rotation_intervention";
+    let status = daemon.wait("the axis to be back", is_back);
+    assert!(status["faults"][0]["message"].as_str().unwrap().contains("was away and is back"), "{status}");
+    assert_eq!((&status["hardware"]["rotation"]["connected"], &status["ready"]), (&json!(true), &json!(false)), "{status}");
+    status["faults"][0].clone()
+}
+
 /// An operator's hold stays, whatever else holds the run before or after it and then clears.
 #[test]
 fn what_an_operator_holds_does_not_go_on_by_itself() {
@@ -314,8 +323,8 @@ fn what_an_operator_holds_does_not_go_on_by_itself() {
         assert_eq!(status["run"]["held_by_operator"], hold_comes_first, "{status}");
         hold();
         instrument.rig.faults().replug_serial().unwrap();
-        daemon.wait("the axis", |s| s["faults"] == json!([]));
-        // This request is answered after the daemon has handled the return of the axis.
+        let seq = axis_is_back(daemon)["seq"].clone();
+        assert_eq!(daemon.post(&format!("/v1/faults/{seq}/acknowledge")), 200);
         hold();
         let status = daemon.status();
         assert_eq!((&status["state"], &status["run"]["held_by_operator"]), (&json!("Held"), &json!(true)), "{status}");
@@ -376,6 +385,7 @@ fn an_interrupted_specimen_is_skipped_where_the_method_says_so() {
     let status = daemon.wait("the fault", |s| s["state"] == "Held");
     assert_eq!(status["run"]["results"][0]["outcome"], "interrupted", "{status}");
     instrument.rig.faults().replug_serial().unwrap();
+    daemon.go_on("r1", &axis_is_back(daemon));
     let out = |s: &Value, well: &str| s["plate"]["needs"].as_str().is_some_and(|n| n.contains(well) && n.contains("taken out"));
     daemon.wait("the loader to be asked to take it out", |s| s["state"] == "Suspended" && out(s, "A01"));
     assert_eq!(daemon.put_unloaded("r1", "A01"), 200);
@@ -472,9 +482,10 @@ fn a_preflight_names_everything_that_fails() {
     assert!(found["checks"][0]["what_to_do"].as_str().unwrap().contains("cable"), "{found}");
 }
 
-/// The cable of the emulated rig is pulled and plugged in again under the configured name.
+/// The cable of the emulated rig is pulled and plugged in again under the configured name. An emergency stop that cuts the supply looks the
+/// same, so a person decides when the axis turns again.
 #[test]
-fn an_axis_that_is_lost_between_runs_is_seen_and_opened_again_when_it_is_back() {
+fn an_axis_that_is_lost_between_runs_or_in_one_is_opened_again_and_waits_for_a_person() {
     let instrument = start(&QUICK, POLICY);
     let daemon = &instrument.daemon;
     daemon.wait("readiness", |s| s["ready"] == true);
@@ -486,11 +497,12 @@ fn an_axis_that_is_lost_between_runs_is_seen_and_opened_again_when_it_is_back() 
     let plan = plan(&[json!({"well": "A01", "specimen": "bead"})]);
     assert_eq!(daemon.put_run("r1", &plan), 503, "nothing runs without the axis");
     instrument.rig.faults().replug_serial().unwrap();
-    let status = daemon.wait("the axis to be back", |s| s["ready"] == true);
-    assert_eq!(status["faults"], json!([]), "{status}");
-    assert_eq!(status["hardware"]["rotation"]["connected"], true, "{status}");
+    let seq = axis_is_back(daemon)["seq"].clone();
+    assert_eq!(daemon.put_run("r1", &plan), 409, "a scheduler would turn the axis");
+    assert_eq!(daemon.post(&format!("/v1/faults/{seq}/acknowledge")), 200);
+    daemon.wait("readiness", |s| s["ready"] == true);
 
-    // The same during a run, which continues by itself: the specimen is taken out, loaded again and measured.
+    // The same during a run: once it is continued, the specimen is taken out, loaded again and measured.
     assert_eq!(daemon.put_run("r1", &plan), 201);
     daemon.wait("the loader to be asked", |s| s["state"] == "Suspended");
     instrument.rig.faults().unplug_serial();
@@ -498,7 +510,12 @@ fn an_axis_that_is_lost_between_runs_is_seen_and_opened_again_when_it_is_back() 
     let status = daemon.wait("the fault", |s| s["state"] == "Held");
     assert_eq!(status["faults"][0]["code"], "rotation_lost", "{status}");
     assert_eq!(status["ready"], false, "{status}");
+    assert_eq!(status["run"]["goes_on_by_itself"], false, "{status}");
     instrument.rig.faults().replug_serial().unwrap();
+    let back = axis_is_back(daemon);
+    let status = daemon.status();
+    assert_eq!((&status["state"], &status["run"]["goes_on_by_itself"]), (&json!("Held"), &json!(false)), "{status}");
+    daemon.go_on("r1", &back);
     let status = daemon.wait("the run to go on", |s| s["state"] == "Suspended");
     assert_eq!((&status["faults"], &status["run"]["outcome"]), (&json!([]), &Value::Null), "{status}");
     assert!(status["plate"]["needs"].as_str().unwrap().contains("taken out"), "{status}");

@@ -17,7 +17,7 @@ pub struct Policy {
     pub retries: u32,
     /// What becomes of the specimen that was in progress when its run was interrupted.
     pub interrupted: Interrupted,
-    /// Who continues a run whose lost device has come back.
+    /// Who continues a run whose lost camera, folder or disk has come back. After a lost axis it is always the operator.
     pub resume: Resume,
     /// What is done with a specimen that extends beyond the picture and cannot be moved into view.
     pub clipped: Clipped,
@@ -60,7 +60,7 @@ pub enum Interrupted {
     Skip,
 }
 
-/// Who continues a run whose lost device has come back.
+/// Who continues a run whose lost camera, folder or disk has come back. After a lost axis it is always the operator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]

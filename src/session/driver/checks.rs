@@ -143,7 +143,13 @@ fn find_again(d: &mut DriverState, device: Device) {
         Device::Camera => s.hardware.camera.connected = true,
         Device::Rotation | Device::Pictures => s.hardware.find_axes(&identity),
     };
-    if d.devices.find(device) {
+    let was_lost = d.devices.find(device);
+    // The loss may be that of an earlier process. The second fault comes first, so that no client reads that the axis may turn.
+    let was_away = device == Device::Rotation && faults::is_open(&d.state().faults, fault_table::ROTATION_LOST.code);
+    if was_away {
+        find(d, Finding::Stands(fault_table::ROTATION_INTERVENTION.code, axis_was_away()));
+    }
+    if was_lost || was_away {
         if d.devices.lost().is_none() {
             course::let_go_on(d);
         }
@@ -152,6 +158,15 @@ fn find_again(d: &mut DriverState, device: Device) {
     // A controller that was held when the port was opened sends its version only once it is free.
     if device == Device::Rotation && d.publisher.status().hardware.rotation.identity.as_deref() != Some(&identity) {
         d.publish(connected);
+    }
+}
+
+/// The error of an axis that is back. Whether it kept its power cannot be told.
+fn axis_was_away() -> DeviceError {
+    DeviceError::Intervention {
+        device: "rotation axis",
+        what: "the controller was away and is back: its cable was out, or its power was off".into(),
+        way_out: "Make sure that the axis may turn, then acknowledge the fault and let the run go on: it begins with a reference",
     }
 }
 

@@ -90,7 +90,7 @@ mod tests {
     }
 
     fn held() -> EventData {
-        EventData::RunHeld(RunHeld { by: HeldBy::Fault, code: Some("rotation_lost".into()), cause: Some("it is away".into()) })
+        EventData::RunHeld(RunHeld { by: HeldBy::Fault, code: Some("camera_lost".into()), cause: Some("it is away".into()) })
     }
 
     fn resumed() -> EventData {
@@ -104,9 +104,10 @@ mod tests {
             let state = after(events);
             goes_on_by_itself(r, state.run.as_ref(), &state.faults)
         };
-        assert!(goes_on(&[raised(&fault_table::ROTATION_LOST)], &r));
+        assert!(goes_on(&[raised(&fault_table::CAMERA_LOST)], &r));
+        assert!(!goes_on(&[raised(&fault_table::ROTATION_LOST)], &r), "the axis may have lost its power");
         assert!(!goes_on(&[raised(&fault_table::EMERGENCY_STOP)], &r));
-        assert!(!goes_on(&[raised(&fault_table::ROTATION_LOST), EventData::RunHoldRequested], &r));
+        assert!(!goes_on(&[raised(&fault_table::CAMERA_LOST), EventData::RunHoldRequested], &r));
         assert!(!goes_on(&[], &r), "nothing has ended yet");
         let mut may = run(&["A01"]);
         may.set_may_go_on(true);
@@ -128,7 +129,7 @@ mod tests {
                 let hold = hold(&r, state.run.as_ref(), &state.faults).unwrap();
                 let fault = &state.faults.open()[0];
                 let next = hold.next_action.unwrap();
-                assert_eq!(goes_on, fault.end() == FaultEnd::Cause && !comes_back, "{}", code.code);
+                assert_eq!(goes_on, fault.lets_run_go_on() && !comes_back, "{}", code.code);
                 assert_eq!(next.contains("continues by itself"), goes_on, "{}: {next}", code.code);
                 assert!(fault.needs_a_person(under_fault(Some(&r), state.run.as_ref(), &state.faults)), "{}", code.code);
                 let command = match fault.end() {
@@ -183,8 +184,8 @@ mod tests {
         let slow = raised(&fault_table::DISK_SLOW);
         assert_eq!(next(std::slice::from_ref(&slow), &r), None, "a slow disk holds it");
         assert!(next(&[held(), slow], &r).flatten().unwrap().starts_with("Let the run go on"), "a slow disk is not why it is held");
-        let by_fault = [held(), raised(&fault_table::ROTATION_LOST)];
-        assert_eq!(next(&by_fault, &r).flatten(), Some(fault_table::ROTATION_LOST.what_to_do()), "it goes on by itself");
+        let by_fault = [held(), raised(&fault_table::CAMERA_LOST)];
+        assert_eq!(next(&by_fault, &r).flatten(), Some(fault_table::CAMERA_LOST.what_to_do()), "it goes on by itself");
         assert!(next(&[held()], &r).flatten().unwrap().starts_with("Let the run go on"));
         let three = [held(), resumed(), held(), resumed(), held(), resumed(), held()];
         assert!(next(&three, &r).flatten().unwrap().starts_with("Find out why"));

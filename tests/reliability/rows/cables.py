@@ -49,6 +49,7 @@ def _pull(context: Context, option: str, n: int, out_s: float, device: str, obse
                 and not status["run"]["goes_on_by_itself"]
                 and _changes(daemon)[-1:]
                 and not _changes(daemon)[-1][1]
+                and status["hardware"][device]["connected"]
             ):
                 daemon.continue_run()
             time.sleep(0.02)

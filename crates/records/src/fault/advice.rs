@@ -83,6 +83,8 @@ fn words(code: &FaultCode, end: FaultEnd, run: RunUnderFault) -> String {
     let (first, otherwise) = remedy.split_at(condition.unwrap_or(remedy.len()));
     let rule = match (end, run) {
         _ if code.code == table::DISK_SLOW.code => "The fault ends by itself when the disk is fast again.".to_owned(),
+        (_, RunUnderFault::None) if code.code == table::ROTATION_LOST.code => format!("When {over}, acknowledge that it is back."),
+        _ if code.code == table::ROTATION_LOST.code => format!("When {over}, acknowledge that it is back and let the run go on."),
         (FaultEnd::Cause, RunUnderFault::GoesOnByItself) => format!("The run continues by itself when {over}."),
         (FaultEnd::Cause, RunUnderFault::Waits) => format!("When {over}, let the run go on."),
         (FaultEnd::Cause, RunUnderFault::None) => format!("The fault ends by itself when {over}."),
@@ -116,11 +118,13 @@ mod tests {
                 assert!(run != RunUnderFault::None || !asks_for_a_person, "{}: {advice}", code.code);
                 assert_eq!(
                     advice.contains("run continues by itself"),
-                    fault.end() == FaultEnd::Cause && fault.is_in_the_way() && run == RunUnderFault::GoesOnByItself,
+                    fault.lets_run_go_on() && fault.is_in_the_way() && run == RunUnderFault::GoesOnByItself,
                     "{}: {advice}",
                     code.code
                 );
-                assert_eq!(advice.contains("cknowledge"), fault.end() == FaultEnd::Acknowledgement, "{}: {advice}", code.code);
+                // When a lost axis is back, another fault says so.
+                let is_to_be_acknowledged = fault.end() == FaultEnd::Acknowledgement || code.code == table::ROTATION_LOST.code;
+                assert_eq!(advice.contains("cknowledge"), is_to_be_acknowledged, "{}: {advice}", code.code);
                 assert!(run != RunUnderFault::Waits || fault.needs_a_person(run) == fault.is_in_the_way(), "{}", code.code);
                 if let Some(at) = advice.find("cknowledge") {
                     for instead in ["end the run", "start the daemon again"] {

@@ -61,6 +61,14 @@ impl Fault {
         self.code != table::DISK_SLOW.code
     }
 
+    /// Whether the run may continue without a person once the fault has ended by itself.
+    ///
+    /// After a lost axis it may not. A cable that was out, a controller that lost its power, and an emergency stop that cuts the supply look
+    /// the same, and opening the port may itself restart the controller. So a person decides when the axis turns again.
+    pub fn lets_run_go_on(&self) -> bool {
+        self.ends_by_itself() && self.code != table::ROTATION_LOST.code
+    }
+
     /// Whether it ends with its cause. Other faults stay open until an operator acknowledges them.
     pub fn ends_by_itself(&self) -> bool {
         self.end() == FaultEnd::Cause
@@ -85,7 +93,9 @@ impl Device {
             Self::Camera => {
                 "the camera is lost: check its power and cable, and that no other program has it; it is opened again when it answers"
             }
-            Self::Rotation => "the rotation axis is lost: check its power and cable; it is opened again when it answers",
+            Self::Rotation => {
+                "the rotation axis is lost: check its power and cable, and any emergency stop that cuts its supply; it is opened again when it answers"
+            }
             Self::Pictures => {
                 "the folder of the pictures is lost: check the computer with the folder and its share; it is read again when it is there"
             }

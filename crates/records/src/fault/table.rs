@@ -126,7 +126,7 @@ codes! {
         "If the message names the configuration, correct it and start the daemon again. If it names the method of the run, end the run and choose another method.";
     ROTATION_LOST = "rotation_lost", Motion, PauseInstrument, operator: true, recoverable: true,
         "The axis' controller does not answer any more.",
-        "Check the controller's power and cable.";
+        "Check the controller's power and cable, and whether an emergency stop cut its supply.";
     ROTATION_SUSPECT = "rotation_suspect", Motion, Retry, operator: false, recoverable: true,
         "The position of the axis is uncertain, or the pictures show that the specimen does not turn. The axis was stopped. A stock VAST that may be out of step and a specimen that does not turn ask for a person.",
         "If a stock VAST steps through a list, end the list first. If the specimen does not turn, check the motor's supply, the coupling and the belt.";
@@ -134,7 +134,7 @@ codes! {
         "The controller is in alarm: a limit switch, a stall, motors that came apart, an encoder's or driver's error.",
         "Look what touched the switch or holds the capillary, and clear it.";
     ROTATION_INTERVENTION = "rotation_intervention", Motion, EscalateOperator, operator: true, recoverable: true,
-        "Somebody stopped or moved the axis at its controller, or a safety circuit did: feed hold, knob, emergency stop, open door. The run is held and the axis is left alone.",
+        "Somebody stopped, moved or reset the axis at its controller, or a safety circuit did: feed hold, knob, emergency stop, open door, reset button. A restart that carved did not request counts as a reset. The run is held and the axis is left alone.",
         "Finish what you are doing at the instrument, and release what the message names: its stop, its door, its hold or its check mode.";
     VAST_LIST = "vast_list", Motion, EscalateOperator, operator: true, recoverable: true,
         "VAST's program does not have the list of the views yet. The run is held before the next specimen is asked for.",

@@ -37,7 +37,10 @@ impl OpenFaults {
             // These faults ask for a retry, which happens now.
             EventData::RunAccepted(_) | EventData::RunResumed(_) => self.open.retain(|f| f.operator_required),
             // Causes that end by themselves, and those that end with a start, are checked again after it.
-            EventData::DaemonStarted(_) => self.open.retain(|f| matches!(f.end(), FaultEnd::Acknowledgement)),
+            // A lost axis stays: when it answers, a person is told that it was away.
+            EventData::DaemonStarted(_) => {
+                self.open.retain(|f| matches!(f.end(), FaultEnd::Acknowledgement) || f.ends_by_itself() && !f.lets_run_go_on());
+            }
             _ => {}
         }
     }

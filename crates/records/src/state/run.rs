@@ -158,7 +158,7 @@ impl RunState {
                 self.resumed_by_itself = if resumed.by == ResumedBy::Instrument { self.resumed_by_itself + 1 } else { 0 };
             }
             (EventData::FaultRaised(fault), _) => {
-                self.waits_for_operator |= !fault.ends_by_itself();
+                self.waits_for_operator |= !fault.lets_run_go_on();
                 // A specimen that comes after its time belongs to no well.
                 if fault.code == fault_table::SAMPLER_FAILED.code {
                     self.asked_of_sampler = None;
@@ -434,7 +434,9 @@ mod tests {
         let resumed = event(None, EventData::RunResumed(RunResumed { by: ResumedBy::Operator }));
         let waits = |events: &[EventBody]| after(events).waits_for_operator();
         assert!(!waits(&[raised(&fault_table::CAMERA_LOST)]) && !waits(&[raised(&fault_table::DISK_FULL)]));
-        for code in [&fault_table::ROTATION_INTERVENTION, &fault_table::ROTATION_SUSPECT, &fault_table::SETUP_UNUSABLE] {
+        for code in
+            [&fault_table::ROTATION_LOST, &fault_table::ROTATION_INTERVENTION, &fault_table::ROTATION_SUSPECT, &fault_table::SETUP_UNUSABLE]
+        {
             assert!(waits(&[raised(code), acknowledged.clone(), restart(LoadedBy::Loader)]), "{}", code.code);
             assert!(!waits(&[raised(code), acknowledged.clone(), resumed.clone()]), "{}", code.code);
         }

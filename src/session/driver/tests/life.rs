@@ -73,12 +73,72 @@ async fn cut_short(root: &Path, error: DeviceError) -> Bench {
     b
 }
 
+/// Acknowledges the open faults.
+fn acknowledge_all(b: &mut Bench) {
+    for fault in b.status().faults {
+        requests::acknowledge(&mut b.d, fault.seq).unwrap();
+    }
+}
+
+/// An emergency stop that cuts the supply of the axis looks like a pulled cable. The power comes back when it is released, and the axis must
+/// not turn by that.
+#[test]
+fn an_axis_that_was_lost_waits_for_a_person_with_and_without_a_run() {
+    on_this_thread(async {
+        let dir = scratch();
+        let found = |rotation| DevicesFound { rotation, camera: Ok(()), outputs: Vec::new() };
+        let mut b = cut_short(dir.path(), gone()).await;
+        let status = b.status();
+        let run = status.run.unwrap();
+        assert_eq!((run.goes_on_by_itself, run.hold.unwrap().next_command), (false, None), "there is nothing to acknowledge yet");
+        assert_eq!(status.faults[0].code, fault_table::ROTATION_LOST.code);
+        assert!(matches!(course::unhold(&mut b.d, ResumedBy::Operator), Err(Refusal::DeviceLost { .. })));
+        for _ in 0..2 {
+            checks::searched(&mut b.d, found(Ok(())));
+            let status = b.status();
+            let codes: Vec<&str> = status.faults.iter().map(|fault| fault.code.as_str()).collect();
+            assert_eq!((status.state, codes), (State::Held, vec![fault_table::ROTATION_INTERVENTION.code]));
+            assert!(status.hardware.rotation.connected && status.faults[0].message.contains("was away"));
+            let run = status.run.unwrap();
+            assert_eq!(run.hold.unwrap().next_command, Some(crate::api::NextCommand::Acknowledge));
+            assert!(!run.goes_on_by_itself);
+        }
+        acknowledge_all(&mut b);
+        checks::searched(&mut b.d, found(Ok(())));
+        assert_eq!((b.status().state, b.works()), (State::Held, false), "an acknowledgement does not turn the axis");
+        drop(b);
+        let mut b = bench(dir.path(), true);
+        assert_eq!((b.status().state, b.works()), (State::Held, false), "the daemon was restarted");
+        course::unhold(&mut b.d, ResumedBy::Operator).unwrap();
+        assert_eq!(b.status().state, State::Suspended, "it goes on to have the specimen taken out");
+
+        // The daemon is restarted while the axis is away.
+        let dir = scratch();
+        let b = cut_short(dir.path(), gone()).await;
+        drop(b);
+        let mut b = bench(dir.path(), true);
+        assert!(!b.works() && !b.status().run.unwrap().goes_on_by_itself);
+        checks::searched(&mut b.d, found(Ok(())));
+        assert_eq!((b.status().state, b.status().faults[0].code.as_str()), (State::Held, fault_table::ROTATION_INTERVENTION.code));
+
+        let dir = scratch();
+        let mut b = bench(dir.path(), true);
+        checks::searched(&mut b.d, found(Err(gone())));
+        drop(b);
+        let mut b = bench(dir.path(), true);
+        checks::searched(&mut b.d, found(Ok(())));
+        assert!(matches!(b.put_run(&plan(&["A01"])), Err(Refusal::FaultStands { .. })), "a scheduler would turn it");
+        acknowledge_all(&mut b);
+        assert!(b.status().ready && b.status().faults.is_empty());
+    });
+}
+
 /// The loader reports that it took a specimen out while the axis is lost. The next well cannot be measured now, and must be measured later.
 #[test]
 fn a_run_that_has_to_go_on_without_its_instrument_waits_for_it() {
     on_this_thread(async {
         let dir = scratch();
-        let mut b = cut_short(dir.path(), gone()).await;
+        let mut b = cut_short(dir.path(), DeviceError::ControlLost).await;
         checks::searched(&mut b.d, DevicesFound { rotation: Ok(()), camera: Ok(()), outputs: Vec::new() });
         assert_eq!(b.status().state, State::Suspended, "it goes on to have the specimen taken out");
         checks::searched(&mut b.d, DevicesFound { rotation: Err(gone()), camera: Ok(()), outputs: Vec::new() });
@@ -87,6 +147,8 @@ fn a_run_that_has_to_go_on_without_its_instrument_waits_for_it() {
         assert_eq!((b.status().state, b.works()), (State::Held, false));
         b.d.devices.give_back(instrument);
         checks::searched(&mut b.d, DevicesFound { rotation: Ok(()), camera: Ok(()), outputs: Vec::new() });
+        acknowledge_all(&mut b);
+        course::unhold(&mut b.d, ResumedBy::Operator).unwrap();
         assert!(b.works(), "{:?}", b.status().state);
     });
 }
@@ -137,7 +199,7 @@ fn a_run_that_waited_for_the_loader_does_not_go_on_over_a_fault_of_a_person() {
     for acknowledged_first in [false, true] {
         on_this_thread(async {
             let dir = scratch();
-            let mut b = cut_short(dir.path(), gone()).await;
+            let mut b = cut_short(dir.path(), DeviceError::ControlLost).await;
             let found = |rotation| DevicesFound { rotation, camera: Ok(()), outputs: Vec::new() };
             checks::searched(&mut b.d, found(Ok(())));
             assert_eq!(b.status().state, State::Suspended, "it goes on to have the specimen taken out");
@@ -154,6 +216,7 @@ fn a_run_that_waited_for_the_loader_does_not_go_on_over_a_fault_of_a_person() {
             assert!(!b.status().run.unwrap().goes_on_by_itself);
             checks::searched(&mut b.d, found(Err(gone())));
             checks::searched(&mut b.d, found(Ok(())));
+            acknowledge_all(&mut b);
             assert_eq!((b.status().state, b.works()), (State::Held, false), "the axis was away for a moment");
             drop(b);
             let mut b = bench(dir.path(), true);

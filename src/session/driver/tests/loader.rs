@@ -160,7 +160,7 @@ fn what_an_operator_holds_does_not_go_on_by_itself() {
             if before {
                 b.steer(Towards::Hold).unwrap();
             }
-            b.ends(RunEnd::Failed(DeviceError::Gone { device: "rotation axis", why: "the cable".into() }.into())).await;
+            b.ends(RunEnd::Failed(DeviceError::ControlLost.into())).await;
             if after {
                 assert_eq!((b.steer(Towards::Hold), b.steer(Towards::Hold)), (Ok(()), Ok(())));
             }

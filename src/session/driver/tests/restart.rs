@@ -14,8 +14,9 @@ use std::cell::RefCell;
 use std::path::Path;
 use std::rc::Rc;
 
-fn gone() -> RunError {
-    RunError::Device(DeviceError::Gone { device: "rotation axis", why: "the cable".into() })
+/// A loss that ends by itself.
+fn camera_lost() -> RunError {
+    RunError::Device(DeviceError::ControlLost)
 }
 
 /// What a client may read meanwhile: each snapshot before a write to the disk, and the last one.
@@ -43,7 +44,7 @@ fn snapshots(root: &Path) -> Vec<Status> {
 #[test]
 fn a_run_that_goes_on_when_its_fault_is_over_is_never_shown_as_waiting_for_somebody() {
     on_this_thread(async {
-        for error in [gone(), RunError::Store(StoreError::Vanished { path: "a disk".into() })] {
+        for error in [camera_lost(), RunError::Store(StoreError::Vanished { path: "a disk".into() })] {
             let dir = scratch();
             let mut b = started(dir.path(), false, &["A01"]);
             b.ends(RunEnd::Failed(error)).await;
@@ -129,14 +130,14 @@ fn a_status_without_the_run_of_before_says_that_the_daemon_starts() {
     });
 }
 
-/// A lost axis holds the run. The run continues when the axis is back, without a person.
+/// A lost camera holds the run. The run continues when the camera is back, without a person.
 #[test]
 fn a_run_says_whether_what_holds_it_lets_it_go_by_itself() {
     on_this_thread(async {
         for alone in [true, false] {
             let dir = scratch();
             let mut b = started(dir.path(), true, &["A01"]);
-            let error = if alone { gone() } else { RunError::SpecimenThread };
+            let error = if alone { camera_lost() } else { RunError::SpecimenThread };
             b.ends(RunEnd::Failed(error)).await;
             assert_eq!((b.status().state, b.status().run.unwrap().goes_on_by_itself), (State::Held, alone));
             b.steer(Towards::Hold).unwrap();
@@ -185,7 +186,7 @@ fn a_plate_on_its_way_is_remembered_over_a_restart() {
     });
 }
 
-/// The axis is lost and found four times without a finished well. The fault is over, and the status still shows the cause of the hold, how
+/// The camera is lost and found four times without a finished well. The fault is over, and the status still shows the cause of the hold, how
 /// often it occurred and the next action. A restart does not forget it.
 #[test]
 fn a_hold_whose_cause_is_over_names_it_and_the_next_action() {
@@ -193,11 +194,11 @@ fn a_hold_whose_cause_is_over_names_it_and_the_next_action() {
         let dir = scratch();
         let mut b = started(dir.path(), false, &["A01"]);
         for times in 1..=4 {
-            b.ends(RunEnd::Failed(gone())).await;
+            b.ends(RunEnd::Failed(camera_lost())).await;
             let status = b.status();
             let hold = status.run.unwrap().hold.unwrap();
-            assert_eq!((hold.code.as_str(), hold.times), ("rotation_lost", times));
-            assert!(hold.next_action.unwrap().contains("power and cable"), "while it is away");
+            assert_eq!((hold.code.as_str(), hold.times), ("camera_lost", times));
+            assert!(hold.next_action.unwrap().contains("power and network cable"), "while it is away");
             checks::searched(&mut b.d, DevicesFound { rotation: Ok(()), camera: Ok(()), outputs: Vec::new() });
             assert_eq!(b.works(), times < 4, "{times}: {:?}", b.status().state);
             b.tell(Progress::Ready);
@@ -210,9 +211,9 @@ fn a_hold_whose_cause_is_over_names_it_and_the_next_action() {
             let status = b.status();
             assert_eq!((status.state, status.faults.len()), (State::Held, 0), "{restarted}");
             let hold = status.run.unwrap().hold.unwrap();
-            assert_eq!((hold.code.as_str(), hold.times), ("rotation_lost", 4), "{restarted}");
+            assert_eq!((hold.code.as_str(), hold.times), ("camera_lost", 4), "{restarted}");
             assert!(hold.next_action.unwrap().contains("let the run go on"), "{restarted}");
-            for word in ["controller does not answer", "4 times", "let the run go on"] {
+            for word in ["Camera lost", "4 times", "let the run go on"] {
                 assert!(status.doing.contains(word), "{restarted}: {word}: {}", status.doing);
             }
         }

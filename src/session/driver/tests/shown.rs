@@ -96,14 +96,14 @@ fn an_axis_that_hangs_up_is_shown_before_the_worker_ends() {
     });
 }
 
-/// Interrupted in its turn and begun again once the axis is back: views and volumes of the first attempt do not count.
+/// Interrupted in its turn and begun again once the camera is back: views and volumes of the first attempt do not count.
 #[test]
 fn a_specimen_that_is_begun_anew_is_shown_from_its_first_view_on() {
     on_this_thread(async {
         let dir = scratch();
         let mut b = started(dir.path(), false, &["A01"]);
         b.turns("A01", 5);
-        b.ends(RunEnd::Failed(DeviceError::Gone { device: "rotation axis", why: "the cable".into() }.into())).await;
+        b.ends(RunEnd::Failed(DeviceError::ControlLost.into())).await;
         checks::searched(&mut b.d, DevicesFound { rotation: Ok(()), camera: Ok(()), outputs: Vec::new() });
         assert!(b.works(), "{:?}", b.status().state);
         b.tell(Progress::Ready);
