@@ -25,6 +25,9 @@ pub enum DeviceError {
     /// The controller did not answer, though the connection stands.
     #[error("{device}: no answer to {request:?} within {waited_ms} ms. Check power and cable, then reference the axis again")]
     Silent { device: &'static str, request: String, waited_ms: u128 },
+    /// Something answers, but not as this controller would over a line of its own.
+    #[error("{device}: no answer to {request:?} that can be read: {found}. {remedy}")]
+    Unreadable { device: &'static str, request: String, found: String, remedy: String },
     /// The connection has ended.
     #[error("{device}: the connection is gone ({why}). Check power and cable")]
     Gone { device: &'static str, why: String },

@@ -212,6 +212,7 @@ pub(super) fn findings(found: DevicesFound) -> Vec<Finding> {
         Err(error @ DeviceError::Views(ViewsError::FolderLost { .. })) => Some(Finding::Lost(Device::Pictures, error)),
         Err(error @ (DeviceError::Gone { .. } | DeviceError::Silent { .. })) => Some(Finding::Lost(Device::Rotation, error)),
         Err(ref error) if error.is_in_a_persons_hands() => intervention(error),
+        Err(error @ DeviceError::Unreadable { .. }) => Some(Finding::Stands(fault_table::ROTATION_FAILED.code, error)),
         Err(error @ DeviceError::Mismatch { .. }) => Some(Finding::Stands(fault_table::ROTATION_SETTINGS.code, error)),
         Err(error) => {
             tracing::debug!(%error, "the rotation axis is not back yet");
@@ -278,6 +279,8 @@ mod tests {
         assert!(matches!(of(Err(gone()))[..], [Finding::Lost(Device::Pictures, _)]));
         assert!(matches!(of(Err(silent()))[..], [Finding::Lost(Device::Rotation, _)]));
         assert!(matches!(of(Err(taken))[..], [Finding::Stands(code, _)] if code == fault_table::ROTATION_INTERVENTION.code));
+        let shared = DeviceError::Unreadable { device: "axis", request: "$$".into(), found: "it lacks $1".into(), remedy: "Exit".into() };
+        assert!(matches!(of(Err(shared))[..], [Finding::Stands(code, _)] if code == fault_table::ROTATION_FAILED.code));
         assert!(of(Err(DeviceError::NotArmed)).is_empty());
     }
 }

@@ -23,6 +23,7 @@ use crate::cancel::CancelToken;
 use serialport::SerialPort;
 use std::io::ErrorKind;
 use std::net::{TcpStream, ToSocketAddrs};
+use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -37,10 +38,17 @@ const CONNECT_TIMEOUT: Duration = Duration::from_secs(3);
 /// No controller sends longer lines. More bytes without a line end are noise.
 const LONGEST_LINE: usize = 512;
 
+/// As many bytes of a line that cannot be read as an error shows.
+const FIRST_BYTES: usize = 24;
+
 /// The owner's side of a connection.
 pub(super) struct Link {
     device: &'static str,
     reader: Transport,
+    /// Name of the port, or address of the program.
+    address: String,
+    /// The first bytes that came since the connection was opened.
+    first: Vec<u8>,
     /// Received bytes that were not read yet.
     pending: Vec<u8>,
     /// Requests pass a latched stop.
@@ -146,12 +154,29 @@ fn printable(line: &[u8]) -> String {
     }
 }
 
+/// Other programs that have a device file open, as far as this process may see them. `None` if there is none.
+fn users_of(path: &str) -> Option<String> {
+    let device = std::fs::canonicalize(path).ok()?;
+    let entries = |folder: &Path| std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+    let is_open_in = |process: &Path| entries(&process.join("fd")).any(|fd| std::fs::read_link(fd).is_ok_and(|file| file == device));
+    let number = |process: &Path| process.file_name()?.to_str()?.parse::<u32>().ok();
+    let others = entries(Path::new("/proc")).filter_map(|process| Some((number(&process)?, process)));
+    let users: Vec<String> = others
+        .filter(|(number, process)| *number != std::process::id() && is_open_in(process))
+        .map(|(number, process)| {
+            let name = std::fs::read_to_string(process.join("comm")).unwrap_or_default();
+            format!("{} (process {number})", name.trim())
+        })
+        .collect();
+    (!users.is_empty()).then(|| users.join(", "))
+}
+
 impl Link {
     /// Opens a serial port, exclusively.
     pub fn serial(device: &'static str, port: &Port, baud: u32, stop: Stop) -> Result<Self, DeviceError> {
         let path = &port.resolve(device)?;
         let refused = |e: &serialport::Error| {
-            let why = e.to_string();
+            let why = users_of(path).map_or_else(|| e.to_string(), |users| format!("{e}; {users} has it open"));
             let remedy = match e.kind() {
                 serialport::ErrorKind::Io(ErrorKind::PermissionDenied) => "Add the daemon's user to the group dialout",
                 serialport::ErrorKind::NoDevice => "Close the other program that has the port open",
@@ -199,7 +224,28 @@ impl Link {
         })?;
         let state = Mutex::new(State { transport: Some(twin), latched: false, moving: false });
         let transmitter = Transmitter { device, stop, state };
-        Ok(Self { device, reader, pending: Vec::new(), passes_latch: false, transmitter: Arc::new(transmitter) })
+        let (address, transmitter) = (address.to_owned(), Arc::new(transmitter));
+        Ok(Self { device, reader, address, first: Vec::new(), pending: Vec::new(), passes_latch: false, transmitter })
+    }
+
+    /// The error of a first question that failed. Silence is only silence if nothing came, and if nobody else has the port.
+    pub fn first_contact(&self, error: DeviceError) -> DeviceError {
+        let DeviceError::Silent { device, request, .. } = &error else { return error };
+        let found = match (self.first.is_empty(), users_of(&self.address)) {
+            (true, None) => return error,
+            (true, Some(_)) => "nothing came".to_owned(),
+            (false, _) => format!("the first bytes were {}", self.first.escape_ascii()),
+        };
+        let remedy = format!("{}. Check that the baud rate in the configuration is that of the controller", self.exit_the_other());
+        DeviceError::Unreadable { device, request: request.clone(), found, remedy }
+    }
+
+    /// What to do if another program may take a part of the answers.
+    pub fn exit_the_other(&self) -> String {
+        match users_of(&self.address) {
+            Some(users) => format!("Exit the other program that has the port open: {users}"),
+            None => "Exit any other program that uses the port".to_owned(),
+        }
     }
 
     pub fn stopper(&self) -> Stopper {
@@ -407,6 +453,7 @@ impl Link {
                     self.pending.clear();
                 }
                 self.pending.extend_from_slice(&bytes[..n]);
+                self.first.extend(bytes[..n].iter().take(FIRST_BYTES.saturating_sub(self.first.len())));
                 Ok(true)
             }
             Err(e) if matches!(e.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted | ErrorKind::WouldBlock) => Ok(false),
@@ -472,6 +519,27 @@ mod tests {
         assert!(!watched.is_lost());
         drop(controller);
         assert!(lost(&watched));
+    }
+
+    /// Another program holds the port open, and this one does not see what it takes.
+    #[test]
+    fn another_program_that_has_the_port_is_named() {
+        let pty = nix::pty::openpty(None, None).unwrap();
+        let path = nix::unistd::ttyname(&pty.slave).unwrap();
+        let path = path.to_str().unwrap();
+        assert_eq!(users_of(path), None, "this process does not count");
+        let mut other = std::process::Command::new("sleep").arg("60").stdin(pty.slave.try_clone().unwrap()).spawn().unwrap();
+        let silent = || DeviceError::Silent { device: "controller", request: "?".into(), waited_ms: 1 };
+        let link = Link::serial("controller", &Port::from(path), 115_200, Stop::default()).unwrap();
+        let said = link.first_contact(silent()).to_string();
+        let refused = Link::serial("controller", &Port::from(path), 115_200, Stop::default()).err().unwrap().to_string();
+        other.kill().unwrap();
+        other.wait().unwrap();
+        for said in [&said, &refused] {
+            assert!(said.contains(&format!("sleep (process {})", other.id())), "{said}");
+        }
+        assert!(said.contains("Exit the other program") && !said.contains("cable"), "{said}");
+        assert!(matches!(link.first_contact(silent()), DeviceError::Silent { .. }), "nobody else is there, and nothing came");
     }
 
     #[test]

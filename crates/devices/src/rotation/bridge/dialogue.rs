@@ -36,6 +36,11 @@ impl Dialogue {
         Ok(Self { link, answer_timeout: settings.answer_timeout(), heard: VecDeque::new(), arrivals: 0 })
     }
 
+    /// See [`Link::first_contact`].
+    pub fn first_contact(&self, error: DeviceError) -> DeviceError {
+        self.link.first_contact(error)
+    }
+
     pub fn still_there(&mut self) -> Result<(), DeviceError> {
         self.link.still_there()
     }

@@ -78,7 +78,8 @@ impl VastBridge {
             stop: 0,
             due: Instant::now(),
         };
-        bridge.identity = format!("VAST trigger bridge ({})", bridge.dialogue.greet()?.join(", "));
+        let answer = bridge.dialogue.greet().map_err(|error| bridge.dialogue.first_contact(error))?;
+        bridge.identity = format!("VAST trigger bridge ({})", answer.join(", "));
         tracing::info!(identity = bridge.identity, port = %bridge.settings.port, "rotation axis opened");
         Ok(bridge)
     }

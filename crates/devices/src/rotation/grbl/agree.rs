@@ -9,6 +9,9 @@ use std::collections::BTreeMap;
 /// Rounding of the controller, which prints three decimals.
 const PRINTED: f64 = 0.0006;
 
+/// The value of a setting that the answer to `$$` lacks.
+const NOT_REPORTED: &str = "not reported";
+
 /// Time for which the motors keep their current after a move, ms; 255 means always.
 const IDLE_DELAY: u16 = 1;
 const FOR_EVER_MS: u32 = 255;
@@ -47,7 +50,14 @@ impl Grbl {
             let erased = Difference::new("settings memory", "kept", "erased, as the controller reports (error:7)");
             differences.insert(0, erased);
         }
-        Err(DeviceError::Mismatch { device: DEVICE, differences })
+        // The firmware reports every setting. Lines that are missing twice were taken by somebody else, or lost on the way.
+        let missing: Vec<&str> = differences.iter().filter(|d| d.found == NOT_REPORTED).map(|d| d.name.as_str()).collect();
+        if missing.is_empty() || self.memory_erased {
+            return Err(DeviceError::Mismatch { device: DEVICE, differences });
+        }
+        let found = format!("it lacks {}", missing.join(", "));
+        let remedy = format!("{}. If there is none, check the cable", self.link.exit_the_other());
+        Err(DeviceError::Unreadable { device: DEVICE, request: "$$".into(), found, remedy })
     }
 
     fn read_settings(&mut self) -> Result<ControllerSettings, DeviceError> {
@@ -67,7 +77,7 @@ impl Grbl {
         let mut hold = |number: u16, name: &str, configured: String, agrees: &dyn Fn(f64) -> bool| {
             let value = found.get(&number).copied();
             if !value.is_some_and(agrees) {
-                let found = value.map_or_else(|| "not reported".into(), |v| v.to_string());
+                let found = value.map_or_else(|| NOT_REPORTED.into(), |v| v.to_string());
                 differences.push(Difference::new(format!("${number} ({name})"), configured, found));
             }
         };

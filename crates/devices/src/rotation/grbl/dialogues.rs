@@ -441,7 +441,7 @@ fn a_stop_handle_that_outlives_its_axis_holds_no_port_open() {
 
 #[test]
 fn every_setting_that_differs_is_named_at_once_by_both_numbers() {
-    let other = SETTINGS.replace("1.389", "250.000").replace("3600.000", "500.000").replace("$10=1", "$10=0").replace("$22=1\r\n", "");
+    let other = SETTINGS.replace("1.389", "250.000").replace("3600.000", "500.000").replace("$10=1", "$10=0").replace("$22=1", "$22=0");
     // Asked twice: a disturbed byte is no difference.
     let mut script = woken();
     script.push(step("$I", VERSION));
@@ -453,11 +453,61 @@ fn every_setting_that_differs_is_named_at_once_by_both_numbers() {
     assert_eq!(differences.len(), 4, "{said}");
     for (row, parts) in said.to_string().lines().skip(1).zip([
         ["$10 ", "configured odd", "found 0"],
-        ["$22 ", "configured on", "found not reported"],
+        ["$22 ", "configured on", "found 0"],
         ["$100 ", "configured 1.389", "found 250"],
         ["$110 ", "configured at least 3600", "found 500"],
     ]) {
         assert!(parts.iter().all(|part| row.contains(part)), "{row}");
+    }
+}
+
+/// Another program takes every second line of the answer.
+#[test]
+fn settings_that_are_missing_twice_are_no_wrong_settings() {
+    let half = SETTINGS.replace("$1=255\r\n", "").replace("$100=1.389\r\n", "");
+    let mut script = woken();
+    script.push(step("$I", VERSION));
+    script.extend((0..2).map(|_| ("$$", half.clone())));
+    let controller = play(script);
+    let error = open(&controller).err().unwrap();
+    let said = error.to_string();
+    assert!(matches!(error, DeviceError::Unreadable { .. }), "{said}");
+    assert!(said.contains("$1 ") && said.contains("$100 ") && said.contains("other program") && !said.contains("$10 "), "{said}");
+    controller.followed(());
+}
+
+/// At another baud rate every byte is another one. Nothing that can be read comes, but something comes.
+#[test]
+fn bytes_that_cannot_be_read_ask_for_the_baud_rate_and_silence_for_the_cable() {
+    for (answer, word, other) in [("\u{1}\u{f}\u{1}x\u{3}", "baud rate", "power"), ("", "power and cable", "baud")] {
+        let mut script = vec![step("?", answer)];
+        script.extend((0..8).map(|_| step(RESET, answer)));
+        // It stays connected.
+        script.push(step("never", ""));
+        let controller = play(script);
+        let said = open(&controller).err().unwrap().to_string();
+        assert!(said.contains(word) && !said.contains(other), "{said}");
+        assert!(answer.is_empty() || said.contains(r"\x01\x0f\x01x\x03"), "{said}");
+    }
+}
+
+/// The hold is pressed between the reset and the questions about version and settings.
+#[test]
+fn a_hold_that_is_pressed_while_the_controller_is_identified_is_kept() {
+    let hold = "<Hold:0|MPos:0.000,0.000,0.000|FS:0,0>\r\n";
+    for at in ["$I", "$$"] {
+        let mut script = woken();
+        if at == "$$" {
+            script.push(step("$I", VERSION));
+        }
+        script.push(step(at, "error:8\r\n"));
+        // Looked at twice, then by a check and a reference: nothing resets or releases it.
+        script.extend((0..6).map(|_| step("?", hold)));
+        let controller = play(script);
+        let mut grbl = open(&controller).unwrap();
+        assert!(matches!(grbl.check(), Err(DeviceError::Intervention { .. })));
+        assert!(matches!(grbl.reference(&CancelToken::new()), Err(DeviceError::Intervention { .. })));
+        controller.followed(grbl);
     }
 }
 

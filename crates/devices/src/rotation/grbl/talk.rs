@@ -28,6 +28,10 @@ const ATTEMPTS: u32 = 3;
 const GLANCES: u32 = 16;
 /// Pause between two reports of a turning axis.
 const LOOK_AGAIN: Duration = Duration::from_millis(5);
+/// Its number was lost, or it follows a reset whose greeting was lost.
+const ALARM_WITHOUT_A_NUMBER: &str = "the alarm state, and no alarm was received: it was reset, or the message was lost";
+/// Number of the error of a command that needs an idle controller.
+const NOT_IDLE: u16 = 8;
 /// Number of the error that the controller sends at a start if its settings memory was erased.
 const MEMORY_ERASED: u16 = 7;
 
@@ -59,7 +63,8 @@ impl Grbl {
             }
         }
         let waited_ms = u128::from(WAKE_ATTEMPTS) * WAKE_WAIT.as_millis();
-        Err(DeviceError::Silent { device: DEVICE, request: "soft reset".into(), waited_ms })
+        let silent = DeviceError::Silent { device: DEVICE, request: "soft reset".into(), waited_ms };
+        Err(if self.is_identified { silent } else { self.link.first_contact(silent) })
     }
 
     /// Asks the first question after [`Self::wake`]. An earlier reset may have one more greeting under way. Nothing was asked of the axis
@@ -83,6 +88,10 @@ impl Grbl {
             match Line::parse(&text) {
                 Line::Ok => return Ok(true),
                 Line::Error(n) => {
+                    if n == NOT_IDLE {
+                        // A person may have held the controller since it was asked.
+                        self.is_free()?;
+                    }
                     let refused = DeviceError::Unexpected { device: DEVICE, expected: format!("ok to {line}"), found: error_text(n) };
                     return Err(intervention::of_error(n).unwrap_or(refused));
                 }
@@ -267,7 +276,7 @@ impl Grbl {
                     None if without_position < ATTEMPTS => without_position += 1,
                     None => return unexpected(format!("a machine position of axis {:?}", axis.letter), status),
                 },
-                State::Alarm => return Err(DeviceError::Alarm { device: DEVICE, what: "the alarm state".into() }),
+                State::Alarm => return Err(DeviceError::Alarm { device: DEVICE, what: ALARM_WITHOUT_A_NUMBER.into() }),
                 _ if Instant::now() < until => std::thread::sleep(LOOK_AGAIN),
                 _ => return unexpected("an axis at rest by now".into(), status),
             }

@@ -69,7 +69,7 @@ impl Tmcl {
         let stop = Stop { pieces: stop_pieces(settings.module_address, settings.motors), gap: settings.exchange_time() };
         let link = Link::serial(DEVICE, &settings.port, settings.baud, stop)?;
         let mut wire = Wire::new(link, &settings);
-        let version = wire.flush()?;
+        let version = wire.flush().map_err(|error| wire.first_contact(error))?;
         let version = Version::of(version);
         let identity = format!("TMCM-{} {}", version.module, version.firmware());
         let knowledge = Knowledge::none_of("rotation axis");

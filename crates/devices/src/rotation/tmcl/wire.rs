@@ -84,6 +84,11 @@ impl Wire {
         Self { link, module, host, wait, last: [0; BYTES], passed: Vec::new(), disturbed: false }
     }
 
+    /// See [`Link::first_contact`].
+    pub fn first_contact(&self, error: DeviceError) -> DeviceError {
+        self.link.first_contact(error)
+    }
+
     pub fn stopper(&self) -> Stopper {
         self.link.stopper()
     }

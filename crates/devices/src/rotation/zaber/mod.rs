@@ -78,7 +78,7 @@ impl Zaber {
             flags: Vec::new(),
             reported: Vec::new(),
         };
-        zaber.compare_settings()?;
+        zaber.compare_settings().map_err(|error| zaber.wire.first_contact(error))?;
         // NI alone comes from the stop of the program that drove the axis before.
         let state = zaber.wire.ask("")?;
         zaber.read_flags(&state)?;

@@ -49,6 +49,11 @@ impl Wire {
         Self { link, device: settings.device, axis: settings.axis, wait: settings.answer_timeout(), id: IDS - 1, bare: false }
     }
 
+    /// See [`Link::first_contact`].
+    pub fn first_contact(&self, error: DeviceError) -> DeviceError {
+        self.link.first_contact(error)
+    }
+
     pub fn stopper(&self) -> Stopper {
         self.link.stopper()
     }
