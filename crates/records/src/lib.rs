@@ -50,5 +50,8 @@ pub use plan::{Control, FieldError, Metadata, PlannedWell, RunPlan, SpecimenKind
 pub use plate::{PlateFormat, is_well, name as well_name, place as well_place};
 pub use policy::{BeadGate, Clipped, Deadlines, Interrupted, Policy, Resume};
 pub use reference::{PlaceStatus, ReferenceStatus};
-pub use state::{Capillary, EndRequest, Eta, HoldCause, InstrumentState, OpenFaults, Paces, PlateHandover, RunState};
+pub use state::{
+    EndRequest, Eta, HoldCause, InstrumentState, NotNow, OpenFaults, Paces, PlateHandover, Report, Requests, RunState,
+    SPECIMEN_TRANSITIONS, Situation, Specimen, SpecimenEvent, SpecimenState, Specimens, Work, specimens_as_markdown,
+};
 pub use well::{LiveEstimate, WellCounts, WellStatus, WellTimes};

@@ -43,13 +43,13 @@ const NOT_KEPT: &[&str] = &[kind::SPECIMEN_TRIED_AGAIN];
 /// The state of the run and of the instrument, by the names of the accessors.
 fn described(state: &InstrumentState) -> Value {
     let of_run = |run: &RunState| {
-        let capillary = run.capillary();
+        let specimens = run.specimens();
         let wells = ["A01", "A02", "A03"];
         let times_held_by = ["operator", "restart", "disk_full", "camera_lost", "rotation_lost"].map(|code| run.times_held_by(code));
         json!({
-            "id": run.id(), "begun": run.begun(), "end_request": run.end_request().map(|end| format!("{end:?}")),
-            "inside": capillary.inside(), "asked_for": capillary.asked_for(), "brought": capillary.brought(),
-            "has_held": wells.map(|well| capillary.has_held(well)),
+            "id": run.id(), "begun": specimens.begun(), "end_request": run.end_request().map(|end| format!("{end:?}")),
+            "inside": specimens.inside(), "asked_for": specimens.asked_for(), "brought": specimens.continued_with(),
+            "has_held": wells.map(|well| specimens.has_held(well)),
             "is_held_by_operator": run.is_held_by_operator(), "held_by": run.held_by().map(|cause| [&cause.code, &cause.words]),
             "times_held_by": times_held_by, "resumed_by_itself": run.resumed_by_itself(),
             "recoveries_of": wells.map(|well| run.recoveries_of(well)),
@@ -113,8 +113,8 @@ fn take_newer_keys(now: &mut Value, was: &Value) {
 fn the_state_that_follows_is_the_one_in_which_the_daemon_was_killed() {
     let state = InstrumentState::after(&events());
     let run = state.run.unwrap();
-    assert_eq!((run.id(), run.begun(), run.capillary().inside()), ("old-1", &["B01".to_owned()][..], Some("B01")));
-    assert_eq!((run.capillary().brought(), run.capillary().asked_for(), run.is_held_by_operator()), (None, None, false));
+    assert_eq!((run.id(), run.specimens().begun(), run.specimens().inside()), ("old-1", vec!["B01"], Some("B01")));
+    assert_eq!((run.specimens().continued_with(), run.specimens().asked_for(), run.is_held_by_operator()), (None, None, false));
     assert_eq!((state.plate.inside(), state.plate.open(), state.faults.open().len()), (Some("OLD-1"), None, 0));
     // Three wells were measured: the fourth takes about as long.
     let now = "2026-11-22T19:20:00Z".parse().unwrap();

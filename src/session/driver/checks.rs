@@ -87,7 +87,7 @@ pub(super) fn task_done(d: &mut DriverState, done: Done) {
                 mode: d.mode,
                 gate: d.calibration.as_ref().and_then(|c| c.gate.as_ref()),
                 plate_handed_over: d.state().plate.handed_over(),
-                left: d.loader.keeps_run_out(d.capillary()),
+                left: d.loader.keeps_run_out(d.specimens()),
                 free_bytes: store.free_bytes(),
                 budget: room::budget(&d.config, store),
             };
@@ -172,7 +172,7 @@ fn axis_was_away() -> DeviceError {
 
 /// Reads the sampler's sensor for a specimen in the capillary, while there is no run and the capillary should be empty.
 fn read_wire(d: &mut DriverState, seen: Option<bool>) {
-    let Some(seen) = seen.filter(|_| d.run.is_none() && d.capillary().inside().is_none()) else { return };
+    let Some(seen) = seen.filter(|_| d.run.is_none() && d.specimens().inside().is_none()) else { return };
     let reading = d.loader.read_wire(seen);
     if reading.is_news {
         d.publish(|_| ());

@@ -17,7 +17,7 @@ use super::interrupt::{Course, Fate, interruptions, set_aside};
 use super::recovery::{Continuation, Made};
 use super::run::{AfterWork, Request, RunInProgress, Work};
 use super::sealing::{seal_well, views_stored};
-use super::snapshot::{self, run_status};
+use super::snapshot::run_status;
 use super::{Departure, Life, faults, missing, resume};
 use carved_records::{
     DaemonStopping, EventData, HeldBy, Method, ResumedBy, RunAccepted, RunEnded, RunHeld, RunPlan, RunResumed, SpecimenInterrupted,
@@ -46,11 +46,11 @@ pub(super) fn start(d: &mut DriverState, id: &str, plan: RunPlan, method: Method
         ..RunRecord::new(id, plan, method, d.mode, d.config.empty_capillary.as_deref())
     };
     // A driven sampler ejects this specimen before the first well.
-    let left = d.capillary().inside().map(str::to_owned);
+    let left = d.specimens().inside().map(str::to_owned);
     let accepted = EventData::RunAccepted(RunAccepted {
         plate_barcode: record.plan.plate_barcode.clone(),
         method: record.plan.method.clone(),
-        left_in_capillary: left.clone(),
+        left_in_capillary: left,
     });
     // Write what waits for the disk first.
     d.outbox.flush()?;
@@ -64,11 +64,7 @@ pub(super) fn start(d: &mut DriverState, id: &str, plan: RunPlan, method: Method
     let status = run_status(&record);
     d.loader.begin_run();
     d.devices.begin_run();
-    let mut run = RunInProgress::new(record);
-    if let Some(left) = left {
-        run.handling_mut().remove(&left, false);
-    }
-    d.run = Some(run);
+    d.run = Some(RunInProgress::new(record));
     launch(d);
     d.calibration = calibration;
     d.go_with(Trigger::Start, |s| {
@@ -83,13 +79,14 @@ fn launch(d: &mut DriverState) {
     let lacks_gate = d.lacks_gate();
     let accepted = d.accepted();
     // A specimen that a plate-loader brought is reported through the interlock.
-    let inside = d.capillary().brought().filter(|_| !d.loader.fills_capillary()).map(str::to_owned);
-    let asked_before = d.capillary().asked_before().map(str::to_owned);
+    let inside = d.specimens().continued_with().filter(|_| !d.loader.fills_capillary()).map(str::to_owned);
+    let asked_before = d.specimens().unknown().map(str::to_owned);
+    let eject_first = d.must_leave_first().filter(|_| !d.loader.fills_capillary()).map(str::to_owned);
     let (Some(run), Some(instrument)) = (&mut d.run, d.devices.take()) else {
         tracing::error!("there is no run, or no instrument for it");
         return;
     };
-    let (wells, eject_first) = (run.wells_left(&accepted), run.handling_mut().hand_to_worker());
+    let wells = run.wells_left(&accepted);
     let record = run.record();
     let work = Work::begin(instrument, d.loader.cleared_interlock(), d.publisher.halt(), |cancel, pause, progress| RunContext {
         config: d.config.clone(),
@@ -170,13 +167,14 @@ pub(super) fn proceed(d: &mut DriverState) {
     missing::recover(d);
     let accepted = d.accepted();
     let Some(run) = &d.run else { return };
-    if run.handling().take_out().is_some() {
+    let must_leave_first = d.must_leave_first().is_some();
+    if must_leave_first && d.loader.fills_capillary() {
         d.go(Trigger::WaitForLoader);
     } else if d.devices.at_rest().is_none() || d.nothing_stands_in_the_way().is_err() || d.waits_for_operator() {
         // A device was lost, or a fault was found, while the run waited for the loader. Nothing moves before somebody continues the run,
         // or before the cause is over.
         rest(d, true);
-    } else if run.wells_left(&accepted).is_empty() && run.handling().eject_first().is_none() {
+    } else if run.wells_left(&accepted).is_empty() && !must_leave_first {
         finish(d);
     } else {
         launch(d);
@@ -256,15 +254,12 @@ pub(super) fn interrupt_specimens(d: &mut DriverState, reason: &str, fate: Fate)
     let accepted = d.accepted();
     let Some(run) = &d.run else { return };
     let policy = run.record().method.policy.interrupted;
-    let (by_loader, brings_again) = (d.loader.fills_capillary(), d.loader.brings_again());
+    let brings_again = d.loader.brings_again();
     let known = d.state().run.as_ref();
     let found = known.map_or_else(Vec::new, |known| interruptions(run, known, &accepted, brings_again, fate));
     for interruption in found {
         let Some(run) = &mut d.run else { return };
         let well = &interruption.well;
-        if interruption.remove {
-            run.handling_mut().remove(well, by_loader);
-        }
         if interruption.course == Course::LacksNumbers {
             continue;
         }
@@ -281,10 +276,6 @@ pub(super) fn interrupt_specimens(d: &mut DriverState, reason: &str, fate: Fate)
         }
         let interrupted = SpecimenInterrupted { reason: reason.to_owned(), policy, kept: interruption.course == Course::Kept };
         d.event(Some(well), EventData::SpecimenInterrupted(interrupted));
-    }
-    // A specimen whose well is done may still be inside, if the sampler could not eject it.
-    if let Some(run) = d.run.as_mut().filter(|_| !by_loader) {
-        run.handling_mut().remove_what_is_stuck(snapshot::capillary(d.outbox.state()));
     }
 }
 

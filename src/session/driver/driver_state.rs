@@ -4,7 +4,7 @@
 use super::super::handle::{Publisher, Refusal};
 use super::super::state::{self, HOLDABLE, Trigger};
 use super::super::worker::RunError;
-use super::super::{SpecimenStatus, Status, fault, gate};
+use super::super::{Status, fault, gate};
 use super::devices::Devices;
 use super::loader::Loader;
 use super::outbox::Outbox;
@@ -12,14 +12,14 @@ use super::released;
 use super::room::{self, DiskRoom, DiskSpeed};
 use super::run::{Request, RunInProgress};
 use super::sealing::seal_run;
-use super::snapshot::{self, Parts, left_specimen, run_status};
+use super::snapshot::{self, Parts, run_status, show_left};
 use super::{Departure, Driver, Life, faults};
 use crate::config::Config;
 use crate::notify::Notices;
 use carved_devices::cancel::CancelToken;
 use carved_records::{
-    CalibrationStatus, Capillary, Device, Event, EventData, Fault, FaultsCleared, InstrumentIdentity, InstrumentState, Mode, PlannedWell,
-    RunState,
+    CalibrationStatus, Device, Event, EventData, Fault, FaultsCleared, InstrumentIdentity, InstrumentState, Mode, PlannedWell, RunState,
+    Specimens, Work,
 };
 use carved_store::{RunRecord, StoreError};
 use std::collections::VecDeque;
@@ -40,6 +40,8 @@ pub(super) struct DriverState {
     pub(super) speed: DiskSpeed,
     pub(super) calibration: Option<CalibrationStatus>,
     pub(super) run: Option<RunInProgress>,
+    /// The newest run once it has ended, or is left to the next start.
+    past_run: Option<RunRecord>,
     pub(super) life: Life,
 }
 
@@ -65,6 +67,7 @@ impl DriverState {
             speed: DiskSpeed::of(heartbeat.disk().clone()),
             calibration: None,
             run: None,
+            past_run: None,
             life: Life::Starting,
         }
     }
@@ -88,8 +91,19 @@ impl DriverState {
         self.outbox.state()
     }
 
-    pub fn capillary(&self) -> &Capillary {
-        snapshot::capillary(self.state())
+    /// The specimens of the current or newest run.
+    pub fn specimens(&self) -> &Specimens {
+        snapshot::specimens(self.state())
+    }
+
+    /// What the run does now.
+    pub fn work(&self) -> Work {
+        snapshot::work(self.run.as_ref())
+    }
+
+    /// The well whose specimen must leave before a worker begins.
+    pub fn must_leave_first(&self) -> Option<&str> {
+        self.specimens().must_leave_first(self.loader.loaded_by())
     }
 
     pub fn is(&self, run: &str) -> bool {
@@ -120,16 +134,22 @@ impl DriverState {
 
     /// Requests the abort of the run that this daemon leaves to the next one, which ends it.
     pub fn abort_left_run(&mut self) {
-        let status = self.publisher.status();
-        let left = status.run.as_ref().filter(|run| run.outcome.is_none() && self.life == Life::Stopping(Departure::LeavesRun));
-        if let Some(run) = left {
+        let is_left = self.life == Life::Stopping(Departure::LeavesRun);
+        if let Some(run) = self.past_run.as_ref().filter(|run| is_left && run.outcome.is_none()) {
             self.outbox.happened(Some(&run.id), None, EventData::RunAbortRequested);
             self.write();
         }
     }
 
-    pub fn left_specimen(&self, views_planned: u32) -> Option<SpecimenStatus> {
-        left_specimen(self.capillary(), self.publisher.status().specimen.as_ref(), views_planned)
+    /// The newest run, in progress or past.
+    pub fn newest_run(&self) -> Option<&RunRecord> {
+        self.run.as_ref().map(RunInProgress::record).or(self.past_run.as_ref())
+    }
+
+    /// Shows the specimen that is left in the capillary.
+    pub fn show_left_specimen(&self) {
+        let views_planned = self.newest_run().map_or(0, |newest| newest.method.asd);
+        self.publish(|s| show_left(s, self.specimens(), views_planned));
     }
 
     pub fn nothing_stands_in_the_way(&self) -> Result<(), Refusal> {
@@ -329,18 +349,20 @@ impl DriverState {
         });
     }
 
+    /// The run is over, or left to the next start.
     pub fn forget_run(&mut self) {
-        self.run = None;
+        self.past_run = self.run.take().map(RunInProgress::into_record);
         self.room.note(room::look(&self.config, self.outbox.store()));
     }
 
     /// The end of a run and everything that follows from it, as one change of the status.
     pub fn over(&mut self, record: &RunRecord) -> impl FnOnce(&mut Status) + use<> {
         self.calibration = gate::calibration(&self.config, self.mode);
-        let (status, left) = (run_status(record), self.left_specimen(record.method.asd));
-        |s| {
+        let (status, specimens, views_planned) = (run_status(record), self.specimens().clone(), record.method.asd);
+        self.past_run = Some(record.clone());
+        move |s| {
             s.run = Some(status);
-            s.specimen = left;
+            show_left(s, &specimens, views_planned);
         }
     }
 }

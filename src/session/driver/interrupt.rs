@@ -1,13 +1,13 @@
-//! What happens to the specimens that were in progress when a run is interrupted.
+//! What happens to the specimens that were worked on when a run is interrupted.
 //!
 //! ```text
-//! in progress ─┬─ accepted ────────────────────────────────────► its numbers follow from its frames: no event
+//! worked on ───┬─ accepted ────────────────────────────────────► its numbers follow from its frames: no event
 //!              ├─ caused by the instrument, the pose is known ─► kept: the run continues with it
-//!              ├─ cannot come again, or the method skips it ───► given up: the well ends. Not if it is still to come
+//!              ├─ cannot come again, or the method skips it ───► given up: the well ends
 //!              ├─ two processes ended in the work on it ───────► given up: no input ends the daemon for ever
 //!              └─ otherwise ───────────────────────────────────► begun again, once it is brought
-//! in the capillary and not kept ──► removed first, by the loader or by the sampler
 //! ```
+//! What stays in the capillary and is not kept must leave before the run continues: `Specimens::must_leave_first`.
 
 use super::run::RunInProgress;
 use carved_records::Interrupted;
@@ -43,8 +43,6 @@ pub(super) fn set_aside(state: &RunState, well: &str) -> Option<String> {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Interruption {
     pub well: String,
-    /// It is in the capillary and must be removed before the run continues.
-    pub remove: bool,
     pub course: Course,
 }
 
@@ -61,8 +59,8 @@ pub(super) enum Course {
     Again,
 }
 
-/// The decision for each specimen in progress, sorted by well. `accepted`: the wells of which only the numbers are missing. `brings_again`:
-/// whether a specimen can come again after it was taken out.
+/// The decision for each specimen that was worked on, sorted by well. What did not come in this attempt can still come. `accepted`: the
+/// wells of which only the numbers are missing. `brings_again`: whether a specimen can come again after it was taken out.
 pub(super) fn interruptions(
     run: &RunInProgress,
     state: &RunState,
@@ -70,37 +68,31 @@ pub(super) fn interruptions(
     brings_again: bool,
     fate: Fate,
 ) -> Vec<Interruption> {
-    let capillary = state.capillary();
-    // A specimen that the loader brought is not begun yet. It stays, and the run uses it when it continues.
-    let mut wells: Vec<&String> = state.begun().iter().filter(|well| capillary.brought() != Some(well.as_str())).collect();
-    wells.sort_unstable();
-    wells.into_iter().map(|well| interruption(run, state, well, accepted.iter().any(|a| a.well == *well), brings_again, fate)).collect()
-}
-
-fn interruption(run: &RunInProgress, state: &RunState, well: &str, accepted: bool, brings_again: bool, fate: Fate) -> Interruption {
-    let capillary = state.capillary();
-    // Nobody knows whether a specimen that was asked for before a restart is inside. The sampler is asked for it again.
-    let inside = capillary.inside() == Some(well) && capillary.asked_before() != Some(well);
-    // A specimen that has not arrived in this attempt can still come.
-    let came = inside || state.is_worked_on(well);
-    let skip = run.record().method.policy.interrupted == Interrupted::Skip && fate == Fate::PoseLost;
-    let course = if accepted {
-        Course::LacksNumbers
-    } else if fate == Fate::Stays && inside {
-        Course::Kept
-    } else if came && (!brings_again || skip || (fate == Fate::PoseLost && set_aside(state, well).is_some())) {
-        Course::GivenUp
-    } else {
-        Course::Again
-    };
-    Interruption { well: well.to_owned(), remove: inside && course != Course::Kept, course }
+    let worked_on = state.specimens().worked_on();
+    worked_on
+        .map(|(well, specimen)| {
+            let skip = run.record().method.policy.interrupted == Interrupted::Skip && fate == Fate::PoseLost;
+            let course = if accepted.iter().any(|accepted| accepted.well == *well) {
+                Course::LacksNumbers
+            } else if fate == Fate::Stays && specimen.state().is_inside() {
+                Course::Kept
+            } else if !brings_again || skip || (fate == Fate::PoseLost && set_aside(state, well).is_some()) {
+                Course::GivenUp
+            } else {
+                Course::Again
+            };
+            Interruption { well: well.to_owned(), course }
+        })
+        .collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::run::tests::run;
     use super::*;
-    use carved_records::{DaemonStopping, EventBody, EventData, Phase, PhaseEntered, RunInterrupted, SpecimenInterrupted, WellLoaded};
+    use carved_records::{
+        DaemonStopping, EventBody, EventData, LoadedBy, Phase, PhaseEntered, RunInterrupted, SpecimenInterrupted, WellLoaded,
+    };
 
     fn state(events: &[(&str, EventData)]) -> RunState {
         let mut run = RunState::new("r1");
@@ -120,22 +112,22 @@ mod tests {
         skips
     }
 
-    /// The decision for A01, whose turn is interrupted, and whether it must be removed.
-    fn of_a01(run: &RunInProgress, brings_again: bool, fate: Fate) -> (Course, bool) {
+    /// The decision for A01, whose turn is interrupted.
+    fn of_a01(run: &RunInProgress, brings_again: bool, fate: Fate) -> Course {
         let turning = state(&[phase("A01", Phase::Revolve, true)]);
         let found = interruptions(run, &turning, &VecDeque::new(), brings_again, fate);
         assert_eq!(found.len(), 1);
-        (found[0].course, found[0].remove)
+        found[0].course
     }
 
     #[test]
     fn a_specimen_is_kept_begun_again_or_given_up_by_its_fate_the_policy_and_the_sampler() {
         let redo = run(&["A01", "A02"]);
-        assert_eq!(of_a01(&redo, true, Fate::PoseLost), (Course::Again, true));
-        assert_eq!(of_a01(&redo, false, Fate::PoseLost), (Course::GivenUp, true), "it cannot come again");
-        assert_eq!(of_a01(&redo, false, Fate::Stays), (Course::Kept, false));
-        assert_eq!(of_a01(&skipping(), true, Fate::PoseLost), (Course::GivenUp, true));
-        assert_eq!(of_a01(&skipping(), true, Fate::BroughtAgain), (Course::Again, true), "the instrument is to blame");
+        assert_eq!(of_a01(&redo, true, Fate::PoseLost), Course::Again);
+        assert_eq!(of_a01(&redo, false, Fate::PoseLost), Course::GivenUp, "it cannot come again");
+        assert_eq!(of_a01(&redo, false, Fate::Stays), Course::Kept);
+        assert_eq!(of_a01(&skipping(), true, Fate::PoseLost), Course::GivenUp);
+        assert_eq!(of_a01(&skipping(), true, Fate::BroughtAgain), Course::Again, "the instrument is to blame");
     }
 
     #[test]
@@ -170,10 +162,14 @@ mod tests {
         let r = skipping();
         let accepted = VecDeque::from([r.record().plan.plate_map[0].clone()]);
         for fate in [Fate::PoseLost, Fate::Stays] {
-            let found = interruptions(&r, &state(&[phase("A01", Phase::Eject, true)]), &accepted, false, fate);
-            assert_eq!(found, [], "an ejection begins nothing");
-            let found = interruptions(&r, &state(&[phase("A01", Phase::Measure, true)]), &accepted, false, fate);
-            assert_eq!(found, [Interruption { well: "A01".into(), remove: true, course: Course::LacksNumbers }]);
+            let ejected = state(&[phase("A01", Phase::Eject, true)]);
+            assert_eq!(interruptions(&r, &ejected, &accepted, false, fate), [], "an ejection begins nothing");
+            let measured = state(&[phase("A01", Phase::Measure, true)]);
+            let found = interruptions(&r, &measured, &accepted, false, fate);
+            assert_eq!(found, [Interruption { well: "A01".into(), course: Course::LacksNumbers }]);
+            for state in [ejected, measured] {
+                assert_eq!(state.specimens().must_leave_first(LoadedBy::Loader), Some("A01"));
+            }
         }
     }
 
@@ -181,7 +177,7 @@ mod tests {
     fn a_specimen_that_is_still_to_come_or_was_only_brought_is_not_given_up() {
         let loading = state(&[phase("A01", Phase::Load, false)]);
         let found = interruptions(&skipping(), &loading, &VecDeque::new(), false, Fate::PoseLost);
-        assert_eq!(found, [Interruption { well: "A01".into(), remove: false, course: Course::Again }]);
+        assert_eq!(found, []);
         let brought = state(&[phase("A01", Phase::Load, false), ("A01", EventData::WellLoaded(WellLoaded { in_place_of: None }))]);
         assert_eq!(interruptions(&skipping(), &brought, &VecDeque::new(), false, Fate::PoseLost), []);
     }

@@ -10,15 +10,13 @@
 //! A message takes effect once it is in the journal, whatever happened to the run since the request: the loader knows where the larva is.
 
 use super::super::Refusal;
-use super::handling::Handling;
-use crate::api::RunOutcome;
 use carved_devices::sampler::{LoaderInterlock, Sampler};
-use carved_records::{Capillary, WellLoaded, plate_map};
+use carved_records::{LoadedBy, NotNow, Report, RunOutcome, Situation, Specimens, Work, plate_map};
 
 /// Who fills the capillary, and the channel to a worker that waits for the loader.
 pub(super) struct Loader {
     interlock: LoaderInterlock,
-    fills_capillary: bool,
+    loaded_by: LoadedBy,
     brings_again: bool,
     /// The sampler's sensor shows a specimen that no run requested.
     unexpected: bool,
@@ -35,17 +33,28 @@ pub(super) struct WireReading {
 
 impl Loader {
     pub fn new(interlock: LoaderInterlock, sampler: &dyn Sampler) -> Self {
-        Self { interlock, fills_capillary: sampler.waits_for_loader(), brings_again: sampler.brings_again(), unexpected: false }
+        let loaded_by = if sampler.waits_for_loader() { LoadedBy::Loader } else { LoadedBy::Sampler };
+        Self { interlock, loaded_by, brings_again: sampler.brings_again(), unexpected: false }
     }
 
     /// Whether a plate-loader fills the capillary. Otherwise a driven sampler does.
     pub fn fills_capillary(&self) -> bool {
-        self.fills_capillary
+        self.loaded_by == LoadedBy::Loader
+    }
+
+    /// Who fills the capillary.
+    pub fn loaded_by(&self) -> LoadedBy {
+        self.loaded_by
     }
 
     /// Whether a specimen can be brought again after it was taken out.
     pub fn brings_again(&self) -> bool {
         self.brings_again
+    }
+
+    /// Who fills the capillary, and what the run does.
+    pub fn situation(&self, work: Work) -> Situation {
+        Situation { loaded_by: self.loaded_by, brings_again: self.brings_again, work }
     }
 
     /// Whether a specimen that no run requested is in the capillary.
@@ -70,21 +79,8 @@ impl Loader {
     }
 
     /// The well whose specimen keeps a new run from starting. `None` with a driven sampler: the new run ejects the specimen first.
-    pub fn keeps_run_out<'a>(&self, capillary: &'a Capillary) -> Option<&'a str> {
-        capillary.inside().filter(|_| self.fills_capillary)
-    }
-
-    /// The requests to the loader: the specimen to take out, then the specimen to bring. After the end of a run nobody ejects a specimen
-    /// that is still inside, also with a driven sampler.
-    pub fn requests(capillary: &Capillary, run: Option<&Handling>) -> (Option<String>, Option<String>) {
-        let left = capillary.inside().map(str::to_owned);
-        match run {
-            Some(run) => match run.awaited() {
-                Some(next) => (left, Some(next.to_owned())),
-                None => (run.take_out().map(str::to_owned), None),
-            },
-            None => (left, None),
-        }
+    pub fn keeps_run_out<'a>(&self, specimens: &'a Specimens) -> Option<&'a str> {
+        specimens.inside().filter(|_| self.fills_capillary())
     }
 
     /// Notes a reading of the sampler's sensor.
@@ -111,71 +107,34 @@ pub(super) struct LoaderMessage<'a> {
     pub well: &'a str,
     /// The newest run and its outcome.
     pub newest: Option<(&'a str, Option<RunOutcome>)>,
-    pub capillary: &'a Capillary,
+    pub specimens: &'a Specimens,
     /// Whether the run has this well.
     pub is_planned: bool,
-    /// What the run wants moved. `None` after the end of the run.
-    pub wanted: Option<&'a Handling>,
-    pub bringer: Bringer,
+    pub situation: Situation,
 }
 
-/// Who brings the specimens of the run.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Bringer {
-    Loader,
-    /// A driven sampler. `is_asked`: a worker uses it now.
-    Sampler {
-        is_asked: bool,
-    },
-}
-
-impl LoaderMessage<'_> {
-    /// The event of a specimen that was brought. `None` if this is known already.
+impl<'a> LoaderMessage<'a> {
+    /// What the message says about a specimen that was brought.
     ///
     /// # Errors
     /// The message names another run, another specimen is inside, or this specimen was not requested.
-    pub fn loaded(&self) -> Result<Option<WellLoaded>, Refusal> {
+    pub fn loaded(&self) -> Result<Report<'a>, Refusal> {
         let outcome = self.outcome_of_run()?;
-        // A repeated message.
-        if self.capillary.brought() == Some(self.well) {
-            return Ok(None);
-        }
-        let asked_for = self.capillary.asked_for() == Some(self.well);
-        let waits_for_another = self.wanted.is_some_and(|wanted| wanted.awaited().is_some());
-        if let Some(inside) = self.to_be_taken_out()
-            // During a run the loader may exchange both specimens at once. After its end each specimen needs its own message.
-            && (inside == self.well || if self.wanted.is_none() { asked_for } else { !asked_for && !waits_for_another })
-        {
-            return Err(capillary_full(Some(self.run), inside));
-        }
-        if self.capillary.inside() == Some(self.well) {
-            return Ok(None);
-        }
-        if !asked_for {
-            let ended = Refusal::RunEnded { id: self.run.to_owned(), outcome };
-            return Err(if self.wanted.is_none() { ended } else { self.unexpected() });
-        }
-        // A loader that exchanges specimens reports only the new one. The previous one is out.
-        Ok(Some(WellLoaded { in_place_of: self.capillary.inside().map(str::to_owned) }))
+        self.specimens.report_in(self.well, self.situation).map_err(|not_now| match not_now {
+            NotNow::Unexpected if self.situation.work == Work::Over => {
+                Refusal::RunEnded { id: self.run.to_owned(), outcome: outcome.map(Into::into) }
+            }
+            not_now => self.refusal(not_now),
+        })
     }
 
-    /// Whether the specimen was taken out just now. `false` if that is known already. `worked_on`: the well whose specimen a worker uses
-    /// and does not eject.
+    /// What the message says about a specimen that was taken out.
     ///
     /// # Errors
-    /// The message names another run, this specimen cannot have been inside, or the worker uses it.
-    pub fn unloaded(&self, worked_on: Option<&str>) -> Result<bool, Refusal> {
+    /// The message names another run, this specimen cannot have been inside, or a worker uses it.
+    pub fn unloaded(&self) -> Result<Report<'a>, Refusal> {
         self.outcome_of_run()?;
-        if self.capillary.inside() == Some(self.well) {
-            return if worked_on == Some(self.well) { Err(self.unexpected()) } else { Ok(true) };
-        }
-        // A repeated message, or a specimen that another one has replaced.
-        if self.capillary.has_held(self.well) {
-            return Ok(false);
-        }
-        // It came late or unasked. While the sampler is asked for one, the next that comes would be taken for this one. A loader reports
-        // what it brings.
-        if self.bringer == (Bringer::Sampler { is_asked: false }) && self.is_planned { Ok(true) } else { Err(self.unexpected()) }
+        self.specimens.report_out(self.well, self.is_planned, self.situation).map_err(|not_now| self.refusal(not_now))
     }
 
     /// The outcome of the run that the message names. It must be the newest run.
@@ -186,22 +145,16 @@ impl LoaderMessage<'_> {
         }
     }
 
-    /// The well whose specimen must be taken out now.
-    fn to_be_taken_out(&self) -> Option<&str> {
-        let inside = self.capillary.inside();
-        match self.wanted {
-            Some(wanted) => wanted.take_out().or_else(|| inside.filter(|_| wanted.awaited().is_some())),
-            None => inside,
-        }
-    }
-
-    /// Refuses a message about the wrong well. The refusal names the expected message.
-    fn unexpected(&self) -> Refusal {
+    /// The refusal of a message. It names the expected message.
+    fn refusal(&self, not_now: NotNow) -> Refusal {
         let run = self.run;
+        if let NotNow::Full(inside) = not_now {
+            return capillary_full(Some(run), inside);
+        }
         let say = |well: &str, loaded: bool| format!("PUT /v1/runs/{run}/wells/{well} {{\"loaded\": {loaded}}}");
-        let awaited = self.wanted.and_then(Handling::awaited);
-        let instead = match (awaited, self.to_be_taken_out(), self.capillary.inside()) {
-            _ if self.bringer == (Bringer::Sampler { is_asked: true }) => {
+        let requests = self.specimens.requests(self.situation);
+        let instead = match (requests.bring, requests.take_out, self.specimens.inside()) {
+            _ if self.situation.loaded_by == LoadedBy::Sampler && self.situation.work == Work::InProgress => {
                 "the instrument uses the sampler; hold the run, and say it again once the state is Held".to_owned()
             }
             (Some(next), ..) => format!("that of well {next} is waited for; once it is in the capillary, say {}", say(next, true)),
@@ -223,7 +176,7 @@ impl LoaderMessage<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use carved_records::{EventBody, EventData, Phase, PhaseEntered, RunState};
+    use carved_records::{EventBody, EventData, Phase, PhaseEntered, RunState, WellLoaded};
 
     fn after(events: &[(&str, EventData)]) -> RunState {
         let mut run = RunState::new("r");
@@ -237,76 +190,75 @@ mod tests {
         (well, EventData::SpecimenPhase(PhaseEntered { phase: Phase::Eject, in_capillary: true }))
     }
 
-    fn message<'a>(well: &'a str, state: &'a RunState, wanted: Option<&'a Handling>) -> LoaderMessage<'a> {
+    fn message<'a>(well: &'a str, state: &'a RunState, work: Work) -> LoaderMessage<'a> {
         LoaderMessage {
             run: "r",
             well,
             newest: Some(("r", None)),
-            capillary: state.capillary(),
+            specimens: state.specimens(),
             is_planned: true,
-            wanted,
-            bringer: Bringer::Loader,
+            situation: Situation { loaded_by: LoadedBy::Loader, brings_again: true, work },
         }
     }
 
-    fn is_full(answer: Result<Option<WellLoaded>, Refusal>, by: &str) -> bool {
+    fn is_full(answer: &Result<Report, Refusal>, by: &str) -> bool {
         matches!(answer, Err(Refusal::CapillaryFull { well, .. }) if well == by)
     }
 
     #[test]
     fn specimens_are_exchanged_in_one_go_while_the_run_is_there_and_one_by_one_after_its_end() {
         let state = after(&[inside("A01"), ("A02", EventData::WellAwaited)]);
-        let mut waits = Handling::default();
-        waits.await_specimen("A02");
-        let exchanged = message("A02", &state, Some(&waits)).loaded();
-        assert_eq!(exchanged, Ok(Some(WellLoaded { in_place_of: Some("A01".into()) })));
-        assert!(is_full(message("A02", &state, None).loaded(), "A01"), "after the end of the run");
-        assert!(is_full(message("A01", &state, Some(&waits)).loaded(), "A01"), "it is to be taken out");
+        let exchanged = message("A02", &state, Work::InProgress).loaded();
+        assert_eq!(exchanged, Ok(Report::News { in_place_of: Some("A01") }));
+        assert!(is_full(&message("A02", &state, Work::Over).loaded(), "A01"), "after the end of the run");
+        assert!(is_full(&message("A01", &state, Work::InProgress).loaded(), "A01"), "it is to be taken out");
     }
 
     #[test]
     fn a_specimen_that_nobody_asked_for_is_refused_with_the_message_that_is_missing() {
         let state = after(&[("A02", EventData::WellAwaited)]);
-        let mut waits = Handling::default();
-        waits.await_specimen("A02");
-        let Err(Refusal::UnexpectedWell { instead, .. }) = message("A07", &state, Some(&waits)).loaded() else { panic!("it is accepted") };
+        let waits = Work::InProgress;
+        let Err(Refusal::UnexpectedWell { instead, .. }) = message("A07", &state, waits).loaded() else { panic!("it is accepted") };
         assert!(instead.contains("wells/A02 {\"loaded\": true}"), "{instead}");
-        assert!(matches!(message("A07", &state, None).loaded(), Err(Refusal::RunEnded { .. })));
-        let other = LoaderMessage { newest: Some(("q", None)), ..message("A02", &state, Some(&waits)) };
+        assert!(matches!(message("A07", &state, Work::Over).loaded(), Err(Refusal::RunEnded { .. })));
+        let other = LoaderMessage { newest: Some(("q", None)), ..message("A02", &state, waits) };
         assert_eq!(other.loaded(), Err(Refusal::UnknownRun { id: "r".into(), newest: Some("q".into()) }));
     }
 
     #[test]
     fn a_message_that_is_repeated_changes_nothing() {
         let brought = after(&[("A01", EventData::WellAwaited), ("A01", EventData::WellLoaded(WellLoaded { in_place_of: None }))]);
-        let none = Handling::default();
-        assert_eq!(message("A01", &brought, Some(&none)).loaded(), Ok(None));
-        assert_eq!(message("A01", &brought, Some(&none)).unloaded(None), Ok(true));
+        let none = Work::Paused;
+        assert_eq!(message("A01", &brought, none).loaded(), Ok(Report::Known));
+        assert_eq!(message("A01", &brought, none).unloaded(), Ok(Report::News { in_place_of: None }));
         let out = after(&[inside("A01"), ("A01", EventData::WellUnloaded)]);
-        assert_eq!(message("A01", &out, Some(&none)).unloaded(None), Ok(false));
-        assert!(message("A02", &out, Some(&none)).unloaded(None).is_err(), "it was never inside");
+        assert_eq!(message("A01", &out, none).unloaded(), Ok(Report::Known));
+        assert!(message("A02", &out, none).unloaded().is_err(), "it was never inside");
     }
 
     /// The run does not know of it: it came after its time, unasked, or after the end of the run.
     #[test]
     fn a_specimen_can_be_out_that_the_sampler_may_have_brought() {
         let state = after(&[("A01", EventData::SpecimenPhase(PhaseEntered { phase: Phase::Load, in_capillary: false }))]);
-        let none = Handling::default();
-        for wanted in [Some(&none), None] {
-            let of = |well, is_asked| LoaderMessage { bringer: Bringer::Sampler { is_asked }, ..message(well, &state, wanted) };
-            assert_eq!(of("A01", false).unloaded(None), Ok(true), "late");
-            assert_eq!(of("A02", false).unloaded(None), Ok(true), "unasked");
-            let Err(Refusal::UnexpectedWell { instead, .. }) = of("A01", true).unloaded(None) else { panic!("the next one would be A01") };
-            assert!(instead.contains("hold the run"), "{instead}");
-            assert!(LoaderMessage { is_planned: false, ..of("H12", false) }.unloaded(None).is_err());
+        let driven = |work| Situation { loaded_by: LoadedBy::Sampler, brings_again: false, work };
+        let of = |well, work| LoaderMessage { situation: driven(work), ..message(well, &state, work) };
+        for work in [Work::Paused, Work::Over] {
+            assert_eq!(of("A01", work).unloaded(), Ok(Report::News { in_place_of: None }), "late");
+            assert_eq!(of("A02", work).unloaded(), Ok(Report::News { in_place_of: None }), "unasked");
+            assert!(LoaderMessage { is_planned: false, ..of("H12", work) }.unloaded().is_err());
         }
+        let asked = of("A01", Work::InProgress).unloaded();
+        let Err(Refusal::UnexpectedWell { instead, .. }) = asked else { panic!("the next one would be A01") };
+        assert!(instead.contains("hold the run"), "{instead}");
     }
 
     #[test]
     fn a_specimen_that_a_worker_is_at_cannot_be_out() {
-        let state = after(&[inside("A01")]);
-        let none = Handling::default();
-        assert!(message("A01", &state, Some(&none)).unloaded(Some("A01")).is_err());
-        assert_eq!(message("A01", &state, Some(&none)).unloaded(Some("A02")), Ok(true));
+        let turning = ("A01", EventData::SpecimenPhase(PhaseEntered { phase: Phase::Revolve, in_capillary: true }));
+        let state = after(&[turning]);
+        assert!(message("A01", &state, Work::InProgress).unloaded().is_err());
+        assert_eq!(message("A01", &state, Work::Paused).unloaded(), Ok(Report::News { in_place_of: None }));
+        let leaves = after(&[inside("A01")]);
+        assert_eq!(message("A01", &leaves, Work::InProgress).unloaded(), Ok(Report::News { in_place_of: None }));
     }
 }

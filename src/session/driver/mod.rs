@@ -13,9 +13,8 @@
 //!
 //! | part | what it owns or decides |
 //! |---|---|
-//! | `Outbox` | the state that follows from the events; which events and records are not on disk yet |
+//! | `Outbox` | the state that follows from the events, also where each specimen is; which events and records are not on disk yet |
 //! | `RunInProgress` (`run.rs`) | a run's record, its worker and its highest request; what follows when the worker ends |
-//! | `Handling` | which specimens the loader or the sampler moves for the run |
 //! | `Numbers` (`recovery.rs`) | numbers that are computed from the stored frames of released specimens, and the step that waits for them |
 //! | `Devices` | who uses the instrument, which devices are lost, the device checks between runs |
 //! | `Loader` | who fills the capillary; the channel to a waiting worker; what a message of the loader means |
@@ -43,7 +42,6 @@ mod course;
 mod devices;
 mod driver_state;
 mod faults;
-mod handling;
 mod interrupt;
 mod loader;
 mod missing;

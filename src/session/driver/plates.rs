@@ -2,14 +2,14 @@
 
 use super::super::state::STARTABLE;
 use super::super::{Refusal, State};
-use carved_records::{Capillary, EventData, FieldError, Handoff, HandoffEnd, HandoffIntent, PlateHandover, PlateNamed, is_plain_name};
+use carved_records::{EventData, FieldError, Handoff, HandoffEnd, HandoffIntent, PlateHandover, PlateNamed, Specimens, is_plain_name};
 
 /// The state that decides about a handover, beside the handover itself.
 pub(super) struct Surroundings<'a> {
     pub state: State,
     /// A run exists that has no outcome yet.
     pub has_run: bool,
-    pub capillary: &'a Capillary,
+    pub specimens: &'a Specimens,
     /// A specimen that no run requested is in the capillary.
     pub has_unexpected: bool,
     /// Some events or records are not on disk yet.
@@ -28,7 +28,7 @@ impl Surroundings<'_> {
         if self.has_unexpected {
             return Some("the specimen that no run asked for to be taken out of the capillary".into());
         }
-        self.capillary.inside().map(to_be_taken_out)
+        self.specimens.inside().map(to_be_taken_out)
     }
 
     /// Whether this announcement is a new one.
@@ -79,9 +79,9 @@ mod tests {
     use super::*;
     use carved_records::{EventBody, InstrumentState};
 
-    const EMPTY: &Capillary = &Capillary::empty();
+    const EMPTY: &Specimens = &Specimens::none();
     const AT_REST: Surroundings =
-        Surroundings { state: State::Idle, has_run: false, capillary: EMPTY, has_unexpected: false, is_failing: false };
+        Surroundings { state: State::Idle, has_run: false, specimens: EMPTY, has_unexpected: false, is_failing: false };
 
     fn handoff(intent: HandoffIntent, barcode: &str) -> Handoff {
         Handoff { intent, barcode: barcode.into() }

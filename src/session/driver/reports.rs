@@ -89,7 +89,7 @@ fn ready(d: &mut DriverState) {
 }
 
 fn waits_for_loader(d: &mut DriverState, well: &str) {
-    if d.capillary().brought() == Some(well) {
+    if d.specimens().continued_with() == Some(well) {
         // It was brought before the run continued. If a hold has interrupted the wait, the message is withheld: the specimen stays
         // until the run continues again.
         if d.run.as_ref().is_some_and(|run| run.request() == Request::Nothing) {
@@ -97,7 +97,6 @@ fn waits_for_loader(d: &mut DriverState, well: &str) {
         }
         return;
     }
-    d.run.iter_mut().for_each(|run| run.handling_mut().await_specimen(well));
     d.event_shown(Some(well), EventData::WellAwaited, |d| {
         if d.publisher.status().state == State::Execute {
             d.go(Trigger::WaitForLoader);
@@ -116,7 +115,7 @@ fn well_done(d: &mut DriverState, result: WellStatus, seconds: f64, times: WellT
     let next = run.next_well().map(|next| SpecimenStatus::new(next, Phase::Load, views_planned));
     // A plate-loader takes it out before it brings the next one. With a driven sampler, a specimen that is still inside could not be
     // ejected.
-    let stuck = d.capillary().inside() == Some(&result.well) && !d.loader.fills_capillary();
+    let stuck = d.specimens().inside() == Some(&result.well) && !d.loader.fills_capillary();
     d.save(record);
     let well = result.well.clone();
     let done = SpecimenDone { result, times: Some(times), seconds: Some(seconds) };

@@ -6,14 +6,12 @@ use super::super::{State, Status, gate, preflight};
 use super::commands::{self, reply};
 use super::devices::PreflightRequest;
 use super::driver_state::DriverState;
-use super::handling::Waited;
-use super::loader::{Bringer, LoaderMessage, capillary_full};
+use super::loader::{LoaderMessage, capillary_full};
 use super::plates::Surroundings;
 use super::room;
-use super::run::RunInProgress;
 use super::{course, faults};
 use crate::api::{self, HandoffNeeds};
-use carved_records::{EventData, Fault, Handoff, HandoffEnd, ResumedBy, RunPlan, fault_table};
+use carved_records::{EventData, Fault, Handoff, HandoffEnd, Report, ResumedBy, RunPlan, WellLoaded, Work, fault_table};
 use std::future::Future;
 use std::pin::pin;
 use tokio::sync::{mpsc, oneshot};
@@ -100,7 +98,7 @@ fn put_run(d: &mut DriverState, id: &str, plan: RunPlan) -> Result<Accepted, Ref
     let status = d.publisher.status();
     commands::is_startable(d.run.is_some(), status.state)?;
     d.nothing_stands_in_the_way()?;
-    if let Some(left) = d.loader.keeps_run_out(d.capillary()) {
+    if let Some(left) = d.loader.keeps_run_out(d.specimens()) {
         return Err(capillary_full(status.run.as_ref().map(|newest| newest.id.as_str()), left));
     }
     commands::is_of_this_plate(&plan, &d.state().plate)?;
@@ -133,12 +131,10 @@ fn steer(d: &mut DriverState, id: &str, towards: Towards) -> Result<(), Refusal>
     }
 }
 
-fn loader_message<'a>(d: &'a DriverState, run: &'a str, well: &'a str, status: &'a Status) -> LoaderMessage<'a> {
-    let newest = status.run.as_ref().map(|newest| (newest.id.as_str(), newest.outcome));
-    let wanted = d.run.as_ref().map(RunInProgress::handling);
-    let is_planned = status.run.as_ref().is_some_and(|newest| newest.results.iter().any(|result| result.well == well));
-    let bringer = if d.loader.fills_capillary() { Bringer::Loader } else { Bringer::Sampler { is_asked: d.works() } };
-    LoaderMessage { run, well, newest, capillary: d.capillary(), is_planned, wanted, bringer }
+fn loader_message<'a>(d: &'a DriverState, run: &'a str, well: &'a str) -> LoaderMessage<'a> {
+    let newest = d.newest_run().map(|newest| (newest.id.as_str(), newest.outcome));
+    let is_planned = d.newest_run().is_some_and(|newest| newest.wells.iter().any(|planned| planned.well == well));
+    LoaderMessage { run, well, newest, specimens: d.specimens(), is_planned, situation: d.loader.situation(d.work()) }
 }
 
 /// The run that an event of the loader belongs to. `None` if the run was pruned: its folder must not be created again.
@@ -147,45 +143,39 @@ fn run_of_event<'a>(d: &DriverState, run: &'a str) -> Option<&'a str> {
 }
 
 fn loaded(d: &mut DriverState, run: &str, well: &str) -> Result<(), Refusal> {
-    let status = d.publisher.status();
-    let Some(loaded) = loader_message(d, run, well, &status).loaded()? else { return Ok(()) };
+    let Report::News { in_place_of } = loader_message(d, run, well).loaded()? else { return Ok(()) };
+    let loaded = WellLoaded { in_place_of: in_place_of.map(str::to_owned) };
     d.outbox.promise(run_of_event(d, run), Some(well), EventData::WellLoaded(loaded))?;
-    let waited = d.run.as_mut().map(|run| run.handling_mut().brought());
-    match waited {
-        Some(Waited::ForIt) if status.state == State::Suspended => {
+    match (d.work(), d.publisher.status().state) {
+        (Work::InProgress, State::Suspended) => {
             d.loader.say_loaded(well);
             d.go(Trigger::Loaded);
         }
-        Some(Waited::ForRemoval) if status.state == State::Suspended => {
+        // The run waited for the specimen before it to be taken out. The loader has exchanged both.
+        (Work::Paused, State::Suspended) => {
             d.go(Trigger::Loaded);
             course::proceed(d);
         }
         // In a held run it waits for the continuation, and is not brought again. In a run that ends it stays inside.
-        Some(_) => d.publish(|_| ()),
-        None => {
-            let views_planned = d.outbox.store().run(run).ok().flatten().map_or(0, |record| record.method.asd);
-            let left = d.left_specimen(views_planned);
-            d.publish(|s| s.specimen = left);
-        }
+        (Work::InProgress | Work::Paused, _) => d.publish(|_| ()),
+        (Work::Over, _) => d.show_left_specimen(),
     }
     Ok(())
 }
 
 fn unloaded(d: &mut DriverState, run: &str, well: &str) -> Result<(), Refusal> {
-    let status = d.publisher.status();
-    let worked_on = status.specimen.as_ref().filter(|s| d.works() && s.phase != api::Phase::Eject).map(|s| s.well.as_str());
-    if !loader_message(d, run, well, &status).unloaded(worked_on)? {
+    if loader_message(d, run, well).unloaded()? == Report::Known {
         return Ok(());
     }
+    let is_first = d.must_leave_first() == Some(well);
     if d.works() || d.loader.brings_again() {
         d.outbox.promise(run_of_event(d, run), Some(well), EventData::WellUnloaded)?;
     } else {
         course::taken_for_good(d, run_of_event(d, run).map(str::to_owned).as_deref(), well)?;
     }
-    let waited = d.run.as_mut().is_some_and(|run| run.handling_mut().taken_out(well));
     let at_rest = d.run.is_none();
     let change = |s: &mut Status| drop(s.specimen.take_if(|_| at_rest));
-    if waited && status.state == State::Suspended {
+    if is_first && d.work() == Work::Paused && d.publisher.status().state == State::Suspended {
         d.go_with(Trigger::Loaded, change);
         course::proceed(d);
     } else {
@@ -198,7 +188,7 @@ fn surroundings<'a>(d: &'a DriverState, status: &'a Status) -> Surroundings<'a> 
     Surroundings {
         state: status.state,
         has_run: d.run.is_some(),
-        capillary: d.capillary(),
+        specimens: d.specimens(),
         has_unexpected: d.loader.has_unexpected(),
         is_failing: d.outbox.is_failing(),
     }

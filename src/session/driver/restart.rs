@@ -6,9 +6,9 @@ use super::driver_state::DriverState;
 use super::interrupt::Fate;
 use super::run::RunInProgress;
 use super::sealing::seal_run;
-use super::snapshot::{self, run_status};
+use super::snapshot::{run_status, show_left};
 use super::{Life, course, missing, resume, start};
-use carved_records::{DaemonStarted, EndRequest, EventData, LoadedBy, RunInterrupted, RunState};
+use carved_records::{DaemonStarted, EndRequest, EventData, RunInterrupted, RunState};
 use carved_store::RunRecord;
 
 /// Shows the devices, then the state that the previous process left. If the disk refuses writes, that is a fault and not the end of the
@@ -94,23 +94,18 @@ fn take_up(d: &mut DriverState, record: RunRecord, run: RunState) {
     let end_request = run.end_request();
     d.outbox.recall(run);
     d.run = Some(RunInProgress::new(record));
-    let by_loader = d.loader.fills_capillary();
-    let loaded_by = if by_loader { LoadedBy::Loader } else { LoadedBy::Sampler };
-    d.event(None, EventData::RunInterrupted(RunInterrupted { found: "at start".into(), loaded_by: Some(loaded_by) }));
-    let (known, capillary) = (d.outbox.state().run.as_ref(), snapshot::capillary(d.outbox.state()));
+    let loaded_by = Some(d.loader.loaded_by());
+    d.event(None, EventData::RunInterrupted(RunInterrupted { found: "at start".into(), loaded_by }));
+    let known = d.outbox.state().run.as_ref();
     if let Some(run) = &mut d.run {
         // Set this before publishing, so that no client reads that the run waits for a person.
         run.recall(end_request);
         run.set_may_go_on(end_request.is_none() && resume::is_automatic(run, known));
-        // A specimen that the loader brought stays: the run continues with it.
-        if let Some(inside) = capillary.in_the_way() {
-            run.handling_mut().remove(inside, by_loader);
-        }
     }
-    let left = d.left_specimen(asd);
+    let specimens = d.specimens().clone();
     d.go_with(Trigger::TakeUp, |s: &mut Status| {
         s.run = Some(status);
-        s.specimen = left;
+        show_left(s, &specimens, asd);
     });
     course::interrupt_specimens(d, "the daemon ended before this specimen was done", Fate::PoseLost);
     if let Some(run) = &d.run {

@@ -10,7 +10,6 @@
 use super::super::gate;
 use super::super::halt::Halt;
 use super::super::worker::{self, Instrument, Progress, RunContext, RunEnd, RunError};
-use super::handling::Handling;
 use super::recovery::{Made, Numbers};
 use carved_devices::StopHandle;
 use carved_devices::cancel::CancelToken;
@@ -57,7 +56,6 @@ pub(super) struct RunInProgress {
     /// `None` while the run is held, or waits for a specimen to be taken out.
     work: Option<Work>,
     numbers: Numbers,
-    handling: Handling,
     request: Request,
     /// A fault has cancelled the worker. It stays set when a higher request follows.
     halted: bool,
@@ -74,7 +72,6 @@ impl RunInProgress {
             record,
             work: None,
             numbers: Numbers::default(),
-            handling: Handling::default(),
             request: Request::Nothing,
             halted: false,
             may_go_on: false,
@@ -84,6 +81,11 @@ impl RunInProgress {
 
     pub fn record(&self) -> &RunRecord {
         &self.record
+    }
+
+    /// The record of a run that is over, or left to the next start.
+    pub fn into_record(self) -> RunRecord {
+        self.record
     }
 
     /// Whether a worker uses the instrument.
@@ -107,14 +109,6 @@ impl RunInProgress {
     /// Sets whether the run measures larvae without a valid bead gate.
     pub fn set_lacks_gate(&mut self, lacks_gate: bool) {
         self.lacks_gate = lacks_gate;
-    }
-
-    pub fn handling(&self) -> &Handling {
-        &self.handling
-    }
-
-    pub fn handling_mut(&mut self) -> &mut Handling {
-        &mut self.handling
     }
 
     pub fn numbers(&self) -> &Numbers {
@@ -154,7 +148,6 @@ impl RunInProgress {
     /// The worker ended. Returns what the driver does next.
     pub fn joined(&mut self, end: RunEnd) -> AfterWork {
         self.work = None;
-        self.handling.worker_ended();
         after_work(end, self.request, self.halted)
     }
 

@@ -7,7 +7,7 @@ use super::resume;
 use super::run::{Request, RunInProgress};
 use super::{Departure, Life};
 use crate::api;
-use carved_records::{CalibrationStatus, Capillary, Device, Fault, InstrumentState, Phase, RunState, WellCounts};
+use carved_records::{CalibrationStatus, Device, Fault, InstrumentState, Phase, RunState, Specimens, WellCounts, Work};
 use carved_store::RunRecord;
 use jiff::Timestamp;
 
@@ -33,24 +33,26 @@ pub(super) struct Parts<'a> {
 impl Parts<'_> {
     /// Sets every field that follows from the parts and from the rest of the snapshot.
     pub fn derive(&self, s: &mut Status) {
-        let capillary = capillary(self.state);
+        let specimens = specimens(self.state);
         s.pending = self.pending();
         let under = resume::under_fault(self.run, self.state.run.as_ref(), &self.state.faults);
         s.faults = self.state.faults.open().iter().map(|fault| api::Fault::of(fault, under)).collect();
         s.calibration = self.calibration.cloned().map(Into::into);
         if let Some(specimen) = &mut s.specimen {
-            specimen.in_capillary = capillary.inside() == Some(&specimen.well);
+            specimen.in_capillary = specimens.inside() == Some(&specimen.well);
         }
         if let Some(run) = &mut s.run {
             self.derive_run(s.state, s.specimen.as_ref(), run);
         }
         s.plate.barcode = self.state.plate.inside().map(str::to_owned);
         s.plate.present = self.state.plate.handed_over().is_some();
-        (s.plate.take_out, s.plate.bring) = Loader::requests(capillary, self.run.map(RunInProgress::handling));
+        let requests = specimens.requests(self.loader.situation(work(self.run)));
+        s.plate.take_out = requests.take_out.map(str::to_owned);
+        s.plate.bring = requests.bring.map(str::to_owned);
         let keeps_plate = Surroundings {
             state: s.state,
             has_run: self.run.is_some(),
-            capillary,
+            specimens,
             has_unexpected: self.loader.has_unexpected(),
             is_failing: self.is_failing,
         }
@@ -84,8 +86,8 @@ impl Parts<'_> {
             (is_held || state == State::Holding) && self.run.is_some_and(|run| resume::goes_on_by_itself(run, known, faults));
         shown.hold = self.run.filter(|_| is_held).and_then(|run| resume::hold(run, known, faults));
         if let Some(run) = self.run {
-            let begun = known.map_or(&[][..], RunState::begun);
-            let recovering = run.numbers().wells().filter(|well| !begun.iter().any(|b| b == well)).count();
+            let begun = known.map_or_else(Vec::new, |known| known.specimens().begun());
+            let recovering = run.numbers().wells().filter(|well| !begun.contains(well)).count();
             let waiting = shown.wells.pending.saturating_sub((begun.len() + recovering) as u32);
             let under_way = specimen.map(|specimen| specimen.well.as_str());
             shown.eta_s = self.state.paces.remaining(&run.record().plan.method, under_way, waiting, self.now).map(Into::into);
@@ -100,7 +102,7 @@ impl Parts<'_> {
             Life::Up => {}
         }
         let stands = self.state.faults.open().iter().find(|f: &&Fault| f.operator_required);
-        let left = self.loader.keeps_run_out(capillary(self.state));
+        let left = self.loader.keeps_run_out(specimens(self.state));
         let lost = self.lost.map(|lost| lost.way_out().to_owned());
         lost.or_else(|| stands.map(|f| format!("a fault stands: {}", f.plainly())))
             .or_else(|| self.run.map(|_| "a run is under way".into()))
@@ -111,10 +113,19 @@ impl Parts<'_> {
     }
 }
 
-/// The known content of the capillary, from the events of the current or newest run.
-pub(super) fn capillary(state: &InstrumentState) -> &Capillary {
-    const NOTHING: &Capillary = &Capillary::empty();
-    state.run.as_ref().map_or(NOTHING, RunState::capillary)
+/// The specimens of the current or newest run.
+pub(super) fn specimens(state: &InstrumentState) -> &Specimens {
+    const NONE: &Specimens = &Specimens::none();
+    state.run.as_ref().map_or(NONE, RunState::specimens)
+}
+
+/// What the run does now.
+pub(super) fn work(run: Option<&RunInProgress>) -> Work {
+    match run {
+        Some(run) if run.works() => Work::InProgress,
+        Some(_) => Work::Paused,
+        None => Work::Over,
+    }
 }
 
 /// A run, as the status shows it.
@@ -136,11 +147,12 @@ pub(super) fn run_status(record: &RunRecord) -> RunStatus {
     }
 }
 
-/// The specimen that the status shows between runs: the one in the capillary. `shown`: the specimen that is shown now.
-pub(super) fn left_specimen(capillary: &Capillary, shown: Option<&SpecimenStatus>, views_planned: u32) -> Option<SpecimenStatus> {
-    let well = capillary.inside()?;
-    let shown = shown.filter(|shown| shown.well == well).cloned();
-    Some(shown.unwrap_or_else(|| SpecimenStatus::new(well, Phase::Eject, views_planned)))
+/// Shows the specimen in the capillary, as between runs. What is shown of it already stays.
+pub(super) fn show_left(s: &mut Status, specimens: &Specimens, views_planned: u32) {
+    let left = specimens.inside();
+    if s.specimen.as_ref().map(|shown| shown.well.as_str()) != left {
+        s.specimen = left.map(|well| SpecimenStatus::new(well, Phase::Eject, views_planned));
+    }
 }
 
 /// The requests to the loader, as text.

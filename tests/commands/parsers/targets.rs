@@ -157,7 +157,7 @@ fn journal(bytes: &[u8]) {
     let state = InstrumentState::after(&events);
     let last = events.last().and_then(|event| event.body.time.parse().ok());
     if let (Some(now), Some(run)) = (last, &state.run) {
-        black_box(state.paces.remaining("m", run.capillary().inside(), u32::MAX, now));
+        black_box(state.paces.remaining("m", run.specimens().inside(), u32::MAX, now));
     }
 }
 

@@ -4,23 +4,25 @@
 //!                     ┌─► OpenFaults      raised, acknowledged, cleared
 //!  Event ──► apply ───┼─► PlateHandover   the plate inside, and the open handover
 //!                     ├─► Paces           durations of specimens, by method
-//!                     └─► RunState        of the newest run: cause of a hold, requested end, specimens in progress
-//!                          └─► Capillary  the specimen that is inside, asked for, brought
+//!                     └─► RunState        of the newest run: cause of a hold, requested end
+//!                          └─► Specimens  where each specimen of the run is
 //! ```
 //! The live driver applies each event when it happens. A restart of the daemon applies the same events from the journal. Both therefore
 //! have the same state, which a property test of the driver checks field by field.
 
-mod capillary;
 mod faults;
 mod pace;
 mod plate;
 mod run;
+mod specimen;
+mod specimens;
 
-pub use capillary::Capillary;
 pub use faults::OpenFaults;
 pub use pace::{Eta, Paces};
 pub use plate::PlateHandover;
 pub use run::{EndRequest, HoldCause, RunState};
+pub use specimen::{Specimen, SpecimenEvent, SpecimenState, TRANSITIONS as SPECIMEN_TRANSITIONS, as_markdown as specimens_as_markdown};
+pub use specimens::{NotNow, Report, Requests, Situation, Specimens, Work};
 
 use crate::{Event, EventBody, EventData};
 

@@ -1,9 +1,8 @@
 //! The state of one run.
 
-use super::Capillary;
-use crate::fault_table;
-use crate::{EventBody, EventData, HeldBy, LoadedBy, Phase, ResumedBy};
-use std::collections::{BTreeMap, BTreeSet};
+use super::Specimens;
+use crate::{EventBody, EventData, HeldBy, ResumedBy};
+use std::collections::BTreeMap;
 
 /// The cause of a hold.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -45,7 +44,7 @@ pub enum EndRequest {
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct RunState {
     id: String,
-    capillary: Capillary,
+    specimens: Specimens,
     held_by_operator: bool,
     held_by: Option<HoldCause>,
     holds: BTreeMap<String, u32>,
@@ -55,9 +54,6 @@ pub struct RunState {
     ended_processes: BTreeMap<String, u32>,
     is_asked_to_end: bool,
     end_request: Option<EndRequest>,
-    begun: Vec<String>,
-    worked_on: BTreeSet<String>,
-    asked_of_sampler: Option<String>,
 }
 
 impl RunState {
@@ -68,7 +64,7 @@ impl RunState {
 
     /// A run that was just accepted. `left`: the well of an earlier run whose specimen is still in the capillary.
     pub(super) fn accepted(id: &str, left: Option<String>) -> Self {
-        Self { capillary: Capillary::with(left), ..Self::new(id) }
+        Self { specimens: Specimens::of_new_run(left.as_deref()), ..Self::new(id) }
     }
 
     /// Name of the run.
@@ -76,9 +72,9 @@ impl RunState {
         &self.id
     }
 
-    /// What is in the capillary.
-    pub fn capillary(&self) -> &Capillary {
-        &self.capillary
+    /// Where its specimens are.
+    pub fn specimens(&self) -> &Specimens {
+        &self.specimens
     }
 
     /// Whether an operator holds the run. Then only an operator can continue it.
@@ -121,16 +117,6 @@ impl RunState {
         self.end_request
     }
 
-    /// Whether the specimen of a well has come in this attempt, and was worked on or taken out.
-    pub fn is_worked_on(&self, well: &str) -> bool {
-        self.worked_on.contains(well)
-    }
-
-    /// The wells whose specimens are in progress. The last one used the instrument last.
-    pub fn begun(&self) -> &[String] {
-        &self.begun
-    }
-
     /// Applies an event of this run.
     pub fn apply(&mut self, event: &EventBody) {
         let well = event.well.as_deref();
@@ -147,44 +133,20 @@ impl RunState {
                 };
                 *self.holds.entry(cause.code.clone()).or_default() += 1;
                 self.held_by = Some(cause);
-                // An operator holds a run between two specimens.
-                if held.by == HeldBy::Operator {
-                    self.begun.clear();
-                    self.worked_on.clear();
-                }
             }
             (EventData::RunResumed(resumed), _) => {
                 (self.held_by, self.held_by_operator, self.waits_for_operator) = (None, false, false);
                 self.resumed_by_itself = if resumed.by == ResumedBy::Instrument { self.resumed_by_itself + 1 } else { 0 };
             }
-            (EventData::FaultRaised(fault), _) => {
-                self.waits_for_operator |= !fault.lets_run_go_on();
-                // A specimen that comes after its time belongs to no well.
-                if fault.code == fault_table::SAMPLER_FAILED.code {
-                    self.asked_of_sampler = None;
-                }
-            }
-            (EventData::RunInterrupted(interrupted), _) => {
+            (EventData::FaultRaised(fault), _) => self.waits_for_operator |= !fault.lets_run_go_on(),
+            (EventData::RunInterrupted(_), _) => {
                 self.held_by.get_or_insert_with(HoldCause::restart);
                 if !std::mem::take(&mut self.is_asked_to_end) {
-                    for well in &self.worked_on {
-                        *self.ended_processes.entry(well.clone()).or_default() += 1;
+                    for (well, _) in self.specimens.worked_on() {
+                        *self.ended_processes.entry(well.to_owned()).or_default() += 1;
                     }
                 }
-                match interrupted.loaded_by {
-                    // A specimen that was only awaited is requested again.
-                    Some(LoadedBy::Loader) => self.begun.retain(|well| self.worked_on.contains(well)),
-                    Some(LoadedBy::Sampler) => self.capillary.assume(self.asked_of_sampler.as_ref()),
-                    None => {}
-                }
             }
-            (EventData::WellAwaited, Some(well)) => self.capillary.ask(well),
-            (EventData::WellLoaded(_), Some(well)) => self.capillary.bring(well),
-            (EventData::WellUnloaded, Some(well)) => {
-                self.capillary.take_out(well);
-                self.asked_of_sampler.take_if(|asked| asked == well);
-            }
-            (EventData::SpecimenPhase(entered), Some(well)) => self.enter(well, entered.phase, entered.in_capillary),
             (EventData::SpecimenRecovering(_), Some(well)) => *self.recoveries.entry(well.to_owned()).or_default() += 1,
             // The disk failed or the daemon was asked to end, so the attempts do not count as crashes.
             (EventData::StoreRegained, _) => self.recoveries.clear(),
@@ -199,55 +161,22 @@ impl RunState {
                 self.resumed_by_itself = 0;
                 self.holds.clear();
                 self.recoveries.remove(well);
-                self.end(well);
-            }
-            (EventData::SpecimenInterrupted(interrupted), Some(well)) => {
-                if interrupted.kept {
-                    self.capillary.keep(well);
-                }
-                self.end(well);
             }
             _ => {}
         }
-    }
-
-    fn enter(&mut self, well: &str, phase: Phase, in_capillary: bool) {
-        // A specimen of an earlier attempt that is ejected before the first well is not in progress.
-        let is_taken_out = matches!(phase, Phase::Eject | Phase::Wash);
-        if !is_taken_out && !self.begun.iter().any(|begun| begun == well) {
-            self.begun.push(well.to_owned());
-        }
-        if phase == Phase::Load {
-            self.asked_of_sampler = Some(well.to_owned());
-        } else {
-            self.capillary.begin(well);
-            // It has come. From now on its phases say whether it is inside.
-            self.asked_of_sampler.take_if(|asked| asked == well);
-            if self.begun.iter().any(|begun| begun == well) {
-                self.worked_on.insert(well.to_owned());
-            }
-        }
-        if in_capillary {
-            self.capillary.put(well);
-        } else {
-            self.capillary.lacks(well);
-        }
-    }
-
-    fn end(&mut self, well: &str) {
-        self.begun.retain(|begun| begun != well);
-        self.worked_on.remove(well);
+        // Last: an interruption counts the specimens that were worked on before it.
+        self.specimens.apply(event);
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fault_table::FaultCode;
+    use crate::fault_table::{self, FaultCode};
     use crate::{DaemonStopping, Event, Fault, FaultAcknowledged, InstrumentState};
     use crate::{
-        Interrupted, PhaseEntered, PlannedWell, RunAccepted, RunHeld, RunInterrupted, RunResumed, SpecimenDone, SpecimenInterrupted,
-        SpecimenKind, WellLoaded, WellStatus,
+        Interrupted, LoadedBy, Phase, PhaseEntered, PlannedWell, RunAccepted, RunHeld, RunInterrupted, RunResumed, SpecimenDone,
+        SpecimenInterrupted, SpecimenKind, WellLoaded, WellStatus,
     };
 
     fn event(well: Option<&str>, data: EventData) -> EventBody {
@@ -289,20 +218,20 @@ mod tests {
     }
 
     fn inside(events: &[EventBody]) -> Option<String> {
-        after(events).capillary().inside().map(str::to_owned)
+        after(events).specimens().inside().map(str::to_owned)
     }
 
     #[test]
     fn the_specimen_under_way_is_the_one_that_was_begun_and_not_done() {
         let a = [phase("A01", Phase::Load, false), phase("A01", Phase::Revolve, true)];
-        assert_eq!((after(&a).begun(), inside(&a).as_deref()), (&["A01".to_owned()][..], Some("A01")));
+        assert_eq!((after(&a).specimens().begun(), inside(&a).as_deref()), (vec!["A01"], Some("A01")));
         let done = [&a[..], &[done("A01")]].concat();
-        assert!(after(&done).begun().is_empty());
+        assert!(after(&done).specimens().begun().is_empty());
         let next = [&done[..], &[phase("A02", Phase::Load, false)]].concat();
-        assert_eq!((after(&next).begun(), inside(&next).as_deref()), (&["A02".to_owned()][..], Some("A01")));
+        assert_eq!((after(&next).specimens().begun(), inside(&next).as_deref()), (vec!["A02"], Some("A01")));
         // The numbers of the first specimen are computed while the second one is brought.
         let both = [&a[..], &[phase("A01", Phase::Wash, false), phase("A02", Phase::Load, false)]].concat();
-        assert_eq!(after(&both).begun(), ["A01", "A02"]);
+        assert_eq!(after(&both).specimens().begun(), ["A01", "A02"]);
         let brought = [&next[..], &[loaded("A02")]].concat();
         assert_eq!(inside(&brought).as_deref(), Some("A02"));
         assert_eq!(inside(&[&brought[..], &[unloaded("A02")]].concat()), None);
@@ -314,7 +243,10 @@ mod tests {
         let awaited = [phase("A01", Phase::Load, false), loaded("A01")];
         let gone = [&awaited[..], &[phase("A01", Phase::Measure, true), phase("A01", Phase::Eject, true), unloaded("A01")]].concat();
         let next = [&gone[..], &[phase("A02", Phase::Load, false)]].concat();
-        let begun = |events: &[EventBody]| after(&[events, &[restart(LoadedBy::Loader)]].concat()).begun().to_vec();
+        let begun = |events: &[EventBody]| {
+            let state = after(&[events, &[restart(LoadedBy::Loader)]].concat());
+            state.specimens().begun().into_iter().map(str::to_owned).collect::<Vec<_>>()
+        };
         assert!(begun(&awaited).is_empty());
         assert_eq!((begun(&gone), begun(&next)), (vec!["A01".to_owned()], vec!["A01".to_owned()]));
         assert!(begun(&[&next[..], &[done("A01")]].concat()).is_empty());
@@ -334,7 +266,7 @@ mod tests {
         assert_eq!(restarted(&next).as_deref(), Some("A02"));
         let kept = [phase("A01", Phase::Revolve, true), interrupted("A01", true)];
         let state = after(&[&kept[..], &[restart(LoadedBy::Sampler)]].concat());
-        assert_eq!((state.capillary().inside(), state.capillary().brought()), (Some("A01"), Some("A01")));
+        assert_eq!((state.specimens().inside(), state.specimens().continued_with()), (Some("A01"), Some("A01")));
     }
 
     #[test]
@@ -342,7 +274,7 @@ mod tests {
         let load = [phase("A01", Phase::Load, false), interrupted("A01", false)];
         let asked = |then: &[EventBody]| {
             let state = after(&[&load[..], then, &[restart(LoadedBy::Sampler)]].concat());
-            (state.capillary().asked_before().map(str::to_owned), state.is_worked_on("A01"))
+            (state.specimens().unknown().map(str::to_owned), state.specimens().of("A01").state().is_worked_on())
         };
         assert_eq!(asked(&[]), (Some("A01".into()), false));
         assert_eq!(asked(&[phase("A01", Phase::Load, false)]), (Some("A01".into()), false));
@@ -358,7 +290,7 @@ mod tests {
     fn a_specimen_stays_inside_while_the_next_is_awaited_until_somebody_says_otherwise() {
         let awaited = [phase("A01", Phase::Eject, true), done("A01"), phase("A02", Phase::Load, false)];
         assert_eq!(inside(&awaited).as_deref(), Some("A01"));
-        assert_eq!(after(&awaited).begun(), ["A02"], "the one inside is measured");
+        assert_eq!(after(&awaited).specimens().begun(), ["A02"], "the one inside is measured");
         let then = |last: EventBody| inside(&[&awaited[..], &[last]].concat());
         assert_eq!(then(unloaded("A01")), None);
         assert_eq!(then(loaded("A02")).as_deref(), Some("A02"));
@@ -370,22 +302,22 @@ mod tests {
         let accepted = RunAccepted { plate_barcode: "P".into(), method: "m".into(), left_in_capillary: Some("H12".into()) };
         let events = [Event { id: 1, body: event(None, EventData::RunAccepted(accepted)) }];
         let run = InstrumentState::after(&events).run.unwrap();
-        assert_eq!((run.id(), run.capillary().inside(), run.capillary().has_held("H12")), ("r", Some("H12"), true));
+        assert_eq!((run.id(), run.specimens().inside(), run.specimens().has_held("H12")), ("r", Some("H12"), true));
     }
 
     #[test]
     fn what_the_loader_was_asked_for_and_what_it_brought_is_known_until_work_on_it_begins() {
         let awaited = [phase("A01", Phase::Load, false), event(Some("A01"), EventData::WellAwaited)];
-        let of = |events: &[EventBody]| after(events).capillary().clone();
-        assert_eq!((of(&awaited).asked_for(), of(&awaited).brought()), (Some("A01"), None));
+        let of = |events: &[EventBody]| after(events).specimens().clone();
+        assert_eq!((of(&awaited).asked_for(), of(&awaited).continued_with()), (Some("A01"), None));
         let brought = [&awaited[..], &[loaded("A01")]].concat();
         // The run continues with the loaded specimen, without a request.
         let again = [&brought[..], &[phase("A01", Phase::Load, false)]].concat();
         for events in [&brought, &again] {
-            assert_eq!((of(events).asked_for(), of(events).brought(), of(events).inside()), (None, Some("A01"), Some("A01")));
+            assert_eq!((of(events).asked_for(), of(events).continued_with(), of(events).inside()), (None, Some("A01"), Some("A01")));
         }
-        assert_eq!(of(&[&brought[..], &[phase("A01", Phase::Position, true)]].concat()).brought(), None);
-        assert_eq!(of(&[&brought[..], &[unloaded("A01")]].concat()).brought(), None);
+        assert_eq!(of(&[&brought[..], &[phase("A01", Phase::Position, true)]].concat()).continued_with(), None);
+        assert_eq!(of(&[&brought[..], &[unloaded("A01")]].concat()).continued_with(), None);
     }
 
     /// After two crashes, the second start must not count the specimen that the first one ejected as begun.
@@ -395,7 +327,7 @@ mod tests {
         let revolve = phase("A01", Phase::Revolve, true);
         let ejected = [phase("A01", Phase::Eject, true), phase("A01", Phase::Eject, false)];
         let state = after(&[&[revolve, interrupted("A01", false), resumed][..], &ejected].concat());
-        assert_eq!((state.begun(), state.capillary().inside(), state.capillary().has_held("A01")), (&[][..], None, true));
+        assert_eq!((state.specimens().begun(), state.specimens().inside(), state.specimens().has_held("A01")), (Vec::new(), None, true));
     }
 
     #[test]
@@ -405,7 +337,7 @@ mod tests {
             event(None, EventData::RunHeld(RunHeld { by: HeldBy::Operator, code: Some("operator".into()), cause: Some("x".into()) }));
         let resumed = event(None, EventData::RunResumed(RunResumed { by: ResumedBy::Operator }));
         let state = after(&[hold.clone(), phase("A01", Phase::Load, false), held.clone()]);
-        assert_eq!((state.is_held_by_operator(), state.times_held_by("operator"), state.begun()), (true, 1, &[][..]));
+        assert_eq!((state.is_held_by_operator(), state.times_held_by("operator"), state.specimens().begun()), (true, 1, Vec::new()));
         assert_eq!(state.held_by().map(|cause| cause.code.as_str()), Some("operator"));
         let state = after(&[hold, held, resumed]);
         assert_eq!((state.is_held_by_operator(), state.held_by()), (false, None));

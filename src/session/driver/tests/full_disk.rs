@@ -90,11 +90,9 @@ fn work(b: &mut Bench) -> bool {
 
 /// If the run is held with a specimen in the capillary, the driver knows it and has it removed first.
 fn is_remembered(b: &Bench, when: &str) {
-    let handling = b.d.run.as_ref().unwrap().handling();
     let shown = b.status().specimen.filter(|s| s.in_capillary).map(|s| s.well);
     assert_eq!(shown, b.inside, "{when}: shown");
-    let taken_out = if b.d.loader.fills_capillary() { handling.take_out() } else { handling.eject_first() };
-    assert_eq!(taken_out, b.inside.as_deref(), "{when}: taken out first");
+    assert_eq!(b.d.must_leave_first(), b.inside.as_deref(), "{when}: taken out first");
     assert!(!b.status().plate.removable, "{when}");
 }
 

@@ -51,8 +51,7 @@ fn is_kept(b: &Bench, when: &str) {
     assert!(!status.ready && !status.plate.removable, "{when}");
     let run = status.run.unwrap();
     assert_eq!((run.wells.pending, run.wells.failed, run.goes_on_by_itself), (1, 0, false), "{when}");
-    let handling = b.d.run.as_ref().unwrap().handling();
-    assert_eq!((handling.take_out(), handling.eject_first()), (None, None), "{when}");
+    assert_eq!(b.d.must_leave_first(), None, "{when}");
 }
 
 #[test]
@@ -92,9 +91,7 @@ fn what_the_instrument_could_not_see_stays_inside_and_the_run_goes_on_with_it() 
                 b.phase("A02", Phase::Position, true);
                 drop(b);
                 let b = bench(dir.path(), outside);
-                let handling = b.d.run.as_ref().unwrap().handling();
-                let taken_out = if outside { handling.take_out() } else { b.d.capillary().inside() };
-                assert_eq!(taken_out, Some("A02"), "{when}");
+                assert_eq!(b.d.must_leave_first(), Some("A02"), "{when}");
             }
         }
     });
@@ -144,7 +141,7 @@ fn a_kept_specimen_is_not_forgotten_with_its_run() {
                 b.put("r2").unwrap();
                 b.tell(Progress::Ready);
                 // The larva inside is not used as A02 of the new plate. It is ejected first.
-                assert_eq!((b.d.capillary().inside(), b.d.capillary().brought()), (Some("A02"), None));
+                assert_eq!((b.d.specimens().inside(), b.d.specimens().continued_with()), (Some("A02"), None));
                 b.ends(RunEnd::Paused).await;
                 assert_eq!(*ejected.lock().unwrap(), ["A02"]);
             }
@@ -197,9 +194,7 @@ impl Bench {
 
 /// The specimen of A02 must be taken out by the loader or the sampler. Then the run continues.
 fn goes_on_once_it_is_out(b: &mut Bench, outside: bool) {
-    let handling = b.d.run.as_ref().unwrap().handling();
-    let taken_out = if outside { handling.take_out() } else { handling.eject_first() };
-    assert_eq!(taken_out, Some("A02"), "a loader: {outside}");
+    assert_eq!(b.d.must_leave_first(), Some("A02"), "a loader: {outside}");
     b.goes_on();
     if outside {
         assert_eq!(b.needs(), out("A02"));
@@ -231,7 +226,7 @@ fn a_kept_specimen_that_is_out_ends_its_well_where_the_sampler_brings_none_twice
         assert!(b.works(), "{:?}", b.status().state);
         b.tell(Progress::Ready);
         b.phase("A03", Phase::Load, false);
-        assert_eq!((b.d.capillary().brought(), b.status().run.unwrap().wells.pending), (None, 1));
+        assert_eq!((b.d.specimens().continued_with(), b.status().run.unwrap().wells.pending), (None, 1));
         b.phase("A03", Phase::Position, true);
         b.done("A03");
         b.ends(RunEnd::AllWells).await;
@@ -278,7 +273,7 @@ fn what_a_rig_that_steps_through_a_list_could_not_see_is_brought_again_whatever_
             b.skips_interrupted();
             held(&mut b, dark()).await;
             assert_eq!(b.outcomes(), [SUCCEEDED, None], "a loader: {outside}");
-            assert_eq!((b.interruptions(), b.d.capillary().brought()), (vec![false], None), "a loader: {outside}");
+            assert_eq!((b.interruptions(), b.d.specimens().continued_with()), (vec![false], None), "a loader: {outside}");
             goes_on_once_it_is_out(&mut b, outside);
             if outside {
                 b.asks_for("A02");

@@ -52,8 +52,7 @@ fn a_specimen_that_could_not_be_taken_out_is_not_forgotten_with_its_numbers() {
             assert_eq!(outcome, Some(crate::api::SpecimenOutcome::Succeeded), "{wells:?}");
             assert!(status.specimen.is_some_and(|s| s.well == "A01" && s.in_capillary), "{wells:?}");
             assert!(!status.plate.removable && status.state == State::Held, "{:?}", status.state);
-            let handling = b.d.run.as_ref().unwrap().handling();
-            assert_eq!(handling.eject_first(), Some("A01"));
+            assert_eq!(b.d.must_leave_first(), Some("A01"));
             // It is also ejected if the run has no further well.
             let seq = status.faults[0].seq;
             requests::acknowledge(&mut b.d, seq).unwrap();
@@ -165,11 +164,11 @@ fn a_driven_sampler_that_was_asked_before_a_restart_is_asked_for_the_same_well_a
             drop(b);
             b = bench_of(dir.path(), driven());
             assert_eq!((b.status().run.unwrap().results[0].outcome, b.works()), (None, true));
-            assert_eq!((b.d.capillary().asked_before(), b.d.capillary().inside()), (Some("A01"), Some("A01")));
-            assert_eq!(b.d.run.as_ref().unwrap().handling().eject_first(), None, "it would be ejected, or the next one taken for it");
+            assert_eq!((b.d.specimens().unknown(), b.d.specimens().inside()), (Some("A01"), Some("A01")));
+            assert_eq!(b.d.must_leave_first(), None, "it would be ejected, or the next one taken for it");
         }
         b.phase("A01", Phase::Load, false);
-        assert_eq!((b.d.capillary().asked_before(), b.d.capillary().inside()), (None, None), "it is awaited");
+        assert_eq!((b.d.specimens().unknown(), b.d.specimens().inside()), (None, None), "it is awaited");
         b.phase("A01", Phase::Position, true);
         drop(b);
         let b = bench_of(dir.path(), driven());
@@ -421,8 +420,7 @@ fn a_start_after_thousands_of_views_knows_the_plate_the_run_and_what_stands() {
         let status = b.status();
         assert_eq!((status.plate.present, b.d.state().plate.inside()), (true, Some("P-1")));
         assert_eq!(status.faults.iter().map(|f| f.code.as_str()).collect::<Vec<_>>(), [fault_table::INTERNAL_ERROR.code]);
-        let handling = b.d.run.as_ref().unwrap().handling();
-        assert!(b.d.is_held_by_operator() && handling.take_out() == Some("A02"), "{:?}", handling.take_out());
+        assert!(b.d.is_held_by_operator() && b.status().plate.take_out.as_deref() == Some("A02"), "{:?}", b.status().plate);
         assert!(status.run.unwrap().eta_s.is_some(), "what A01 took is forgotten");
     });
 }

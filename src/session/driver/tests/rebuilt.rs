@@ -1,5 +1,5 @@
-//! What a start computes from the state of a run, and no event holds: the request, and which specimens are moved. It must be what the live
-//! run had.
+//! What a start computes from the state of a run, and no event holds: the request. It must be what the live run had. Which specimens are
+//! moved follows from the state.
 
 use super::super::run::Request;
 use super::super::*;
@@ -10,23 +10,13 @@ use carved_records::{EndRequest, RunOutcome, SpecimenOutcome};
 #[derive(Debug)]
 pub struct Before {
     request: Request,
-    /// Whether a worker has the instrument. It dies with the process, and leaves the specimen inside.
-    works: bool,
-    take_out: Option<String>,
-    eject_first: Option<String>,
 }
 
 impl Before {
     /// `None` without a run.
     pub fn of(b: &Bench) -> Option<Self> {
         let run = b.d.run.as_ref()?;
-        let handling = run.handling();
-        Some(Self {
-            request: run.request(),
-            works: run.works(),
-            take_out: handling.take_out().map(str::to_owned),
-            eject_first: handling.eject_first().map(str::to_owned),
-        })
+        Some(Self { request: run.request() })
     }
 
     /// Compares the live run with the one that a start has taken up. Everything was on disk.
@@ -43,12 +33,6 @@ impl Before {
             return;
         };
         assert_eq!(run.request(), request(asked), "{when}");
-        if !self.works && !run.works() {
-            let handling = run.handling();
-            for (before, after) in [(&self.take_out, handling.take_out()), (&self.eject_first, handling.eject_first())] {
-                assert!(before.is_none() || before.as_deref() == after, "{before:?} is not asked for any more: {handling:?}, {when}");
-            }
-        }
     }
 }
 
@@ -81,19 +65,12 @@ pub fn follows_from_the_state(b: &Bench, when: &str) {
     let known = b.d.state().run.as_ref().unwrap();
     assert_eq!(run.request(), request(known.end_request()), "{when}");
 
-    // A specimen that nobody brought for this run is in the way.
-    let (capillary, handling) = (b.d.capillary(), run.handling());
-    let goes_on_with = [capillary.brought(), capillary.asked_before()];
-    let in_the_way = capillary.inside().filter(|inside| !goes_on_with.contains(&Some(inside)));
-    let moved = if b.d.loader.fills_capillary() {
-        (in_the_way, None)
-    } else {
-        // A worker takes this request over.
-        (None, in_the_way.filter(|_| !run.works()))
-    };
-    assert_eq!((handling.take_out(), handling.eject_first()), moved, "{when}");
-    assert_eq!(handling.awaited(), None, "the worker has not asked for a specimen yet, {when}");
-    assert!(!run.works() || handling.take_out().is_none(), "it works over a specimen that is to be taken out, {when}");
+    // A worker begins only once the loader has taken out what must leave. A driven sampler ejects it first.
+    let must_leave = b.d.must_leave_first().is_some();
+    let take_out = b.status().plate.take_out;
+    assert!(!must_leave || !b.d.loader.fills_capillary() || !run.works(), "it works over a specimen that is to be taken out, {when}");
+    assert_eq!(take_out.is_some(), must_leave && b.d.loader.fills_capillary(), "{take_out:?}, {when}");
+    assert_eq!(b.status().plate.bring, None, "the worker has not asked for a specimen yet, {when}");
 
     // It waits for a person, or because its cause has come back too often.
     let needs_a_person = known.is_held_by_operator() || known.waits_for_operator() || b.d.nothing_stands_in_the_way().is_err();

@@ -360,7 +360,7 @@ fn check(sampling: Sampling, steps: &[Step]) {
             let open: Vec<u64> = b.d.state().faults.open().iter().map(|fault| fault.seq).collect();
             assert_eq!(status.faults.iter().map(|fault| fault.seq).collect::<Vec<_>>(), open, "{when}");
             let inside = status.specimen.filter(|s| s.in_capillary).map(|s| s.well);
-            assert!(inside.is_none() || inside.as_deref() == b.d.capillary().inside(), "{when}");
+            assert!(inside.is_none() || inside.as_deref() == b.d.specimens().inside(), "{when}");
             let plate = b.d.state().plate.inside();
             let handed_over = b.d.state().plate.handed_over().is_some();
             assert_eq!((status.plate.present, status.plate.barcode.as_deref()), (handed_over, plate), "{when}");

@@ -76,9 +76,9 @@ async fn instrument_works(b: &mut Bench, at: &mut At) {
         return;
     }
     let by_loader = b.d.loader.fills_capillary();
-    let brought = b.d.capillary().brought().map(str::to_owned);
+    let brought = b.d.specimens().continued_with().map(str::to_owned);
     let Some((well, stage)) = at.as_mut() else {
-        if let Some(left) = b.d.capillary().in_the_way().filter(|_| !by_loader).map(str::to_owned) {
+        if let Some(left) = b.d.must_leave_first().filter(|_| !by_loader).map(str::to_owned) {
             b.phase(&left, Phase::Eject, true);
             b.phase(&left, Phase::Wash, false);
             return;
