@@ -74,6 +74,7 @@ described! {
         Interrupted = "The work on it is interrupted. It is begun again, or its well ends.",
         NumbersFollow = "It was accepted before an interruption. Its numbers are computed from its frames.",
         Held = "The run is held. No worker waits for a specimen.",
+        Ended = "The run has ended.",
         SamplerFailed = "The sampler fails: no specimen came in time, or one that nobody asked for.",
         RestartedWithLoader = "The daemon was restarted. A loader fills the capillary.",
         RestartedWithSampler = "The daemon was restarted. A driven sampler fills the capillary.",
@@ -110,9 +111,9 @@ pub const TRANSITIONS: &[(SpecimenState, &[(SpecimenEvent, SpecimenState)])] = &
             (On::EjectBegun, S::Leaving),
             (On::Out, S::Released),
             (On::ReportedOut, S::Gone),
-            (On::Done, S::Coming),
             (On::Interrupted, S::Coming),
             (On::Held, S::Coming),
+            (On::Ended, S::Coming),
             (On::SamplerFailed, S::Late),
             (On::RestartedWithLoader, S::Absent),
             (On::RestartedWithSampler, S::Unknown),
@@ -125,11 +126,10 @@ pub const TRANSITIONS: &[(SpecimenState, &[(SpecimenEvent, SpecimenState)])] = &
             (On::ReportedIn, S::Untouched),
             (On::WorkBegun, S::WorkedOn),
             (On::EjectBegun, S::Leaving),
-            (On::Done, S::Asked),
             (On::Interrupted, S::Asked),
             (On::Held, S::Asked),
+            (On::Ended, S::Asked),
             (On::RestartedWithLoader, S::Asked),
-            (On::RestartedWithSampler, S::Asked),
         ],
     ),
     (
@@ -153,7 +153,6 @@ pub const TRANSITIONS: &[(SpecimenState, &[(SpecimenEvent, SpecimenState)])] = &
             (On::AnotherCameIn, S::Late),
             (On::WorkBegun, S::WorkedOn),
             (On::EjectBegun, S::Left),
-            (On::Out, S::Gone),
             (On::ReportedOut, S::Gone),
             (On::SamplerFailed, S::Late),
             (On::RestartedWithLoader, S::Absent),
@@ -168,7 +167,6 @@ pub const TRANSITIONS: &[(SpecimenState, &[(SpecimenEvent, SpecimenState)])] = &
             (On::ReportedIn, S::Kept),
             (On::WorkBegun, S::WorkedOn),
             (On::EjectBegun, S::Left),
-            (On::Out, S::Gone),
             (On::ReportedOut, S::Gone),
         ],
     ),
@@ -181,7 +179,6 @@ pub const TRANSITIONS: &[(SpecimenState, &[(SpecimenEvent, SpecimenState)])] = &
             (On::AnotherCameIn, S::Late),
             (On::WorkBegun, S::WorkedOn),
             (On::EjectBegun, S::Left),
-            (On::Out, S::Gone),
             (On::ReportedOut, S::Gone),
             (On::RestartedWithLoader, S::Left),
         ],
@@ -193,13 +190,9 @@ pub const TRANSITIONS: &[(SpecimenState, &[(SpecimenEvent, SpecimenState)])] = &
             (On::AnotherCameIn, S::Gone),
             (On::WorkBegun, S::WorkedOn),
             (On::EjectBegun, S::Leaving),
-            (On::Out, S::Released),
             (On::ReportedOut, S::Gone),
-            (On::Done, S::Measured),
-            (On::StaysInside, S::Kept),
-            (On::Interrupted, S::Left),
-            (On::NumbersFollow, S::Left),
             (On::Held, S::Kept),
+            (On::Ended, S::Kept),
             (On::RestartedWithLoader, S::Kept),
             (On::RestartedWithSampler, S::Kept),
         ],
@@ -211,10 +204,7 @@ pub const TRANSITIONS: &[(SpecimenState, &[(SpecimenEvent, SpecimenState)])] = &
             (On::AnotherCameIn, S::Gone),
             (On::WorkBegun, S::WorkedOn),
             (On::EjectBegun, S::Left),
-            (On::Out, S::Gone),
             (On::ReportedOut, S::Gone),
-            (On::Done, S::Measured),
-            (On::NumbersFollow, S::Left),
         ],
     ),
     (
@@ -229,6 +219,7 @@ pub const TRANSITIONS: &[(SpecimenState, &[(SpecimenEvent, SpecimenState)])] = &
             (On::StaysInside, S::Kept),
             (On::Interrupted, S::Left),
             (On::NumbersFollow, S::Left),
+            (On::Ended, S::Left),
         ],
     ),
     (
@@ -243,6 +234,7 @@ pub const TRANSITIONS: &[(SpecimenState, &[(SpecimenEvent, SpecimenState)])] = &
             (On::StaysInside, S::Kept),
             (On::Interrupted, S::Left),
             (On::NumbersFollow, S::Left),
+            (On::Ended, S::Left),
         ],
     ),
     (
@@ -279,6 +271,7 @@ pub const TRANSITIONS: &[(SpecimenState, &[(SpecimenEvent, SpecimenState)])] = &
             (On::EjectBegun, S::Leaving),
             (On::Done, S::Gone),
             (On::Interrupted, S::Gone),
+            (On::Ended, S::Gone),
         ],
     ),
     (
@@ -330,6 +323,11 @@ impl SpecimenState {
     /// Whether a worker may begin to work on it: it was loaded for its well, or the run continues with it.
     pub fn may_be_worked_on(self) -> bool {
         matches!(self, Self::Loading | Self::Awaited | Self::Untouched | Self::Kept | Self::WorkedOn)
+    }
+
+    /// Whether a driven sampler may bring it, or has brought it, and nobody knows.
+    pub fn may_come(self) -> bool {
+        matches!(self, Self::Coming | Self::Late | Self::Unknown)
     }
 
     /// Whether it shows that the specimen has been in the capillary during this run.

@@ -196,13 +196,13 @@ impl Specimens {
         if self.inside() == Some(well) {
             return if is_used { Err(NotNow::Unexpected) } else { Ok(Report::News { in_place_of: None }) };
         }
-        // A repeated report, or a specimen that another one has replaced.
-        if specimen.has_come() {
-            return Ok(Report::Known);
-        }
         // It came late or unasked. While the sampler is asked for one, the next that comes would be taken for this one. A loader reports
         // what it brings.
         let may_have_come = loaded_by == LoadedBy::Sampler && work != Work::InProgress && is_planned;
+        // A repeated report, or a specimen that another one has replaced. A sampler may have brought it once more meanwhile.
+        if specimen.has_come() && !(may_have_come && specimen.state().may_come()) {
+            return Ok(Report::Known);
+        }
         if may_have_come { Ok(Report::News { in_place_of: None }) } else { Err(NotNow::Unexpected) }
     }
 
@@ -210,6 +210,7 @@ impl Specimens {
     pub(super) fn apply(&mut self, event: &EventBody) {
         let of_well = match &event.data {
             EventData::RunHeld(_) => return self.happens_to_all(SpecimenEvent::Held),
+            EventData::RunEnded(_) => return self.happens_to_all(SpecimenEvent::Ended),
             EventData::FaultRaised(fault) if fault.code == fault_table::SAMPLER_FAILED.code => {
                 return self.happens_to_all(SpecimenEvent::SamplerFailed);
             }

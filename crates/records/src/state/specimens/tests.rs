@@ -59,8 +59,9 @@ struct World {
     filling: Filling,
     believed: Specimens,
     run: Run,
-    /// The wells with an outcome.
+    /// The wells with an outcome, and those of which only the numbers may be missing.
     done: [bool; 2],
+    accepted: [bool; 2],
     /// What a worker was given when it began: what it ejects first, what it continues with, what was asked for before a restart.
     given: [Option<usize>; 3],
     /// The truth: the larva in the capillary, those on the plate, and the one that the sampler is about to bring.
@@ -85,6 +86,7 @@ impl World {
             believed: Specimens::none(),
             run,
             done: [false; 2],
+            accepted: [false; 2],
             given: [None; 3],
             inside: None,
             on_plate: [true; 2],
@@ -131,10 +133,11 @@ impl World {
         self
     }
 
-    /// The worker ends. As `course::interrupt_specimens` and `rest`.
+    /// The worker ends. As `course::interrupt_specimens`.
     fn interrupted(mut self, fate: Fate) -> Self {
         let worked_on: Vec<(usize, Specimen)> = self.believed.worked_on().map(|(well, found)| (place(well), found)).collect();
-        for (well, specimen) in worked_on {
+        let accepted = self.accepted;
+        for (well, specimen) in worked_on.into_iter().filter(|(well, _)| !accepted[*well]) {
             if fate == Fate::Stays && specimen.state().is_inside() {
                 self.happens(well, On::StaysInside);
             } else {
@@ -142,23 +145,42 @@ impl World {
                 self.happens(well, On::Interrupted);
             }
         }
-        self.believed.happens_to_all(On::Held);
         (self.run, self.given) = (Run::Paused, [None; 3]);
+        self
+    }
+
+    /// The run is held, once the worker has ended. As `course::rest`.
+    fn held(self, fate: Fate) -> Self {
+        let mut held = self.interrupted(fate);
+        held.believed.happens_to_all(On::Held);
+        held
+    }
+
+    /// After the last well, or as a stop or an abort has it.
+    fn over(mut self) -> Self {
+        self.believed.happens_to_all(On::Ended);
+        (self.run, self.given) = (Run::Over, [None; 3]);
         self
     }
 
     fn sampler_failed(mut self) -> Self {
         self.believed.happens_to_all(On::SamplerFailed);
-        self.interrupted(Fate::PoseLost)
+        let is_late = self.believed.iter().all(|(_, found)| !matches!(found.state(), SpecimenState::Loading | SpecimenState::Coming));
+        assert!(is_late, "what comes now belongs to no well: {self:#?}");
+        self.held(Fate::PoseLost)
     }
 
     fn restarted(mut self) -> Self {
+        // A run that has ended is shown again as it was.
+        if self.run == Run::Over {
+            return self;
+        }
         self.believed.happens_to_all(if self.is_driven() { On::RestartedWithSampler } else { On::RestartedWithLoader });
         (self.arrival_counts, self.visitor_left) = (false, false);
-        let was_over = self.run == Run::Over;
-        let mut restarted = self.interrupted(Fate::PoseLost);
-        if was_over {
-            restarted.run = Run::Over;
+        let restarted = self.interrupted(Fate::PoseLost);
+        // A start asks the sampler again for what it was asked for. What is inside and not gone on with leaves first.
+        for (_, found) in restarted.believed.iter() {
+            assert!(!matches!(found.state(), SpecimenState::Coming | SpecimenState::Measured), "{restarted:#?}");
         }
         restarted
     }
@@ -174,11 +196,12 @@ impl World {
                     self.arrival_counts = true;
                     return Some(self);
                 }
-                let kept = self.given[1].take().filter(|kept| !self.done[*kept]);
-                let Some(well) = kept.or_else(|| self.done.iter().position(|done| !done)) else {
-                    self.run = Run::Over;
-                    return Some(self);
+                let is_open = |well: &usize| !self.done[*well] && !self.accepted[*well];
+                let kept = self.given[1].filter(is_open);
+                let Some(well) = kept.or_else(|| (0..2).find(is_open)) else {
+                    return self.done.iter().all(|done| *done).then(|| self.over());
                 };
+                self.given[1] = None;
                 self.happens(well, On::LoadBegun);
                 self.run = Run::Works(Worker::Loading(well));
                 if !self.is_driven() {
@@ -216,6 +239,7 @@ impl World {
                 Some(self)
             }
             Worker::Working(well) => {
+                self.accepted[well] = true;
                 self.happens(well, On::EjectBegun);
                 self.run = Run::Works(Worker::Ejecting(well));
                 Some(self)
@@ -226,8 +250,6 @@ impl World {
                     self.happens(well, On::Out);
                     self.arrival_counts = true;
                 }
-                self.happens(well, On::Done);
-                self.done[well] = true;
                 self.run = Run::Works(Worker::Between);
                 Some(self)
             }
@@ -258,11 +280,8 @@ impl World {
         let (Message::In(well) | Message::Out(well)) = message;
         let situation = self.situation();
         let is_in = matches!(message, Message::In(_));
-        let report = if is_in {
-            self.believed.report_in(WELLS[well], situation)
-        } else {
-            self.believed.report_out(WELLS[well], true, situation)
-        };
+        let report =
+            if is_in { self.believed.report_in(WELLS[well], situation) } else { self.believed.report_out(WELLS[well], true, situation) };
         match report {
             Ok(Report::News { .. }) => self.happens(well, if is_in { On::ReportedIn } else { On::ReportedOut }),
             Ok(Report::Known) => {}
@@ -285,11 +304,17 @@ impl World {
         match self.believed.report_out(WELLS[well], true, self.situation()) {
             Ok(Report::News { .. }) => {
                 self.happens(well, On::ReportedOut);
-                self.done[well] |= !self.situation().brings_again;
+                // As `course::taken_for_good`.
+                if self.run != Run::Over && !self.accepted[well] && !self.situation().brings_again {
+                    self.done[well] = true;
+                    self.happens(well, On::Interrupted);
+                }
             }
             Ok(Report::Known) => {}
             Err(refused) => panic!("a person's report is refused: {refused:?} {self:#?}"),
         }
+        let state = self.believed.of(WELLS[well]).state();
+        assert!(state == SpecimenState::Gone || state == SpecimenState::Released && self.accepted[well], "{state:?} is not out: {self:#?}");
         Some(self)
     }
 
@@ -299,43 +324,83 @@ impl World {
         Some(self)
     }
 
-    fn unheld(self) -> Option<Self> {
+    /// The numbers of an accepted specimen are there. It has left, or the loader takes it out.
+    fn measured(mut self) -> Option<Self> {
+        let at_eject = |well: usize| self.run == Run::Works(Worker::Ejecting(well));
+        let well = (0..2).find(|well| self.accepted[*well] && !self.done[*well] && !at_eject(*well))?;
+        self.happens(well, On::Done);
+        self.done[well] = true;
+        Some(self)
+    }
+
+    /// As `course::proceed`.
+    fn unheld(mut self) -> Option<Self> {
+        if self.run != Run::Paused {
+            return None;
+        }
+        for well in (0..2).filter(|well| self.accepted[*well] && !self.done[*well]).collect::<Vec<_>>() {
+            self.happens(well, On::NumbersFollow);
+        }
         let must_leave = self.believed.must_leave_first(LoadedBy::Loader).is_some() && !self.is_driven();
-        (self.run == Run::Paused && !must_leave).then(|| self.launched())
+        Some(if must_leave { self } else { self.launched() })
     }
 
     /// Everything that can happen next.
     fn next(&self) -> Vec<Self> {
         let mut next = vec![self.clone().restarted()];
+        next.push(self.clone().over());
         next.extend([self.clone().arrived(), self.clone().loader_moved(), self.clone().told()].into_iter().flatten());
-        next.extend([self.clone().emptied_by_hand(), self.clone().unheld()].into_iter().flatten());
+        next.extend([self.clone().emptied_by_hand(), self.clone().unheld(), self.clone().measured()].into_iter().flatten());
         match self.run {
             Run::Works(at) => {
                 next.extend(self.clone().worked(at));
                 for fate in [Fate::PoseLost, Fate::Stays] {
                     let mut cut_short = self.clone();
                     cut_short.arrival_counts |= matches!(at, Worker::Loading(_));
-                    next.push(cut_short.interrupted(fate));
+                    next.push(cut_short.held(fate));
                 }
                 // No specimen in time, or one that does not leave.
                 let stuck = matches!(at, Worker::Ejecting(_)) || at == Worker::Between && self.given[0].is_some();
                 if self.is_driven() && (stuck || matches!(at, Worker::Loading(_)) && self.inside.is_none()) {
                     next.push(self.clone().sampler_failed());
                 }
-                next.push(Self { run: Run::Over, given: [None; 3], ..self.clone().interrupted(Fate::PoseLost) });
             }
-            Run::Paused => next.push(Self { run: Run::Over, ..self.clone() }),
-            Run::Over => {}
+            Run::Paused | Run::Over => {}
         }
         next
     }
 
+    /// What the states say is true.
     fn check(&self) {
-        let inside: Vec<&str> = self.believed.iter().filter(|(_, found)| found.state().is_inside()).map(|(well, _)| well).collect();
-        assert!(inside.len() <= 1, "two specimens: {self:#?}");
-        // What a driven sampler brings late, its sensor shows. A loader tells.
-        let may_be_unknown = self.is_driven() || !self.messages.is_empty();
-        assert!(may_be_unknown || self.inside.map(|larva| WELLS[larva]) == self.believed.inside(), "another one is inside: {self:#?}");
+        use SpecimenState::{
+            Absent, Asked, Awaited, Coming, Gone, Late, Leaving, Loading, Measured, Released, Unknown, Untouched, WorkedOn,
+        };
+        let state = |well: usize| self.believed.of(WELLS[well]).state();
+        let inside = (0..2).filter(|well| state(*well).is_inside()).count();
+        assert!(inside <= 1, "two specimens: {self:#?}");
+        for well in 0..2 {
+            let (state, is_told) = (state(well), self.messages.is_empty());
+            let claims = match state {
+                Loading | Coming | Late | Unknown => self.is_driven() || self.inside != Some(well),
+                Absent | Asked | Awaited | Released | Gone => !is_told || self.inside != Some(well) && self.coming != Some(well),
+                _ => !is_told || self.inside == Some(well),
+            };
+            assert!(claims, "{} is not {state:?}: {self:#?}", WELLS[well]);
+            let is_awaited = matches!(state, Loading | Awaited | Untouched);
+            assert!(!is_awaited || matches!(self.run, Run::Works(_)), "no worker is about to begin with {state:?}: {self:#?}");
+            assert!(state != Measured || self.done[well], "its well is not done: {self:#?}");
+            assert!(!self.done[well] || !state.is_begun(), "its well is done: {self:#?}");
+            let is_as_the_worker_is = match self.run {
+                Run::Works(Worker::Loading(at)) if at == well => is_awaited,
+                Run::Works(Worker::Working(at)) if at == well => state == WorkedOn,
+                Run::Works(Worker::Ejecting(at)) if at == well => matches!(state, Leaving | Released),
+                // The specimen of a well that only lacks its numbers.
+                Run::Paused => !matches!(state, WorkedOn | Leaving | Released) || self.accepted[well],
+                Run::Works(_) => state != WorkedOn && (state != Leaving || self.accepted[well]),
+                Run::Over => !state.is_begun(),
+            };
+            assert!(is_as_the_worker_is, "{state:?} is not what is done: {self:#?}");
+        }
         let requests = self.believed.requests(self.situation());
         let is_named = self.run != Run::Over || requests.take_out == self.believed.inside();
         assert!(is_named, "nobody is told to take out what keeps the plate: {self:#?}");
@@ -348,7 +413,7 @@ impl World {
         }
         match self.run {
             Run::Works(at) => {
-                let worked = self.clone().worked(at).or_else(|| self.clone().arrived());
+                let worked = self.clone().worked(at).or_else(|| self.clone().arrived()).or_else(|| self.clone().measured());
                 Some(worked.unwrap_or_else(|| self.sampler_failed()))
             }
             Run::Paused if self.is_driven() => {
