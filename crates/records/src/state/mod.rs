@@ -55,7 +55,7 @@ impl InstrumentState {
         self.faults.apply(&event.data);
         self.paces.apply(event);
         match (&event.data, &event.run) {
-            (EventData::RunAccepted(accepted), Some(id)) => self.run = Some(RunState::accepted(id, accepted.left_in_capillary.clone())),
+            (EventData::RunAccepted(accepted), Some(id)) => self.run = Some(RunState::accepted(id, accepted.left_in_capillary.as_deref())),
             (_, Some(id)) => self.run.iter_mut().filter(|run| run.id() == id).for_each(|run| run.apply(event)),
             // If the run was removed from the disk, the loader's message has no run, but it is still valid.
             (EventData::WellLoaded(_) | EventData::WellUnloaded, None) => self.run.iter_mut().for_each(|run| run.apply(event)),

@@ -63,8 +63,8 @@ impl RunState {
     }
 
     /// A run that was just accepted. `left`: the well of an earlier run whose specimen is still in the capillary.
-    pub(super) fn accepted(id: &str, left: Option<String>) -> Self {
-        Self { specimens: Specimens::of_new_run(left.as_deref()), ..Self::new(id) }
+    pub(super) fn accepted(id: &str, left: Option<&str>) -> Self {
+        Self { specimens: Specimens::of_new_run(left), ..Self::new(id) }
     }
 
     /// Name of the run.

@@ -297,10 +297,10 @@ impl World {
         let larva = self.inside.filter(|_| self.is_driven() && !matches!(self.run, Run::Works(_)))?;
         self.empty();
         self.visitor_left = true;
-        self.reported_out_by_hand(larva)
+        Some(self.reported_out_by_hand(larva))
     }
 
-    fn reported_out_by_hand(mut self, well: usize) -> Option<Self> {
+    fn reported_out_by_hand(mut self, well: usize) -> Self {
         match self.believed.report_out(WELLS[well], true, self.situation()) {
             Ok(Report::News { .. }) => {
                 self.happens(well, On::ReportedOut);
@@ -315,7 +315,7 @@ impl World {
         }
         let state = self.believed.of(WELLS[well]).state();
         assert!(state == SpecimenState::Gone || state == SpecimenState::Released && self.accepted[well], "{state:?} is not out: {self:#?}");
-        Some(self)
+        self
     }
 
     fn arrived(mut self) -> Option<Self> {
@@ -378,14 +378,14 @@ impl World {
         let state = |well: usize| self.believed.of(WELLS[well]).state();
         let inside = (0..2).filter(|well| state(*well).is_inside()).count();
         assert!(inside <= 1, "two specimens: {self:#?}");
-        for well in 0..2 {
+        for (well, name) in WELLS.iter().enumerate() {
             let (state, is_told) = (state(well), self.messages.is_empty());
             let claims = match state {
                 Loading | Coming | Late | Unknown => self.is_driven() || self.inside != Some(well),
                 Absent | Asked | Awaited | Released | Gone => !is_told || self.inside != Some(well) && self.coming != Some(well),
                 _ => !is_told || self.inside == Some(well),
             };
-            assert!(claims, "{} is not {state:?}: {self:#?}", WELLS[well]);
+            assert!(claims, "{name} is not {state:?}: {self:#?}");
             let is_awaited = matches!(state, Loading | Awaited | Untouched);
             assert!(!is_awaited || matches!(self.run, Run::Works(_)), "no worker is about to begin with {state:?}: {self:#?}");
             assert!(state != Measured || self.done[well], "its well is not done: {self:#?}");
@@ -422,7 +422,7 @@ impl World {
                     // The fault says that nobody asked for it, or that it came late.
                     (Some(larva), _) if self.believed.inside() != Some(WELLS[larva]) => self.emptied_by_hand(),
                     (None, Some(late)) if self.coming.is_none() => {
-                        let mut given_up = self.reported_out_by_hand(late)?;
+                        let mut given_up = self.reported_out_by_hand(late);
                         // Where it can be brought again, the person puts another larva into its well.
                         given_up.on_plate[late] |= given_up.filling == Filling::ByWell;
                         given_up.unheld()
@@ -433,7 +433,7 @@ impl World {
             Run::Paused => self.unheld(),
             Run::Over => {
                 let out = self.believed.requests(self.situation()).take_out.map(place)?;
-                if self.inside.is_some() { self.emptied_by_hand() } else { self.reported_out_by_hand(out) }
+                if self.inside.is_some() { self.emptied_by_hand() } else { Some(self.reported_out_by_hand(out)) }
             }
         }
     }
