@@ -309,7 +309,7 @@ impl SessionHandle {
     }
 }
 
-/// The driver's end: it writes everything that the handle reads.
+/// The driver's end: it writes everything that the handle reads. It has no way to read the status, which is output only.
 pub struct Publisher {
     status: watch::Sender<Arc<Status>>,
     live: Arc<Mutex<Live>>,
@@ -348,8 +348,22 @@ impl Publisher {
         }
     }
 
-    pub fn status(&self) -> Arc<Status> {
-        self.status.borrow().clone()
+    /// Publishes `change`, and `derive` after it, as one new revision, unless `change` changes nothing.
+    pub fn publish_news(&self, change: impl FnOnce(&mut Status), derive: impl FnOnce(&mut Status)) {
+        let is_news = self.status.send_if_modified(|current| {
+            let mut next = Status::clone(current);
+            change(&mut next);
+            if next == **current {
+                return false;
+            }
+            derive(&mut next);
+            next.revision += 1;
+            *current = Arc::new(next);
+            true
+        });
+        if let Some(notices) = self.notices.as_ref().filter(|_| is_news) {
+            notices.see(&self.status.borrow());
+        }
     }
 
     pub fn set_live(&self, change: impl FnOnce(&mut Live)) {

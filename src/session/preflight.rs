@@ -2,23 +2,26 @@
 //!
 //! ```text
 //! blocking thread: look ──► check the axis, take and judge one frame ──► DeviceReport
-//! driver: checks(plan, DeviceReport, status, disk) ──► [code, passed, blocks, detail, what to do]
+//! driver: checks(plan, DeviceReport, Known) ──► [code, passed, blocks, detail, what to do]
 //! ```
 
 use super::worker::Instrument;
-use super::{Check, Status, gate};
+use super::{Check, gate};
+use crate::api::NoticesStatus;
 use crate::config::Config;
-use carved_devices::DeviceError;
 use carved_devices::acquisition::grab;
 use carved_devices::cancel::CancelToken;
 use carved_devices::outputs::{self, OutputUse};
-use carved_records::{BeadGate, GateStatus, Light, Method, Mode, PlannedWell, RunPlan, SpecimenKind};
+use carved_devices::{DeviceError, Position};
+use carved_records::{BeadGate, Fault, GateStatus, Light, Method, Mode, PlannedWell, RunPlan, SpecimenKind};
 use carved_store::{Budget, bytes_per_specimen, size};
 use std::time::Duration;
 
 /// The state of the devices.
 pub struct DeviceReport {
     axis: Result<(), DeviceError>,
+    /// The axis has found its reference.
+    is_referenced: bool,
     /// `None` if the pictures need no output.
     outputs: Option<Result<(), DeviceError>>,
     /// `None` if another program takes the pictures.
@@ -36,8 +39,9 @@ impl DeviceReport {
 pub fn look(mut instrument: Instrument, deadline: Duration, cancel: &CancelToken) -> (Instrument, DeviceReport) {
     let rig = &mut instrument.rig;
     let axis = rig.rotation.check();
+    let is_referenced = matches!(rig.rotation.position(), Position::Referenced { .. });
     if rig.rotation.capabilities().outside {
-        return (instrument, DeviceReport { axis, outputs: None, light: Ok(None) });
+        return (instrument, DeviceReport { axis, is_referenced, outputs: None, light: Ok(None) });
     }
     let for_views = |outputs: &mut dyn outputs::Outputs| outputs.statuses().iter().any(|output| output.on == OutputUse::Views);
     let switches = rig.rotation.outputs().is_some_and(for_views);
@@ -50,7 +54,7 @@ pub fn look(mut instrument: Instrument, deadline: Duration, cancel: &CancelToken
         tracing::warn!(%error, "the camera did not disarm");
     }
     outputs::views_off(rig.rotation.as_mut());
-    (instrument, DeviceReport { axis, outputs, light })
+    (instrument, DeviceReport { axis, is_referenced, outputs, light })
 }
 
 /// Background level (0 to 255) below which the sensor noise hides a profile.
@@ -94,7 +98,10 @@ pub fn light(seen: &Light) -> Result<String, (String, &'static str)> {
 
 /// The state that is known without asking the devices.
 pub struct Known<'a> {
-    pub status: &'a Status,
+    /// The open faults.
+    pub faults: &'a [Fault],
+    /// `None` if the configuration names no receiver of notices.
+    pub notices: Option<NoticesStatus>,
     pub mode: Mode,
     /// The rig's newest bead gate.
     pub gate: Option<&'a GateStatus>,
@@ -107,14 +114,14 @@ pub struct Known<'a> {
 }
 
 /// The checks of the devices.
-fn devices(seen: &DeviceReport, is_referenced: bool) -> Vec<Check> {
+fn devices(seen: &DeviceReport) -> Vec<Check> {
     let device = |e: &DeviceError, what_to_do: &'static str| (e.to_string(), what_to_do);
     let mut checks = vec![
         check(
             "rotation",
             true,
             match &seen.axis {
-                Ok(()) if is_referenced => Ok("the axis answers and is referenced".into()),
+                Ok(()) if seen.is_referenced => Ok("the axis answers and is referenced".into()),
                 Ok(()) => Ok("the axis answers; its reference is found with the first specimen".into()),
                 Err(e) => Err(device(e, "check the controller's power and cable, and its alarm")),
             },
@@ -139,9 +146,8 @@ fn devices(seen: &DeviceReport, is_referenced: bool) -> Vec<Check> {
 
 /// All checks of this plan, passed or failed.
 pub fn checks(config: &Config, plan: &RunPlan, seen: &DeviceReport, known: &Known) -> Vec<Check> {
-    let status = known.status;
-    let mut checks = devices(seen, status.hardware.rotation.referenced);
-    let stands: Vec<String> = status.faults.iter().filter(|f| f.operator_required).map(|f| f.plainly().to_owned()).collect();
+    let mut checks = devices(seen);
+    let stands: Vec<String> = known.faults.iter().filter(|f| f.operator_required).map(|f| f.plainly().to_owned()).collect();
     checks.push(check(
         "faults",
         true,
@@ -201,7 +207,7 @@ pub fn checks(config: &Config, plan: &RunPlan, seen: &DeviceReport, known: &Know
             check("disk_budget", true, refused.map_err(|why| (why, "archive runs and prune them, or raise [store] budget_gb")))
         }));
     }
-    checks.extend(status.notices.as_ref().map(|notices| {
+    checks.extend(known.notices.as_ref().map(|notices| {
         let found = notices.trouble.clone().map_or_else(|| Ok(format!("nothing is known to be wrong with {}", notices.receiver)), Err);
         check("notices", false, found.map_err(|why| (why, "nobody is told if the run is held: see to the receiver, or watch the run")))
     }));
@@ -233,13 +239,17 @@ mod tests {
     fn beads_need_no_gate_of_beads() {
         let mut config = Config::parse(include_str!("../../config/simulated.toml"), std::path::Path::new("simulated.toml")).unwrap();
         config.methods.get_mut("standard").unwrap().policy.bead_gate = BeadGate::Refuse;
-        let status = &crate::session::driver::Driver::first_status(Mode::Hardware, "b".into());
         let calibration = |specimen| {
             let plan = RunPlan::new("P-1", "standard", "kim", vec![PlannedWell::new("A01", specimen, None)]);
-            let seen =
-                DeviceReport { axis: Ok(()), outputs: None, light: Ok(Some(Light { background: 200.0, saturated: 0.0, focus: 1.0 })) };
+            let seen = DeviceReport {
+                axis: Ok(()),
+                is_referenced: false,
+                outputs: None,
+                light: Ok(Some(Light { background: 200.0, saturated: 0.0, focus: 1.0 })),
+            };
             let known = Known {
-                status,
+                faults: &[],
+                notices: None,
                 mode: Mode::Hardware,
                 gate: None,
                 plate_handed_over: None,

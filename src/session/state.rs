@@ -59,6 +59,28 @@ pub const STOPPABLE: [State; 8] = [
     State::Held,
 ];
 
+/// The state of the instrument. Transitions of the table change it, and a start restores it.
+#[derive(Debug)]
+pub struct Machine(State);
+
+impl Default for Machine {
+    fn default() -> Self {
+        Self(State::Idle)
+    }
+}
+
+impl Machine {
+    /// The state now.
+    pub fn state(&self) -> State {
+        self.0
+    }
+
+    /// Enters a state on the way of a transition, or the one in which the newest run has ended before a restart.
+    pub fn enter(&mut self, state: State) {
+        self.0 = state;
+    }
+}
+
 /// Whether a run is in progress or held in this state.
 #[cfg(test)]
 fn runs(state: State) -> bool {

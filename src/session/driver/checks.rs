@@ -83,7 +83,8 @@ pub(super) fn task_done(d: &mut DriverState, done: Done) {
             }
             let store = d.outbox.store();
             let known = preflight::Known {
-                status: &d.publisher.status(),
+                faults: d.state().faults.open(),
+                notices: d.notices(),
                 mode: d.mode,
                 gate: d.calibration.as_ref().and_then(|c| c.gate.as_ref()),
                 plate_handed_over: d.state().plate.handed_over(),
@@ -106,8 +107,8 @@ pub(super) fn searched(d: &mut DriverState, found: DevicesFound) {
     for finding in findings(found) {
         find(d, finding);
     }
-    if !outputs.is_empty() && outputs != d.publisher.status().hardware.outputs {
-        d.publish(|s| s.hardware.outputs = outputs);
+    if !outputs.is_empty() {
+        d.publish_news(|s| s.hardware.outputs = outputs);
     }
     let seen = d.devices.at_rest().and_then(|instrument| instrument.sampler.sees_specimen());
     read_wire(d, seen);
@@ -156,8 +157,8 @@ fn find_again(d: &mut DriverState, device: Device) {
         d.fault_over(|fault| device.is_all_of(fault), device.is_back(), connected);
     }
     // A controller that was held when the port was opened sends its version only once it is free.
-    if device == Device::Rotation && d.publisher.status().hardware.rotation.identity.as_deref() != Some(&identity) {
-        d.publish(connected);
+    if device == Device::Rotation {
+        d.publish_news(connected);
     }
 }
 

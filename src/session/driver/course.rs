@@ -201,7 +201,7 @@ pub(super) fn go_on_if_it_may(d: &mut DriverState) {
     // A fault may have been raised since the run was allowed to continue.
     let known = d.state().run.as_ref();
     let may = d.run.as_ref().is_some_and(|run| run.may_go_on() && resume::is_automatic(run, known)) && !d.is_held_by_operator();
-    if !may || d.publisher.status().state != State::Held {
+    if !may || d.machine() != State::Held {
         return;
     }
     match unhold(d, ResumedBy::Instrument) {
@@ -314,14 +314,14 @@ pub(super) fn taken_for_good(d: &mut DriverState, run: Option<&str>, well: &str)
 
 /// Holds a run that waits for the loader without a worker, under a fault that was just raised.
 pub(super) fn hold_under_fault(d: &mut DriverState) {
-    if d.has_idle_run() && d.publisher.status().state == State::Suspended {
+    if d.has_idle_run() && d.machine() == State::Suspended {
         rest(d, true);
     }
 }
 
 /// Goes to Held from any state of a run. The worker has returned the instrument.
 fn rest(d: &mut DriverState, by_fault: bool) {
-    let state = d.publisher.status().state;
+    let state = d.machine();
     if state == State::Stopping {
         // A requested end comes first.
         return end_run(d);

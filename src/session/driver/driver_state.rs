@@ -2,9 +2,9 @@
 //! is published. Nothing here decides what a run does next.
 
 use super::super::handle::{Publisher, Refusal};
-use super::super::state::{self, HOLDABLE, Trigger};
+use super::super::state::{self, HOLDABLE, Machine, Trigger};
 use super::super::worker::RunError;
-use super::super::{Status, fault, gate};
+use super::super::{State, Status, fault, gate};
 use super::devices::Devices;
 use super::loader::Loader;
 use super::outbox::Outbox;
@@ -14,6 +14,7 @@ use super::run::{Request, RunInProgress};
 use super::sealing::seal_run;
 use super::snapshot::{self, Parts, run_status, show_left};
 use super::{Departure, Driver, Life, faults};
+use crate::api::NoticesStatus;
 use crate::config::Config;
 use crate::notify::Notices;
 use carved_devices::cancel::CancelToken;
@@ -43,6 +44,9 @@ pub(super) struct DriverState {
     /// The newest run once it has ended, or is left to the next start.
     past_run: Option<RunRecord>,
     pub(super) life: Life,
+    machine: Machine,
+    /// What keeps the index from being written, as of the last heartbeat.
+    index_trouble: Option<String>,
 }
 
 impl DriverState {
@@ -69,6 +73,8 @@ impl DriverState {
             run: None,
             past_run: None,
             life: Life::Starting,
+            machine: Machine::default(),
+            index_trouble: None,
         }
     }
 
@@ -168,14 +174,25 @@ impl DriverState {
         self.run.as_ref().is_some_and(|run| gate::lacking(newest.as_ref(), &run.record().method, self.mode).is_some())
     }
 
+    /// The state of the instrument.
+    pub fn machine(&self) -> State {
+        self.machine.state()
+    }
+
+    /// Restores the state in which the newest run has ended, with what is published in the same revision.
+    pub fn restore(&mut self, state: State, change: impl FnOnce(&mut Status)) {
+        self.machine.enter(state);
+        self.publish(change);
+    }
+
     /// Makes a transition of the state table. Every state on the way is published as a revision of its own.
-    pub fn go(&self, trigger: Trigger) {
+    pub fn go(&mut self, trigger: Trigger) {
         self.go_with(trigger, |_| ());
     }
 
     /// As `go`, with a change that is published in the same revision as the first state.
-    pub fn go_with(&self, trigger: Trigger, change: impl FnOnce(&mut Status)) {
-        let from = self.publisher.status().state;
+    pub fn go_with(&mut self, trigger: Trigger, change: impl FnOnce(&mut Status)) {
+        let from = self.machine();
         let Some(path) = state::next(from, trigger) else {
             tracing::error!(?from, ?trigger, "no such transition");
             return self.publish(change);
@@ -183,8 +200,8 @@ impl DriverState {
         let mut change = Some(change);
         for &to in path {
             let change = change.take();
+            self.machine.enter(to);
             self.publish(|s| {
-                s.state = to;
                 if let Some(change) = change {
                     change(s);
                 }
@@ -197,7 +214,22 @@ impl DriverState {
 
     /// Publishes a change and everything that follows from it as one revision.
     pub fn publish(&self, change: impl FnOnce(&mut Status)) {
-        let parts = Parts {
+        let parts = self.parts();
+        self.publisher.publish(|s| {
+            change(s);
+            parts.derive(s);
+        });
+    }
+
+    /// As `publish`, unless the change changes nothing.
+    pub fn publish_news(&self, change: impl FnOnce(&mut Status)) {
+        let parts = self.parts();
+        self.publisher.publish_news(change, |s| parts.derive(s));
+    }
+
+    fn parts(&self) -> Parts<'_> {
+        Parts {
+            machine: self.machine(),
             state: self.outbox.state(),
             run: self.run.as_ref(),
             loader: &self.loader,
@@ -208,11 +240,7 @@ impl DriverState {
             calibration: self.calibration.as_ref(),
             life: self.life,
             now: jiff::Timestamp::now(),
-        };
-        self.publisher.publish(|s| {
-            change(s);
-            parts.derive(s);
-        });
+        }
     }
 
     /// Records an event of the current run, or of no run.
@@ -221,7 +249,7 @@ impl DriverState {
     }
 
     /// Shows an event before it is written: if the disk hangs, clients must still see a fault or a state.
-    pub fn event_shown(&mut self, well: Option<&str>, data: EventData, show: impl FnOnce(&Self)) {
+    pub fn event_shown(&mut self, well: Option<&str>, data: EventData, show: impl FnOnce(&mut Self)) {
         let run = self.run.as_ref().map(|run| run.record().id.as_str());
         self.outbox.happened(run, well, data);
         show(self);
@@ -259,7 +287,7 @@ impl DriverState {
         if !self.outbox.set_failing(true) {
             self.raise(&error.into());
         }
-        if works && HOLDABLE.contains(&self.publisher.status().state) {
+        if works && HOLDABLE.contains(&self.machine()) {
             self.go(Trigger::Hold);
         }
     }
@@ -289,36 +317,38 @@ impl DriverState {
     /// Shows whether the camera is lost. During a run the worker reopens a lost camera by itself, or ends.
     pub fn show_camera(&self) {
         let is_lost = self.devices.camera_is_lost();
-        if self.publisher.status().hardware.camera.connected == is_lost {
-            self.publish(|s| s.hardware.camera.connected = !is_lost);
-        }
+        self.publish_news(|s| s.hardware.camera.connected = !is_lost);
     }
 
     /// Shows an axis that has hung up while a worker uses it. The worker ends then, and its fault comes after the numbers that are being
     /// computed. Only a device check shows that the axis is back.
     pub fn show_rotation(&self) {
-        if self.devices.rotation_has_hung_up() && self.publisher.status().hardware.rotation.connected {
-            self.publish(|s| s.hardware.lose_axes());
+        if self.devices.rotation_has_hung_up() {
+            self.publish_news(|s| s.hardware.lose_axes());
         }
     }
 
     /// Shows whether the index holds all that is on disk.
-    pub fn show_index(&self) {
+    pub fn show_index(&mut self) {
         let trouble = self.outbox.store().index_trouble();
-        if self.publisher.status().hardware.index_trouble != trouble {
+        if self.index_trouble != trouble {
             if trouble.is_some() {
                 self.publisher.log().tally().index_failed();
             }
+            self.index_trouble.clone_from(&trouble);
             self.publish(|s| s.hardware.index_trouble = trouble);
         }
     }
 
     /// Shows whether notices reach their receiver.
     pub fn show_notices(&self) {
-        let found = self.notices.as_ref().map(Notices::status);
-        if self.publisher.status().notices != found {
-            self.publish(|s| s.notices = found);
-        }
+        let found = self.notices();
+        self.publish_news(|s| s.notices = found);
+    }
+
+    /// Whether notices reach their receiver. `None` without one.
+    pub fn notices(&self) -> Option<NoticesStatus> {
+        self.notices.as_ref().map(Notices::status)
     }
 
     /// Publishes a revision when the calibration or the bead gate becomes too old.

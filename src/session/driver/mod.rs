@@ -14,6 +14,7 @@
 //! | part | what it owns or decides |
 //! |---|---|
 //! | `Outbox` | the state that follows from the events, also where each specimen is; which events and records are not on disk yet |
+//! | `Machine` (`../state.rs`) | the state of the instrument, in PackML words |
 //! | `RunInProgress` (`run.rs`) | a run's record, its worker and its highest request; what follows when the worker ends |
 //! | `Numbers` (`recovery.rs`) | numbers that are computed from the stored frames of released specimens, and the step that waits for them |
 //! | `Devices` | who uses the instrument, which devices are lost, the device checks between runs |

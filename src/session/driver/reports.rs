@@ -35,14 +35,15 @@ pub(super) fn progress(d: &mut DriverState, progress: Progress) {
             d.event(Some(&well), EventData::SpecimenTriedAgain(AttemptFailed { attempt, why }));
         }
         Progress::View { well, index, closure, achieved_steps, hull_volume_um3, estimate, wait, light, live } => {
-            let shown = d.publisher.status().specimen.as_ref().filter(|s| s.well == well).map(|s| s.view);
-            // A late view of an earlier specimen is written to the journal and not shown.
-            if let Some(before) = shown {
-                show(d, &well, before + u32::from(hull_volume_um3.is_some()), live);
-            }
             let position_deg = d.config.steps_per_revolution.angle(Steps(achieved_steps)).to_degrees();
             let view = View { achieved_steps, position_deg, hull_volume_um3, estimate, wait, light };
-            d.publish(|s| show_view(s, &well, &view));
+            d.publish(|s| {
+                // A late view of an earlier specimen is written to the journal and not shown.
+                if let Some(shown) = s.specimen.as_ref().filter(|shown| shown.well == well) {
+                    show(d, &well, shown.view + u32::from(hull_volume_um3.is_some()), live);
+                }
+                show_view(s, &well, &view);
+            });
             let view = ViewTaken { index, closure, achieved_steps, hull_volume_um3, estimate };
             d.event(Some(&well), EventData::ViewTaken(view));
         }
@@ -79,7 +80,7 @@ fn forget_pictures(d: &DriverState, well: &str) {
 }
 
 fn ready(d: &mut DriverState) {
-    if matches!(d.publisher.status().state, State::Starting | State::Unholding) {
+    if matches!(d.machine(), State::Starting | State::Unholding) {
         d.go_with(Trigger::Ready, |s| {
             s.hardware.camera.connected = true;
             s.hardware.rotation.connected = true;
@@ -98,7 +99,7 @@ fn waits_for_loader(d: &mut DriverState, well: &str) {
         return;
     }
     d.event_shown(Some(well), EventData::WellAwaited, |d| {
-        if d.publisher.status().state == State::Execute {
+        if d.machine() == State::Execute {
             d.go(Trigger::WaitForLoader);
         } else {
             d.publish(|_| ());

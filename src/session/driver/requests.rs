@@ -42,7 +42,7 @@ pub(super) fn emergency_pressed(d: &mut DriverState) {
         let fault = Fault::new(seq, &fault_table::EMERGENCY_STOP, fault_table::EMERGENCY_STOP.meaning.into(), since);
         d.event_shown(None, EventData::FaultRaised(fault), |d| d.publish(|_| ()));
     }
-    let state = d.publisher.status().state;
+    let state = d.machine();
     if d.run.is_some() && state != State::Aborting {
         course::abort(d);
     } else if d.run.is_none() && state != State::Aborted {
@@ -95,11 +95,10 @@ fn put_run(d: &mut DriverState, id: &str, plan: RunPlan) -> Result<Accepted, Ref
     }
     plan.check(&d.config.methods).map_err(Refusal::InvalidPlan)?;
     gate::refuses(&d.config, d.mode, &plan).map_or(Ok(()), |mistake| Err(Refusal::InvalidPlan(vec![mistake])))?;
-    let status = d.publisher.status();
-    commands::is_startable(d.run.is_some(), status.state)?;
+    commands::is_startable(d.run.is_some(), d.machine())?;
     d.nothing_stands_in_the_way()?;
     if let Some(left) = d.loader.keeps_run_out(d.specimens()) {
-        return Err(capillary_full(status.run.as_ref().map(|newest| newest.id.as_str()), left));
+        return Err(capillary_full(d.newest_run().map(|newest| newest.id.as_str()), left));
     }
     commands::is_of_this_plate(&plan, &d.state().plate)?;
     let method = d.config.methods.get(&plan.method).cloned().ok_or_else(|| commands::unknown_method(&plan))?;
@@ -112,12 +111,12 @@ fn put_run(d: &mut DriverState, id: &str, plan: RunPlan) -> Result<Accepted, Ref
 }
 
 fn steer(d: &mut DriverState, id: &str, towards: Towards) -> Result<(), Refusal> {
-    let status = d.publisher.status();
+    let state = d.machine();
     if !d.is(id) {
         let stored = d.outbox.store().run(id).map_err(Refusal::from)?;
-        return commands::steer_ended(id, towards, stored, status.run.as_ref().map(|r| r.id.as_str()), status.state);
+        return commands::steer_ended(id, towards, stored, d.newest_run().map(|newest| newest.id.as_str()), state);
     }
-    if !commands::steer(towards, status.state)? {
+    if !commands::steer(towards, state)? {
         return Ok(());
     }
     match towards {
@@ -126,7 +125,7 @@ fn steer(d: &mut DriverState, id: &str, towards: Towards) -> Result<(), Refusal>
             d.outbox.on_disk()
         }
         Towards::Stop => course::stop(d),
-        Towards::Hold => course::hold(d, status.state),
+        Towards::Hold => course::hold(d, state),
         Towards::Unhold => course::unhold(d, ResumedBy::Operator),
     }
 }
@@ -146,7 +145,7 @@ fn loaded(d: &mut DriverState, run: &str, well: &str) -> Result<(), Refusal> {
     let Report::News { in_place_of } = loader_message(d, run, well).loaded()? else { return Ok(()) };
     let loaded = WellLoaded { in_place_of: in_place_of.map(str::to_owned) };
     d.outbox.promise(run_of_event(d, run), Some(well), EventData::WellLoaded(loaded))?;
-    match (d.work(), d.publisher.status().state) {
+    match (d.work(), d.machine()) {
         (Work::InProgress, State::Suspended) => {
             d.loader.say_loaded(well);
             d.go(Trigger::Loaded);
@@ -175,7 +174,7 @@ fn unloaded(d: &mut DriverState, run: &str, well: &str) -> Result<(), Refusal> {
     }
     let at_rest = d.run.is_none();
     let change = |s: &mut Status| drop(s.specimen.take_if(|_| at_rest));
-    if is_first && d.work() == Work::Paused && d.publisher.status().state == State::Suspended {
+    if is_first && d.work() == Work::Paused && d.machine() == State::Suspended {
         d.go_with(Trigger::Loaded, change);
         course::proceed(d);
     } else {
@@ -184,9 +183,9 @@ fn unloaded(d: &mut DriverState, run: &str, well: &str) -> Result<(), Refusal> {
     Ok(())
 }
 
-fn surroundings<'a>(d: &'a DriverState, status: &'a Status) -> Surroundings<'a> {
+fn surroundings(d: &DriverState) -> Surroundings<'_> {
     Surroundings {
-        state: status.state,
+        state: d.machine(),
         has_run: d.run.is_some(),
         specimens: d.specimens(),
         has_unexpected: d.loader.has_unexpected(),
@@ -196,17 +195,15 @@ fn surroundings<'a>(d: &'a DriverState, status: &'a Status) -> Surroundings<'a> 
 
 /// Announces that a plate will be moved. Returns what must happen first.
 pub(super) fn handoff(d: &mut DriverState, plate: Handoff) -> Result<HandoffNeeds, Refusal> {
-    let status = d.publisher.status();
-    if surroundings(d, &status).announce(&d.state().plate, &plate)? {
+    if surroundings(d).announce(&d.state().plate, &plate)? {
         d.promise(None, EventData::PlateAnnounced(plate.clone()))?;
         d.publish(|_| ());
     }
-    Ok(HandoffNeeds { intent: plate.intent.into(), needs: surroundings(d, &status).needs(), barcode: plate.barcode })
+    Ok(HandoffNeeds { intent: plate.intent.into(), needs: surroundings(d).needs(), barcode: plate.barcode })
 }
 
 pub(super) fn end_handoff(d: &mut DriverState, end: HandoffEnd) -> Result<(), Refusal> {
-    let status = d.publisher.status();
-    let Some(data) = surroundings(d, &status).end(&d.state().plate, end)? else { return Ok(()) };
+    let Some(data) = surroundings(d).end(&d.state().plate, end)? else { return Ok(()) };
     d.promise(None, data)?;
     d.publish(|_| ());
     Ok(())
@@ -215,7 +212,7 @@ pub(super) fn end_handoff(d: &mut DriverState, end: HandoffEnd) -> Result<(), Re
 /// Checks everything that a run of this plan needs. The check uses the instrument, so it is refused during a run.
 pub(super) fn preflight(d: &mut DriverState, plan: RunPlan, answer: oneshot::Sender<Result<Vec<api::Check>, Refusal>>) {
     let sound = plan.check(&d.config.methods).map_err(Refusal::InvalidPlan);
-    let accepted = sound.and_then(|()| commands::is_startable(d.run.is_some(), d.publisher.status().state));
+    let accepted = sound.and_then(|()| commands::is_startable(d.run.is_some(), d.machine()));
     if let Err(refusal) = accepted {
         return reply(answer, Err(refusal));
     }

@@ -81,10 +81,7 @@ fn show_again(d: &mut DriverState, record: &RunRecord) {
     let state = start::rests_in(record.outcome, run.end_request());
     d.outbox.recall(run);
     let change = d.over(record);
-    d.publish(|s| {
-        change(s);
-        s.state = state;
-    });
+    d.restore(state, change);
 }
 
 /// Takes up a run that the previous process left open.

@@ -13,6 +13,8 @@ use jiff::Timestamp;
 
 /// The driver's parts, as a snapshot reads them.
 pub(super) struct Parts<'a> {
+    /// The state of the instrument.
+    pub machine: State,
     pub state: &'a InstrumentState,
     pub run: Option<&'a RunInProgress>,
     pub loader: &'a Loader,
@@ -34,6 +36,7 @@ impl Parts<'_> {
     /// Sets every field that follows from the parts and from the rest of the snapshot.
     pub fn derive(&self, s: &mut Status) {
         let specimens = specimens(self.state);
+        s.state = self.machine;
         s.pending = self.pending();
         let under = resume::under_fault(self.run, self.state.run.as_ref(), &self.state.faults);
         s.faults = self.state.faults.open().iter().map(|fault| api::Fault::of(fault, under)).collect();
@@ -187,6 +190,7 @@ mod tests {
 
     fn parts<'a>(state: &'a InstrumentState, loader: &'a Loader) -> Parts<'a> {
         Parts {
+            machine: State::Idle,
             state,
             run: None,
             loader,

@@ -429,7 +429,7 @@ fn a_start_after_thousands_of_views_knows_the_plate_the_run_and_what_stands() {
 fn what_comes_with_a_step_that_the_table_lacks_is_told_all_the_same() {
     on_this_thread(async {
         let dir = scratch();
-        let b = bench(dir.path(), false);
+        let mut b = bench(dir.path(), false);
         b.d.go_with(Trigger::Recorded, |s| s.hardware.disk_free_bytes = Some(7));
         assert_eq!((b.status().state, b.status().hardware.disk_free_bytes), (State::Idle, Some(7)));
     });
