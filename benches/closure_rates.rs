@@ -9,6 +9,7 @@
 mod closures;
 
 use carved_core::calibration::PoseOffset;
+use carved_core::flag::Flag;
 use carved_core::quality::Check;
 use closures::{Done, Reading, readings};
 
@@ -34,9 +35,9 @@ fn print(done: Done, of: &[&Reading]) {
     println!(
         "{done:?}: {} turns; moved {}, closure_undecided {}, neither {}; the turn is over {}, undecided {}, beyond the bare limit {}",
         of.len(),
-        count(&|r| r.has_flag("moved")),
-        count(&|r| r.has_flag("closure_undecided")),
-        count(&|r| !r.has_flag("moved") && !r.has_flag("closure_undecided")),
+        count(&|r| r.has_flag(Flag::Moved)),
+        count(&|r| r.has_flag(Flag::ClosureUndecided)),
+        count(&|r| !r.has_flag(Flag::Moved) && !r.has_flag(Flag::ClosureUndecided)),
         turns(&|check| check.over),
         turns(&|check| check.undecided),
         turns(&|check| check.found.is_some_and(|deg| deg.abs() > check.limit)),

@@ -39,8 +39,9 @@ const MAY_DEPEND_ON: &[(&str, &[&str])] = &[
 ];
 
 /// The modules of the science. Each may use those before it, and the macro `ranges!`.
-const ORDER_OF_SCIENCE: [&str; 16] = [
+const ORDER_OF_SCIENCE: [&str; 17] = [
     "range",
+    "flag",
     "units",
     "frame",
     "statistics",

@@ -1,6 +1,7 @@
 //! Plans, plate maps and results, as clients send and read them.
 
 use super::words::{ConcentrationUnit, Control, SpecimenKind, SpecimenOutcome};
+use carved_core::flag::StoredFlag;
 use carved_records as records;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -213,7 +214,8 @@ pub struct WellStatus {
     /// Why a skipped or failed well has no number.
     pub reason: Option<String>,
     #[serde(default)]
-    pub flags: Vec<String>,
+    #[schema(value_type = Vec<String>)]
+    pub flags: Vec<StoredFlag>,
     /// What made the numbers to trust: `support` (slices of the outlines) or `voxel` (the paper's).
     #[serde(default)]
     pub estimator: Option<String>,

@@ -10,6 +10,7 @@ use super::plots::{self, Names};
 use super::specimen::Specimen;
 use crate::tables::statistics::{Flagged, QuantityStatistics, Statistics, WellGroup};
 use base64::Engine;
+use carved_core::flag::StoredFlag;
 use carved_pictures::model::BAR_UM;
 use carved_records::{Mode, PlateFormat, SpecimenOutcome, WellCounts};
 use carved_store::columns::{AFTER, Column, Source};
@@ -326,7 +327,7 @@ impl Report<'_> {
         for specimen in &self.specimens {
             for flag in &specimen.flags {
                 let well = if self.runs.len() > 1 { format!("{} {}", specimen.run, specimen.well) } else { specimen.well.clone() };
-                flags.entry(flag).or_default().push(well);
+                flags.entry(flag.as_str()).or_default().push(well);
             }
         }
         html! {
@@ -383,7 +384,7 @@ impl Report<'_> {
                             tr {
                                 td { (bead.run) } td { (bead.well) } td { (outcome(bead.outcome)) } td { (bead.diameter_um.map_or_else(String::new, |d| format!("{d:.2}"))) }
                                 td { (bead.sphere_rms_um.map_or_else(String::new, |d| format!("{d:.2}"))) }
-                                td { (bead.aspect_ratio.map_or_else(String::new, |a| format!("{a:.4}"))) } td { (bead.flags.join(", ")) }
+                                td { (bead.aspect_ratio.map_or_else(String::new, |a| format!("{a:.4}"))) } td { (StoredFlag::joined(&bead.flags, ", ")) }
                             }
                         } }
                     } }
@@ -403,7 +404,7 @@ impl Report<'_> {
                     @for sentence in &s.pictures.left_out { p.flags { (sentence) } }
                     @if let Some(volume) = s.volume_um3 { p { (with_sd(Some(volume), s.volume_sd_um3, MILLION)) " · 10⁶ µm³" } }
                     @else { p { (outcome(s.outcome)) @if let Some(reason) = &s.reason { ": " (reason) } } }
-                    @if !s.flags.is_empty() { p.flags { (s.flags.join(", ")) } }
+                    @if !s.flags.is_empty() { p.flags { (StoredFlag::joined(&s.flags, ", ")) } }
                 }
             }
         };
@@ -444,7 +445,7 @@ impl Report<'_> {
                     td { (with_sd(s.volume_um3, s.volume_sd_um3, MILLION)) } td { (with_sd(s.area_um2, s.area_sd_um2, MILLION)) }
                     td { (number(s.length_um, 1000.0)) } td { (s.z[0].map_or_else(String::new, |z| format!("{z:+.1}"))) }
                     td { (s.z[1].map_or_else(String::new, |z| format!("{z:+.1}"))) } td { (s.estimator.as_deref().unwrap_or_default()) }
-                    td.left { (s.flags.join(", ")) (s.reason.as_deref().unwrap_or_default()) }
+                    td.left { (StoredFlag::joined(&s.flags, ", ")) (s.reason.as_deref().unwrap_or_default()) }
                     td.hash { (s.measurement_sha256.as_deref().and_then(|hash| hash.get(..12)).unwrap_or_default()) }
                 }
             }

@@ -3,6 +3,7 @@
 use super::pictures::{self, Pictures};
 use super::plots::WellNumber;
 use crate::tables::statistics::WellCondition;
+use carved_core::flag::StoredFlag;
 use carved_core::quality::Quality;
 use carved_records::{PlannedWell, SpecimenKind, SpecimenOutcome};
 use carved_store::{StoreError, StoredRun, place_among_references};
@@ -17,7 +18,7 @@ pub struct Specimen {
     pub condition: WellCondition,
     pub outcome: Option<SpecimenOutcome>,
     pub reason: Option<String>,
-    pub flags: Vec<String>,
+    pub flags: Vec<StoredFlag>,
     pub estimator: Option<String>,
     pub volume_um3: Option<f64>,
     pub volume_sd_um3: Option<f64>,

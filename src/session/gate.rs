@@ -1,6 +1,7 @@
 //! The daily bead gate in a run: it is stored after a run with beads, and checked before the numbers of larvae are trusted.
 
 use crate::config::Config;
+use carved_core::flag::Flag;
 use carved_core::quality::Check;
 use carved_core::quality::gate::{BeadGate as CheckedBeads, GateNumbers, GateSettings, GateVerdict};
 use carved_records::{BeadGate, Method};
@@ -154,7 +155,7 @@ pub fn refuses(config: &Config, mode: Mode, plan: &RunPlan) -> Option<FieldError
 /// Flags a larva that was measured without a gate with `bead_gate`. Beads are not flagged: they make the gate.
 pub fn flag(well: &mut WellStatus, lacks_gate: bool) {
     if lacks_gate && well.specimen == SpecimenKind::Larva && well.outcome == Some(SpecimenOutcome::Succeeded) {
-        well.flags.push("bead_gate".into());
+        well.flags.push(Flag::BeadGate.into());
     }
 }
 
@@ -269,7 +270,7 @@ mod tests {
             flag(&mut well, lacks);
             well.flags
         };
-        assert_eq!(flags(SpecimenKind::Larva, Some(SpecimenOutcome::Succeeded), true), ["bead_gate"]);
+        assert_eq!(flags(SpecimenKind::Larva, Some(SpecimenOutcome::Succeeded), true), [Flag::BeadGate]);
         assert!(flags(SpecimenKind::Larva, Some(SpecimenOutcome::Succeeded), false).is_empty());
         assert!(flags(SpecimenKind::Larva, Some(SpecimenOutcome::Skipped), true).is_empty());
         assert!(flags(SpecimenKind::Bead, Some(SpecimenOutcome::Succeeded), true).is_empty());

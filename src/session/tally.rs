@@ -87,7 +87,7 @@ impl Tally {
         let well = &done.result;
         count(&self.specimens, "outcome", word(well.outcome));
         for flag in &well.flags {
-            count(&self.flags, "flag", flag.clone());
+            count(&self.flags, "flag", flag.to_string());
         }
         if let Some(times) = &done.times {
             for (phase, took_s) in &times.phases_s {

@@ -14,6 +14,7 @@ mod config_keys;
 mod docs;
 mod doctor;
 mod files;
+mod flags;
 mod halt;
 mod import;
 mod import_plate;

@@ -3,7 +3,8 @@
 //! The numbers in `data/` are those of specimens that were simulated once. A test compares them with the types of today, so that a key that is
 //! renamed cannot leave a column empty.
 
-use crate::common::{carved, json, stderr, strict, venv};
+use crate::common::{carved, generated, json, stderr, strict, venv};
+use carved_core::flag::Flag;
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::profile::Mask;
 use carved_records::{InstrumentIdentity, Mode, RunOutcome, SpecimenOutcome, sha256_hex};
@@ -48,7 +49,7 @@ fn plate_of(data: &Path, id: &str, barcode: &str, size: usize, instrument: Optio
         measured(&store, &record, well, &example(file));
         record.wells[well].end(SpecimenOutcome::Succeeded, None);
     }
-    record.wells[1].flags = vec!["moved".into(), "residual".into()];
+    record.wells[1].flags = vec![Flag::Moved.into(), Flag::Residual.into()];
     for well in &mut record.wells[2..] {
         well.end(SpecimenOutcome::Skipped, Some("empty"));
     }
@@ -322,19 +323,9 @@ fn statistics_are_written_as_tables_and_as_json() {
 
 #[test]
 fn the_reference_page_lists_the_columns() {
-    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/tables.md");
     let output = export(&["columns"], &[]);
     done(&output);
-    let made = String::from_utf8(output.stdout).unwrap();
-    let text = std::fs::read_to_string(&page).unwrap();
-    let (begin, end) = ("<!-- columns -->\n", "<!-- end of columns -->\n");
-    let (before, rest) = text.split_once(begin).unwrap();
-    let (listed, after) = rest.split_once(end).unwrap();
-    if std::env::var_os("CARVED_UPDATE_TABLES").is_some_and(|value| value == "1") {
-        std::fs::write(&page, format!("{before}{begin}{made}{end}{after}")).unwrap();
-        return;
-    }
-    assert!(listed == made, "docs/tables.md is out of date: CARVED_UPDATE_TABLES=1 cargo test --test commands reference_page_lists");
+    generated::part("docs/tables.md", "columns", &String::from_utf8(output.stdout).unwrap());
 }
 
 /// Tables for the readers: more rows than polars looks at before it decides on types, and columns with gaps.

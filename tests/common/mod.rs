@@ -12,6 +12,7 @@ pub mod contract;
 pub mod controllers;
 pub mod crash;
 pub mod gates;
+pub mod generated;
 mod instrument;
 pub mod receiver;
 mod shared;

@@ -3,6 +3,7 @@
 use crate::client::{carved, text, url};
 use crate::gates;
 use crate::rig::Rig;
+use carved_core::flag::Flag;
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_records::{EventData, Mode, RunOutcome, SpecimenOutcome};
 use carved_store::{Claim, MEASUREMENT, Recording, RecordingWriter, RunRecord, Store, set_aside};
@@ -384,7 +385,7 @@ fn tables_and_statistics_of_runs_are_read_as_csv_and_json() {
         let mut run = record(id, "2026-01-01T00:00:00Z", barcode);
         recorded(&store, &run, 0);
         run.wells[0].end(SpecimenOutcome::Succeeded, None);
-        run.wells[0].flags = vec!["moved".into()];
+        run.wells[0].flags = vec![Flag::Moved.into()];
         run.wells[1].end(SpecimenOutcome::Skipped, Some("empty"));
         run.end(RunOutcome::Succeeded);
         store.save_run(&run).unwrap();

@@ -4,6 +4,7 @@
 
 use carved::config::Config;
 use carved_core::calibration::PoseOffset;
+use carved_core::flag::Flag;
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::pipeline::{Pipeline, PipelineSettings, SegmentedFrame, SpecimenRecord};
 use hardware_sim::analytic;
@@ -70,8 +71,8 @@ pub struct Reading {
 }
 
 impl Reading {
-    pub fn has_flag(&self, flag: &str) -> bool {
-        self.record.flags.iter().any(|f| f == flag)
+    pub fn has_flag(&self, flag: Flag) -> bool {
+        self.record.flags.iter().any(|raised| *raised == flag)
     }
 }
 

@@ -5,6 +5,7 @@ use crate::closures::{ASD, Done, even, finished, readings, rendered, settings};
 use carved::cli::emulated;
 use carved_core::calibration::PoseOffset;
 use carved_core::carver::Leaves;
+use carved_core::flag::Flag;
 use carved_core::geometry::{BoxUm, VoxelGrid};
 use carved_core::pipeline::{Pipeline, PipelineSettings, SegmentedFrame, SpecimenRecord};
 use carved_core::profile::{Mask, Polygon};
@@ -107,7 +108,7 @@ fn spoiled_views_are_named_taken_again_and_leave_no_trace() {
     assert_eq!(named.iter().map(|s| s.view).collect::<Vec<_>>(), [4, 11], "{named:?}");
     assert!(named[0].reason.contains("no specimen"), "{named:?}");
     let left_out = finished(taken(true), &seen[0]);
-    assert!(left_out.flags.iter().any(|f| f == "bad_view") && !left_out.views[11].used && left_out.views[11].vrv_area_um2.is_none());
+    assert!(left_out.flags.iter().any(|f| *f == Flag::BadView) && !left_out.views[11].used && left_out.views[11].vrv_area_um2.is_none());
     for spoiled in named {
         let at = spoiled.view as usize;
         pipeline.replace(spoiled.view, omegas[at], &seen[at]).unwrap();
@@ -253,7 +254,7 @@ fn a_first_view_that_is_bad_when_taken_again_is_compared_with_nothing() {
     let live = live(&steps);
     assert_eq!(live, offline(&steps));
     let record: SpecimenRecord = serde_json::from_str(&live).unwrap();
-    assert!(record.closure.is_none() && record.flags.iter().any(|f| f == "no_closure"), "{:?} {:?}", record.closure, record.flags);
+    assert!(record.closure.is_none() && record.flags.iter().any(|f| *f == Flag::NoClosure), "{:?} {:?}", record.closure, record.flags);
 }
 
 /// The live numbers equal the offline ones, whatever is taken again, how often and in which order, and whatever the live run computes
@@ -304,7 +305,7 @@ fn the_closure_judges_what_it_can_tell_and_says_where_it_cannot() {
     let found = readings(100..102, &cases);
     assert_eq!(found.len(), 2 * cases.len(), "a larva does not fit the bore");
     for reading in &found {
-        let (moved, undecided) = (reading.has_flag("moved"), reading.has_flag("closure_undecided"));
+        let (moved, undecided) = (reading.has_flag(Flag::Moved), reading.has_flag(Flag::ClosureUndecided));
         let said = format!("{:?}: {:?} {:?}", reading.done, reading.record.flags, reading.lie);
         assert!(!(moved && undecided), "{said}");
         match reading.done {
@@ -333,6 +334,6 @@ fn a_bead_whose_turn_nobody_can_tell_is_not_flagged_for_it() {
         let record = taken(sphere);
         let turn = record.quality.as_ref().unwrap().check("closure_turn_deg").unwrap();
         assert!(turn.undecided, "a bead measured as a bead: {sphere}, {turn:?}");
-        assert!(!record.flags.iter().any(|f| f == "closure_undecided"), "a bead measured as a bead: {sphere}, {:?}", record.flags);
+        assert!(!record.flags.iter().any(|f| *f == Flag::ClosureUndecided), "a bead measured as a bead: {sphere}, {:?}", record.flags);
     }
 }

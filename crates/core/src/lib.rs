@@ -2,7 +2,7 @@
 //! with its standard uncertainty.
 //!
 //! ```text
-//! units, frame, range, statistics ──> assay
+//! units, frame, range, statistics, flag ──> assay
 //!        │
 //!    geometry ──> profile ──> carver ──> calibration ──> fins ──> surface ──> measure ──> quality ──> reconstruction ──> pipeline
 //! ```
@@ -17,6 +17,7 @@ pub mod assay;
 pub mod calibration;
 pub mod carver;
 pub mod fins;
+pub mod flag;
 pub mod frame;
 pub mod geometry;
 pub mod measure;

@@ -12,6 +12,7 @@ mod record;
 
 use crate::calibration::{Calibration, ViewState};
 use crate::carver::Leaves;
+use crate::flag::StoredFlag;
 use crate::frame::RawFrame;
 use crate::geometry::{Camera, VoxelGrid};
 use crate::measure::facing::Facing;
@@ -411,12 +412,11 @@ impl Pipeline {
         fallback: Option<&Fallback>,
         calibration: Option<&Judged>,
         has_closure: bool,
-    ) -> Vec<String> {
+    ) -> Vec<StoredFlag> {
         let clipped = |side: fn(&Detection) -> bool| {
             self.views.iter().any(|v| self.carved.contains(&v.index) && v.detection.as_ref().is_some_and(side))
         };
         let looks_dead: Vec<bool> = self.views.iter().filter(|v| v.used).filter_map(|v| Some(v.detection?.looks_dead())).collect();
-        let blurs_px: Vec<f64> = self.views.iter().filter_map(|v| v.quality?.blur_px).collect();
         let facts = FlagFacts {
             has_bad_view: self.views.iter().any(|v| !v.used),
             is_clipped: [clipped(Detection::is_clipped_left), clipped(Detection::is_clipped_right)],
@@ -425,8 +425,6 @@ impl Pipeline {
             is_sphere: self.settings.sphere,
             has_closure,
             looks_dead: &looks_dead,
-            blurs_px: &blurs_px,
-            configured_blur_px: self.settings.segment.edge.blur_px,
             is_nonconvex: fallback.is_some_and(Fallback::is_nonconvex),
             misses_fins: model.measurement.misses_fins(),
             vrv: calibration.map(|judged| judged.vrv.verdict),

@@ -1,6 +1,7 @@
 //! A well of a run: its outcome, its numbers and its times.
 
 use crate::{Phase, PlannedWell, ReferenceStatus, SpecimenKind, SpecimenOutcome};
+use carved_core::flag::StoredFlag;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -16,7 +17,7 @@ pub struct WellStatus {
     /// Why a skipped or failed well has no number.
     pub reason: Option<String>,
     #[serde(default)]
-    pub flags: Vec<String>,
+    pub flags: Vec<StoredFlag>,
     /// The estimator of the numbers: `support` (slices of the outlines) or `voxel` (as in the paper).
     #[serde(default)]
     pub estimator: Option<String>,

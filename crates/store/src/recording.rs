@@ -17,6 +17,7 @@
 //! ```
 
 use super::{RecordingFiles, Software, StoreError, archive, durable, frames, schema, sums};
+use carved_core::flag::Flag;
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::geometry::{Camera, SecondOptics};
 use carved_core::measure::Measurement;
@@ -58,9 +59,6 @@ pub struct MeasurementFile {
     pub method_version: Option<String>,
 }
 
-/// The flag of an imported turn that lacks a picture.
-const MISSING_VIEWS: &str = "missing_views";
-
 impl MeasurementFile {
     /// The numbers of a recording, compared with these references.
     pub fn new(recording: &Recording, references: &[References], mut record: SpecimenRecord) -> Self {
@@ -86,7 +84,7 @@ impl MeasurementFile {
             record.compare_with_references(standing.z(trusted), recording.method.quality.reference_z);
         }
         if !recording.missing_views.is_empty() {
-            record.flags.push(MISSING_VIEWS.into());
+            record.flags.push(Flag::MissingViews.into());
         }
         Self { mode: recording.mode, record, fluorescence: None, reference, method_version: recording.method.version.clone() }
     }

@@ -12,7 +12,9 @@
 use super::recording::{MEASUREMENT, RECORDING};
 use super::replay::Replayed;
 use super::{RecordingFiles, RunRecord, StoreError, StoreReader, attempts, recording, schema};
+use carved_core::flag::StoredFlag;
 use carved_records::{PlannedWell, WellStatus, sha256_hex};
+use serde::Deserialize;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
@@ -184,9 +186,9 @@ pub fn place_among_references<'m>(measurement: &'m Value, quantity: &str) -> Opt
 }
 
 /// The flags of a `measurement.json`.
-fn flags(measurement: Option<&Value>) -> Vec<String> {
+fn flags(measurement: Option<&Value>) -> Vec<StoredFlag> {
     let list = measurement.and_then(|m| m["flags"].as_array());
-    list.into_iter().flatten().filter_map(|flag| flag.as_str().map(str::to_owned)).collect()
+    list.into_iter().flatten().filter_map(|flag| StoredFlag::deserialize(flag).ok()).collect()
 }
 
 /// A JSON file of a recording and the hash of its bytes. `None` where it is not there.

@@ -16,6 +16,7 @@ pub(super) mod views;
 use crate::cli::output::PIPE_CLOSED;
 use crate::cli::told;
 use anyhow::Context;
+use carved_core::flag::Flag;
 use carved_core::geometry::BoxUm;
 use carved_core::reconstruction::{ReconstructionSettings, SurfaceSettings};
 use carved_offline::silhouettes::{self, Cameras, Refusal, Settings, SilhouettesError, Step, View};
@@ -112,7 +113,7 @@ pub fn run(args: &Args) -> ExitCode {
         }
         Ok(report) => say(&report, ExitCode::SUCCESS),
         Err(error) => {
-            let flags: Vec<&str> = refusal(&error).map(Refusal::flag).into_iter().collect();
+            let flags: Vec<Flag> = refusal(&error).map(Refusal::flag).into_iter().collect();
             let error = told(&error);
             note!("carved: {error}");
             say(&serde_json::json!({"flags": flags, "error": error}), ExitCode::from(REFUSED))

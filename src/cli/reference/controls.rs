@@ -1,6 +1,7 @@
 //! Control larvae from recordings and tables.
 
 use anyhow::{Context, bail};
+use carved_core::flag::StoredFlag;
 use carved_core::measure::references::{Control, VOXEL, estimates};
 use carved_records::Mode;
 use carved_records::plate_map::{UNCLOSED_QUOTE, unclosed_quote};
@@ -105,7 +106,7 @@ pub fn of_recording(reader: &RecordingReader, words: &Words, with_flagged: bool)
     };
     let file = reader.measurement()?;
     if !with_flagged && !file.record.flags.is_empty() {
-        return Ok(Err(format!("flagged {}; --with-flagged takes it all the same", file.record.flags.join(", "))));
+        return Ok(Err(format!("flagged {}; --with-flagged takes it all the same", StoredFlag::joined(&file.record.flags, ", "))));
     }
     Ok(Ok(of_larva(recording, &file, dpf, words)))
 }

@@ -1,7 +1,7 @@
 //! The status as text.
 
 use crate::api::{Fault, InstrumentIdentity, Mode, NextCommand, RunStatus, SpecimenKind, Status, WellStatus};
-
+use carved_core::flag::StoredFlag;
 use serde::Serialize;
 
 /// The name of a value in the API.
@@ -30,7 +30,7 @@ pub fn well(well: &WellStatus, mode: Mode) -> String {
         line += &format!(", {:.2}{sd} nl{}", volume / 1e6, made(mode));
     }
     if !well.flags.is_empty() {
-        line += &format!(" ({})", well.flags.join(", "));
+        line += &format!(" ({})", StoredFlag::joined(&well.flags, ", "));
     }
     line
 }

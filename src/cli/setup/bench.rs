@@ -1,6 +1,7 @@
 //! What the machine asks of the instrument, and what comes back. No device is named here, so a test can play the instrument.
 
 use super::period::Orbit;
+use carved_core::flag::StoredFlag;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
@@ -157,7 +158,7 @@ pub struct Bead {
     pub gamma_deg: f64,
     /// Median blur of the edges, px, and that for which the method is set.
     pub blur_px: Option<[f64; 2]>,
-    pub flags: Vec<String>,
+    pub flags: Vec<StoredFlag>,
 }
 
 /// The files that were written.

@@ -285,8 +285,6 @@ impl RealBench {
         }
         let (_, record) = pipeline.finish().context("The bead cannot be measured. It must be in the middle of the picture, and alone")?;
         let m = &record.measurement;
-        let mut blurs: Vec<f64> = record.views.iter().filter_map(|v| v.quality?.blur_px).collect();
-        blurs.sort_by(f64::total_cmp);
         let psi = record.calibration.as_ref().map_or(&config.optics, |c| &c.psi);
         Ok(Bead {
             diameter_um: m.diameter_um.context("No sphere fits: is it a bead?")?,
@@ -296,7 +294,7 @@ impl RealBench {
             closure_px: record.closure.as_ref().map(|c| c.shift_px),
             uy_px: psi.uy,
             gamma_deg: psi.gamma.to_degrees(),
-            blur_px: blurs.get(blurs.len() / 2).map(|blur| [*blur, method.segment.edge.blur_px]),
+            blur_px: record.blur_px().map(|blur| [blur, method.segment.edge.blur_px]),
             flags: record.flags,
         })
     }

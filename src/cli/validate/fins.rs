@@ -5,6 +5,7 @@ use super::effort::Work;
 use super::statistics::{Summary, share_within, student};
 use super::turn::{CAPTURED, even_plan, even_stops, off};
 use crate::cli::emulated::camera;
+use carved_core::flag::Flag;
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::geometry::{BoxUm, VoxelGrid};
 use carved_core::pipeline::{Pipeline, PipelineSettings, SegmentedFrame};
@@ -116,7 +117,7 @@ fn measured(set: &Set, dpf: u8, seed: u64) -> anyhow::Result<Vec<Measured>> {
             area: off(m.area_um2, truth.hull_area_um2),
             stated: 100.0 * m.volume_sd_um3.unwrap_or(f64::NAN) / truth.hull_volume_um3,
             fins: record.fins.len(),
-            is_flagged: record.flags.iter().any(|flag| flag == "fins_unseen"),
+            is_flagged: record.flags.iter().any(|flag| *flag == Flag::FinsUnseen),
         })
     };
     ASDS.into_iter().map(of).collect()

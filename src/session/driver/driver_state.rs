@@ -40,6 +40,8 @@ pub(super) struct DriverState {
     /// The rig's newest calibration, as of the last lookup.
     pub(super) speed: DiskSpeed,
     pub(super) calibration: Option<CalibrationStatus>,
+    /// Blur of the newest specimen that was measured since the start, px. `None` before the first.
+    pub(super) blur_px: Option<f64>,
     pub(super) run: Option<RunInProgress>,
     /// The newest run once it has ended, or is left to the next start.
     past_run: Option<RunRecord>,
@@ -70,6 +72,7 @@ impl DriverState {
             room: DiskRoom::default(),
             speed: DiskSpeed::of(heartbeat.disk().clone()),
             calibration: None,
+            blur_px: None,
             run: None,
             past_run: None,
             life: Life::Starting,

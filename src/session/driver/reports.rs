@@ -47,7 +47,8 @@ pub(super) fn progress(d: &mut DriverState, progress: Progress) {
             let view = ViewTaken { index, closure, achieved_steps, hull_volume_um3, estimate };
             d.event(Some(&well), EventData::ViewTaken(view));
         }
-        Progress::Measured { well, glb, end } => {
+        Progress::Measured { well, glb, end, blur_px } => {
+            d.blur_px = blur_px.or(d.blur_px);
             // Unless the pictures show the next specimen by now.
             d.publisher.set_live(|l| {
                 if l.shown.as_ref().is_some_and(|shown| shown.well == well) {

@@ -339,6 +339,7 @@ pub(super) async fn next_message(run: &mut Option<RunInProgress>) -> Message {
 pub(super) mod tests {
     use super::*;
     use crate::config::Config;
+    use carved_core::flag::Flag;
     use carved_records::{Mode, RunPlan};
     use std::path::Path;
 
@@ -422,6 +423,6 @@ pub(super) mod tests {
         done.end(SpecimenOutcome::Succeeded, None);
         assert!(r.enter(done.clone()).flags.is_empty());
         r.set_lacks_gate(true);
-        assert_eq!((r.enter(done).flags, r.record().wells[0].flags.len()), (vec!["bead_gate".to_owned()], 1));
+        assert_eq!((r.enter(done).flags, r.record().wells[0].flags.len()), (vec![Flag::BeadGate.into()], 1));
     }
 }

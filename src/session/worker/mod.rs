@@ -96,6 +96,8 @@ pub enum Progress {
         well: String,
         glb: Option<Arc<Vec<u8>>>,
         end: LiveEstimate,
+        /// Median blur of its views, px. `None` where they do not show it.
+        blur_px: Option<f64>,
     },
     /// All files of this well are on disk. The next well may be in progress already.
     WellDone {

@@ -264,9 +264,12 @@ impl Specimen {
             return Ok(Ended::Told);
         }
         let numbers = match found {
-            Ok((mesh, record)) => written(&context, &mut writer, &mesh, record, &seconds, &mut result).map(|glb| {
-                context.tell(Progress::Measured { well: planned.well, glb, end: estimator.end(&result) });
-            }),
+            Ok((mesh, record)) => {
+                let blur_px = record.blur_px();
+                written(&context, &mut writer, &mesh, record, &seconds, &mut result).map(|glb| {
+                    context.tell(Progress::Measured { well: planned.well, glb, end: estimator.end(&result), blur_px });
+                })
+            }
             Err(e) => {
                 result.end(SpecimenOutcome::Failed, Some(&e.to_string()));
                 Ok(())

@@ -418,8 +418,9 @@ test("what there is to look at is listed by reason, and leads to its wells", asy
     (await page.locator("#attention-list li").allInnerTexts()).map((line) => line.replace(/\s+/g, " ").trim()),
     [
       "✕ The frame is dark – A07",
-      "! It moved during the turn: measure it again – A03",
-      "! It goes on beyond the left of the picture; no view closed the turn, so nobody knows whether it moved – A08",
+      "! The specimen moved during the turn: measure it again, and check flow, bubbles and lost steps if several in a row moved – A03",
+      "! The specimen extends beyond the left side of the picture, so the volume is a lower bound: measure it again, further to the right; " +
+        "no view at 360 deg shows whether the specimen moved: let the program that takes the views add one at 360 deg, or look why that view has no outline – A08",
       "– The capillary is empty – A04 A06",
       "– Two larvae – A05",
     ],

@@ -9,6 +9,7 @@
 //! The signal is in grey levels times pixels of the second camera, with exposure and gain as configured. It is comparable
 //! between specimens of one set-up. Absorption in the body and reflections of the glass are not corrected.
 
+use crate::flag::{Flag, StoredFlag};
 use crate::geometry::Projection;
 use crate::surface::{Mesh, silhouette};
 use serde::{Deserialize, Serialize};
@@ -75,7 +76,7 @@ pub struct Fluorescence {
     /// known.
     pub signal_per_nl_sd: Option<f64>,
     /// `saturated`: the signal is only a lower bound.
-    pub flags: Vec<String>,
+    pub flags: Vec<StoredFlag>,
 }
 
 impl Fluorescence {
@@ -107,7 +108,7 @@ impl Fluorescence {
             signal_sd: variance.sqrt(),
             signal_per_nl: signal * per_nl,
             signal_per_nl_sd: volume_sd_um3.map(|sd| (variance / n + (signal * sd / volume_um3).powi(2)).sqrt() * per_nl),
-            flags: saturated.then(|| "saturated".to_owned()).into_iter().collect(),
+            flags: saturated.then(|| Flag::Saturated.into()).into_iter().collect(),
         })
     }
 }
@@ -207,7 +208,7 @@ mod tests {
         let (mesh, projection) = square();
         let bright = vec![255; 6400];
         let view = SecondView { view: 3, projection, pixels: &bright, width: 80, height: 80 };
-        assert_eq!(Fluorescence::measure(&mesh, &[view], 1e6, None).unwrap().flags, ["saturated"]);
+        assert_eq!(Fluorescence::measure(&mesh, &[view], 1e6, None).unwrap().flags, [Flag::Saturated]);
         let nowhere = SecondView { pixels: &bright[..400], width: 20, height: 20, ..view };
         assert!(Fluorescence::measure(&mesh, &[nowhere], 1e6, None).is_none());
         assert_eq!(Fluorescence::measure(&mesh, &[view, nowhere], 1e6, None).unwrap().left_out, [3]);

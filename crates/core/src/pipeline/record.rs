@@ -2,13 +2,15 @@
 
 use crate::calibration::PoseOffset;
 use crate::fins::Fin;
+use crate::flag::{Flag, StoredFlag};
 use crate::geometry::{Camera, Projection};
 use crate::measure::Measurement;
 use crate::measure::facing::Facing;
 use crate::measure::shape::Shape;
 use crate::profile::{Detection, ProfileQuality, Walls};
-use crate::quality::{ClosureOff, ClosureSd, OFF_REFERENCES, Quality, TurnFinding, ViewStrip, add_raised};
+use crate::quality::{ClosureOff, ClosureSd, Quality, TurnFinding, ViewStrip, add_raised};
 use crate::reconstruction::CalibrationRecord;
+use crate::statistics::median;
 use serde::{Deserialize, Serialize};
 
 /// The result of one view.
@@ -155,16 +157,8 @@ pub struct SpecimenRecord {
     /// of a specimen.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub turn_findings: Vec<TurnFinding>,
-    /// Flags: `bad_view` (a view does not count), `clipped_left`, `clipped_right`, `outside_box`, `moved`, `closure_undecided` (the
-    /// closure is over a limit, but by less than two standard deviations), `no_closure` (the view at 360 deg has no profile, so that
-    /// a specimen that moved would show only in the residuals), `dead_looking` (opaque throughout in most views), `blur_mismatch`
-    /// (the frames are not as sharp as configured), `few_views`, `nonconvex` (the voxels are trusted), `fins_unseen` (a long specimen
-    /// with fins shorter than half its length: see `volume_fins_unseen_um3`), `uncalibrated` (measured with the rig's camera),
-    /// `calibration_gate` (another axis leaves a larger hull: the views do not quite agree), `wrong_steps` (the capillary did not
-    /// turn as far as the ledger says), and those of `quality`: `unusable_views`, `residual`, `overlap`, `uncertain`,
-    /// `calibration_off`, `volume_off_references`, `area_off_references`, and those of `turn_findings`: `rotation_suspect`,
-    /// `repeated_views`, `mirrored_views`, `specimen_ends_differ`, `views_disagree`, `axis_off_bore`.
-    pub flags: Vec<String>,
+    /// What is wrong with the numbers: codes of the table in docs/quality.md. An earlier version may have raised others.
+    pub flags: Vec<StoredFlag>,
 }
 
 impl SpecimenRecord {
@@ -184,11 +178,17 @@ impl SpecimenRecord {
         used().map(|view| (view.index, projection(view))).collect()
     }
 
+    /// Median blur of the views, px. `None` where no view shows it.
+    pub fn blur_px(&self) -> Option<f64> {
+        let blurs: Vec<f64> = self.views.iter().filter_map(|view| view.quality?.blur_px).collect();
+        (!blurs.is_empty()).then(|| median(blurs))
+    }
+
     /// Adds the comparison with reference larvae of the same age: volume and area in standard deviations from their mean, and
     /// the number that is allowed.
     pub fn compare_with_references(&mut self, [volume_z, area_z]: [Option<f64>; 2], limit: f64) {
         let quality = self.quality.take().unwrap_or_default().among_references(volume_z, area_z, limit);
-        self.flags.retain(|f| !OFF_REFERENCES.contains(&f.as_str()));
+        self.flags.retain(|flag| *flag != Flag::VolumeOffReferences && *flag != Flag::AreaOffReferences);
         add_raised(&mut self.flags, &quality);
         self.quality = Some(quality);
     }

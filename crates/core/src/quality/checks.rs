@@ -1,6 +1,7 @@
 //! One number against one limit, and all checks of a specimen.
 
-use super::turning::{NOT_ONE_TURN, TurnFinding};
+use super::turning::TurnFinding;
+use crate::flag::{Flag, StoredFlag};
 use serde::{Deserialize, Serialize};
 
 /// A number and its limit.
@@ -28,44 +29,34 @@ pub struct Check {
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub undecided: bool,
     /// The flag that this check raises.
-    pub flag: String,
+    pub flag: StoredFlag,
 }
 
 /// Half width of the interval, standard deviations: 95 % of readings lie within it.
 const SURE: f64 = 2.0;
 
 impl Check {
-    fn new(name: &str, unit: &str, flag: &str, found: Option<f64>, limit: f64, over: impl Fn(f64) -> bool) -> Self {
+    fn new(name: &str, unit: &str, flag: Flag, found: Option<f64>, limit: f64, over: impl Fn(f64) -> bool) -> Self {
         // A value that is not a number measures nothing, so it is within no limit.
         let over = found.is_some_and(|x| !x.is_finite() || over(x));
         let found = found.filter(|x| x.is_finite());
-        Self {
-            name: name.to_owned(),
-            unit: unit.to_owned(),
-            found,
-            sd: None,
-            limit,
-            view: None,
-            over,
-            undecided: false,
-            flag: flag.to_owned(),
-        }
+        Self { name: name.to_owned(), unit: unit.to_owned(), found, sd: None, limit, view: None, over, undecided: false, flag: flag.into() }
     }
 
     /// An upper limit on the magnitude.
-    pub(super) fn at_most(name: &str, unit: &str, flag: &str, found: Option<f64>, limit: f64) -> Self {
+    pub(super) fn at_most(name: &str, unit: &str, flag: Flag, found: Option<f64>, limit: f64) -> Self {
         Self::new(name, unit, flag, found, limit, |x| x.abs() > limit)
     }
 
     /// An upper limit on the magnitude of a number with a standard deviation. Without one the same as [`Self::at_most`].
-    pub(super) fn at_most_surely(name: &str, unit: &str, flag: &str, found: Option<f64>, sd: Option<f64>, limit: f64) -> Self {
+    pub(super) fn at_most_surely(name: &str, unit: &str, flag: Flag, found: Option<f64>, sd: Option<f64>, limit: f64) -> Self {
         let Some(sd) = sd.filter(|sd| sd.is_finite()) else { return Self::at_most(name, unit, flag, found, limit) };
         let check = Self::new(name, unit, flag, found, limit, |x| x.abs() - SURE * sd > limit);
         let undecided = !check.over && check.found.is_some_and(|x| x.abs() + SURE * sd > limit);
         Self { sd: Some(sd), undecided, ..check }
     }
 
-    pub(super) fn at_least(name: &str, unit: &str, flag: &str, found: Option<f64>, limit: f64) -> Self {
+    pub(super) fn at_least(name: &str, unit: &str, flag: Flag, found: Option<f64>, limit: f64) -> Self {
         Self::new(name, unit, flag, found, limit, |x| x < limit)
     }
 
@@ -87,8 +78,6 @@ pub struct Quality {
 /// The check of the comparison of the views. It has no limit in the method: a turn is one, or none.
 const TURN_FINDINGS: &str = "turn_findings";
 const REFERENCE_Z: &str = "reference_z";
-/// Flags of a volume and of an area that are far from those of reference larvae.
-pub(crate) const OFF_REFERENCES: [&str; 2] = ["volume_off_references", "area_off_references"];
 
 impl Quality {
     pub(super) fn new(checks: Vec<Check>) -> Self {
@@ -102,17 +91,17 @@ impl Quality {
     pub fn among_references(mut self, volume_z: Option<f64>, area_z: Option<f64>, limit: f64) -> Self {
         // Checks against the references that were used before.
         self.checks.retain(|c| c.name != REFERENCE_Z);
-        let of = |flag: &str, z| Check::at_most(REFERENCE_Z, "standard deviations", flag, z, limit);
-        self.checks.extend([of(OFF_REFERENCES[0], volume_z), of(OFF_REFERENCES[1], area_z)]);
+        let of = |flag, z| Check::at_most(REFERENCE_Z, "standard deviations", flag, z, limit);
+        self.checks.extend([of(Flag::VolumeOffReferences, volume_z), of(Flag::AreaOffReferences, area_z)]);
         Self::new(self.checks)
     }
 
     /// These checks, and whether the views show one specimen that turns: a check for each finding, or one that is passed.
     #[must_use]
     pub(crate) fn with_turn(mut self, findings: &[TurnFinding]) -> Self {
-        let of = |flag: &str, found: f64| Check::at_most(TURN_FINDINGS, "findings", flag, Some(found), 0.0);
+        let of = |flag, found: f64| Check::at_most(TURN_FINDINGS, "findings", flag, Some(found), 0.0);
         if findings.is_empty() {
-            self.checks.push(of(NOT_ONE_TURN[0], 0.0));
+            self.checks.push(of(Flag::RotationSuspect, 0.0));
         }
         self.checks.extend(findings.iter().map(|finding| of(finding.flag(), 1.0)));
         Self::new(self.checks)
@@ -124,7 +113,7 @@ impl Quality {
     }
 
     /// Whether a check raises this flag.
-    pub fn raises(&self, flag: &str) -> bool {
+    pub fn raises(&self, flag: Flag) -> bool {
         self.checks.iter().any(|c| c.over && c.flag == flag)
     }
 
@@ -134,11 +123,11 @@ impl Quality {
     }
 
     /// Each raised flag, once, in the order of the checks.
-    pub fn flags(&self) -> Vec<&str> {
-        let mut flags: Vec<&str> = Vec::new();
+    pub fn flags(&self) -> Vec<StoredFlag> {
+        let mut flags = Vec::new();
         for check in self.checks.iter().filter(|c| c.over) {
-            if !flags.contains(&check.flag.as_str()) {
-                flags.push(&check.flag);
+            if !flags.contains(&check.flag) {
+                flags.push(check.flag.clone());
             }
         }
         flags

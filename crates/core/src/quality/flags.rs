@@ -1,4 +1,4 @@
-//! The flags of a specimen: one word each for what an operator must know of its numbers.
+//! The flags that the measurement of a turn raises.
 //!
 //! ```text
 //!   views, hull, calibration (FlagFacts) ──┐
@@ -7,11 +7,7 @@
 
 use super::checks::Quality;
 use crate::calibration::VrvVerdict;
-
-/// Difference between the views' median blur and the configured one from which on the flag is raised, px. From specimen to
-/// specimen the blur varies by 0.07 px. Each edge is placed at the blur of its own frame, so that the flag only says that the
-/// focus has changed.
-const BLUR_MISMATCH_PX: f64 = 0.15;
+use crate::flag::{Flag, StoredFlag};
 
 /// What the flags rest on beside the checks.
 #[derive(Debug, Clone, PartialEq)]
@@ -31,10 +27,6 @@ pub(crate) struct FlagFacts<'a> {
     pub has_closure: bool,
     /// For each view that counts and has a detection: whether the larva looks dead in it.
     pub looks_dead: &'a [bool],
-    /// Blur of each view that tells one, px.
-    pub blurs_px: &'a [f64],
-    /// Blur that the method configures, px.
-    pub configured_blur_px: f64,
     /// Whether the voxels' numbers are given because slices are not convex.
     pub is_nonconvex: bool,
     /// Whether the specimen may have fins, and the fins that the views show are shorter than half of it.
@@ -44,38 +36,37 @@ pub(crate) struct FlagFacts<'a> {
 }
 
 /// The flags that the facts and the checks raise, each once.
-pub(crate) fn flags(facts: &FlagFacts, quality: &Quality) -> Vec<String> {
+pub(crate) fn flags(facts: &FlagFacts, quality: &Quality) -> Vec<StoredFlag> {
     let mut flags = Vec::new();
-    let mut flag = |raised: bool, name: &str| {
+    let mut raise = |raised: bool, flag: Flag| {
         if raised {
-            flags.push(name.to_owned());
+            flags.push(flag.into());
         }
     };
-    flag(facts.has_bad_view, "bad_view");
-    flag(facts.is_clipped[0], "clipped_left");
-    flag(facts.is_clipped[1], "clipped_right");
-    flag(facts.touches_box, "outside_box");
-    flag(quality.raises("few_views"), "few_views");
-    let moved = quality.raises("moved") || facts.has_moved;
-    flag(moved, "moved");
-    flag(quality.is_undecided() && !moved && !facts.is_sphere, "closure_undecided");
-    flag(!facts.has_closure, "no_closure");
-    flag(most(facts.looks_dead), "dead_looking");
-    flag(is_blur_off(facts.blurs_px, facts.configured_blur_px), "blur_mismatch");
-    flag(facts.is_nonconvex, "nonconvex");
-    flag(facts.misses_fins, "fins_unseen");
-    flag(facts.vrv.is_none(), "uncalibrated");
-    flag(facts.vrv == Some(VrvVerdict::NotLargest), "calibration_gate");
-    flag(quality.raises("wrong_steps"), "wrong_steps");
+    raise(facts.has_bad_view, Flag::BadView);
+    raise(facts.is_clipped[0], Flag::ClippedLeft);
+    raise(facts.is_clipped[1], Flag::ClippedRight);
+    raise(facts.touches_box, Flag::OutsideBox);
+    raise(quality.raises(Flag::FewViews), Flag::FewViews);
+    let moved = quality.raises(Flag::Moved) || facts.has_moved;
+    raise(moved, Flag::Moved);
+    raise(quality.is_undecided() && !moved && !facts.is_sphere, Flag::ClosureUndecided);
+    raise(!facts.has_closure, Flag::NoClosure);
+    raise(most(facts.looks_dead), Flag::DeadLooking);
+    raise(facts.is_nonconvex, Flag::Nonconvex);
+    raise(facts.misses_fins, Flag::FinsUnseen);
+    raise(facts.vrv.is_none(), Flag::Uncalibrated);
+    raise(facts.vrv == Some(VrvVerdict::NotLargest), Flag::CalibrationGate);
+    raise(quality.raises(Flag::WrongSteps), Flag::WrongSteps);
     add_raised(&mut flags, quality);
     flags
 }
 
 /// Adds the flags that the checks raise and that are not there yet.
-pub(crate) fn add_raised(flags: &mut Vec<String>, quality: &Quality) {
-    for name in quality.flags() {
-        if !flags.iter().any(|f| f == name) {
-            flags.push(name.to_owned());
+pub(crate) fn add_raised(flags: &mut Vec<StoredFlag>, quality: &Quality) {
+    for flag in quality.flags() {
+        if !flags.contains(&flag) {
+            flags.push(flag);
         }
     }
 }
@@ -88,12 +79,6 @@ pub(crate) fn views_needed(planned: u32) -> usize {
 
 fn most(answers: &[bool]) -> bool {
     2 * answers.iter().filter(|yes| **yes).count() > answers.len()
-}
-
-fn is_blur_off(found_px: &[f64], configured_px: f64) -> bool {
-    let mut found = found_px.to_vec();
-    found.sort_by(f64::total_cmp);
-    found.get(found.len() / 2).is_some_and(|median| (median - configured_px).abs() > BLUR_MISMATCH_PX)
 }
 
 #[cfg(test)]
@@ -109,14 +94,12 @@ mod tests {
         is_sphere: false,
         has_closure: true,
         looks_dead: &[false, true, false],
-        blurs_px: &[1.0, 1.1, 2.0],
-        configured_blur_px: 1.1,
         is_nonconvex: false,
         misses_fins: false,
         vrv: Some(VrvVerdict::Passed),
     };
 
-    fn raised(facts: &FlagFacts) -> Vec<String> {
+    fn raised(facts: &FlagFacts) -> Vec<StoredFlag> {
         flags(facts, &Quality::default())
     }
 
@@ -133,43 +116,42 @@ mod tests {
                 view: None,
                 over: false,
                 undecided: true,
-                flag: "moved".into(),
+                flag: Flag::Moved.into(),
             }],
             passed: true,
         };
-        assert_eq!(flags(&GOOD, &closure(-6.0)), ["closure_undecided"]);
+        assert_eq!(flags(&GOOD, &closure(-6.0)), [Flag::ClosureUndecided]);
         assert!(flags(&GOOD, &closure(-4.0)).is_empty());
         assert!(flags(&FlagFacts { is_sphere: true, ..GOOD }, &closure(6.0)).is_empty());
-        assert_eq!(flags(&FlagFacts { has_moved: true, ..GOOD }, &closure(6.0)), ["moved"]);
+        assert_eq!(flags(&FlagFacts { has_moved: true, ..GOOD }, &closure(6.0)), [Flag::Moved]);
     }
 
     #[test]
     fn a_good_specimen_has_no_flag_and_each_fact_has_its_own() {
         assert!(raised(&GOOD).is_empty());
-        for (facts, name) in [
-            (FlagFacts { has_bad_view: true, ..GOOD }, "bad_view"),
-            (FlagFacts { is_clipped: [true, false], ..GOOD }, "clipped_left"),
-            (FlagFacts { is_clipped: [false, true], ..GOOD }, "clipped_right"),
-            (FlagFacts { touches_box: true, ..GOOD }, "outside_box"),
-            (FlagFacts { has_moved: true, ..GOOD }, "moved"),
-            (FlagFacts { has_closure: false, ..GOOD }, "no_closure"),
-            (FlagFacts { looks_dead: &[true, true, false], ..GOOD }, "dead_looking"),
-            (FlagFacts { configured_blur_px: 0.9, ..GOOD }, "blur_mismatch"),
-            (FlagFacts { is_nonconvex: true, ..GOOD }, "nonconvex"),
-            (FlagFacts { misses_fins: true, ..GOOD }, "fins_unseen"),
-            (FlagFacts { vrv: None, ..GOOD }, "uncalibrated"),
-            (FlagFacts { vrv: Some(VrvVerdict::NotLargest), ..GOOD }, "calibration_gate"),
+        for (facts, flag) in [
+            (FlagFacts { has_bad_view: true, ..GOOD }, Flag::BadView),
+            (FlagFacts { is_clipped: [true, false], ..GOOD }, Flag::ClippedLeft),
+            (FlagFacts { is_clipped: [false, true], ..GOOD }, Flag::ClippedRight),
+            (FlagFacts { touches_box: true, ..GOOD }, Flag::OutsideBox),
+            (FlagFacts { has_moved: true, ..GOOD }, Flag::Moved),
+            (FlagFacts { has_closure: false, ..GOOD }, Flag::NoClosure),
+            (FlagFacts { looks_dead: &[true, true, false], ..GOOD }, Flag::DeadLooking),
+            (FlagFacts { is_nonconvex: true, ..GOOD }, Flag::Nonconvex),
+            (FlagFacts { misses_fins: true, ..GOOD }, Flag::FinsUnseen),
+            (FlagFacts { vrv: None, ..GOOD }, Flag::Uncalibrated),
+            (FlagFacts { vrv: Some(VrvVerdict::NotLargest), ..GOOD }, Flag::CalibrationGate),
         ] {
-            assert_eq!(raised(&facts), [name]);
+            assert_eq!(raised(&facts), [flag]);
         }
-        assert!(raised(&FlagFacts { looks_dead: &[], blurs_px: &[], ..GOOD }).is_empty(), "nothing is known of them");
+        assert!(raised(&FlagFacts { looks_dead: &[], ..GOOD }).is_empty(), "nothing is known of them");
     }
 
     #[test]
     fn what_two_rules_raise_is_one_flag() {
-        let check = |flag: &str| Check::at_most("name", "px", flag, Some(2.0), 1.0);
-        let quality = Quality::new(vec![check("moved"), check("residual"), check("residual")]);
-        assert_eq!(flags(&FlagFacts { has_moved: true, ..GOOD }, &quality), ["moved", "residual"]);
+        let check = |flag| Check::at_most("name", "px", flag, Some(2.0), 1.0);
+        let quality = Quality::new(vec![check(Flag::Moved), check(Flag::Residual), check(Flag::Residual)]);
+        assert_eq!(flags(&FlagFacts { has_moved: true, ..GOOD }, &quality), [Flag::Moved, Flag::Residual]);
     }
 
     #[test]

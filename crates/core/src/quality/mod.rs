@@ -1,7 +1,7 @@
 //! Whether a number may be trusted. Every limit has a name and a unit in the method; a number beyond its limit raises a flag.
 //!
 //! ```text
-//!  a turn's views, closure, calibration ── Quality::of ── checks: found, limit, unit ── over: a flag by name
+//!  a turn's views, closure, calibration ── Quality::of ── checks: found, limit, unit ── over: its flag
 //!                     place among references ──┘
 //!  the checks, and facts of views, hull and calibration ── flags ── what an operator must know
 //!  residual strip ── spoiled ── views to be taken again
@@ -21,7 +21,6 @@ mod strip;
 mod turn;
 mod turning;
 
-pub(crate) use checks::OFF_REFERENCES;
 pub use checks::{Check, Quality};
 pub use early_stop::{EarlyStopSettings, has_converged, should_stop};
 pub use estimate::Estimate;
@@ -32,4 +31,4 @@ pub(crate) use strip::{ViewStrip, spoiled};
 pub use turn::tell_little;
 pub(crate) use turn::{CalibrationOff, ClosureOff, ClosureSd, TurnFacts};
 pub(crate) use turning::of_calibration;
-pub use turning::{NOT_ONE_TURN, TurnFinding, Turning};
+pub use turning::{TurnFinding, Turning};

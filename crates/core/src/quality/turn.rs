@@ -13,6 +13,7 @@ use super::checks::{Check, Quality};
 use super::limits::QualitySettings;
 use super::strip::ViewStrip;
 use crate::calibration::widest_gap;
+use crate::flag::Flag;
 use crate::statistics::median;
 
 /// The view at 360 deg compared with the view at 0 deg.
@@ -86,33 +87,33 @@ impl Quality {
         let views = turn.omegas.len() as f64;
         let closure = |of: fn(&ClosureOff) -> f64| turn.closure.as_ref().map(of);
         let sd = |of: fn(&ClosureSd) -> f64| turn.closure.and_then(|c| c.sd).as_ref().map(of);
-        let surely = |name, unit, found, sd, limit| Check::at_most_surely(name, unit, "moved", found, sd, limit);
+        let surely = |name, unit, found, sd, limit| Check::at_most_surely(name, unit, Flag::Moved, found, sd, limit);
         let off = |of: fn(&CalibrationOff) -> f64| turn.calibration.as_ref().map(of);
         // A ratio that does not differ significantly from 1 counts as 1.
         let rho = turn.calibration.map(|c| if c.is_rho_significant { c.rho_percent } else { 0.0 });
         Self::new(vec![
-            Check::at_least("closure_overlap", "share", "moved", closure(|c| c.overlap), l.closure_overlap),
+            Check::at_least("closure_overlap", "share", Flag::Moved, closure(|c| c.overlap), l.closure_overlap),
             surely("closure_along_px", "px", closure(|c| c.along_px), sd(|s| s.along_px), l.closure_along_px),
             surely("closure_across_px", "px", closure(|c| c.across_px), sd(|s| s.across_px), l.closure_across_px),
             surely("closure_turn_deg", "deg", turn.closure.and_then(|c| c.turn_deg), sd(|s| s.turn_deg), l.closure_turn_deg),
-            Check::at_least("views_least", "views", "few_views", Some(views), l.views_least as f64),
+            Check::at_least("views_least", "views", Flag::FewViews, Some(views), l.views_least as f64),
             Check::at_least(
                 "usable_percent",
                 "%",
-                "unusable_views",
+                Flag::UnusableViews,
                 Some(100.0 * views / turn.planned_views.max(1) as f64),
                 l.usable_percent,
             ),
-            Check::at_most("gap_deg", "deg", "few_views", Some(widest_gap(turn.omegas).to_degrees()), l.gap_deg),
-            Check::at_most("residual_px", "px", "residual", residual, l.residual_px),
-            Check::at_most("residual_view_px", "px", "residual", worst.0, l.residual_view_px).of_view(worst.1),
-            Check::at_most("scatter_px", "px", "residual", turn.scatter_px, l.scatter_px),
-            Check::at_least("overlap_percent", "%", "overlap", least.0, l.overlap_percent).of_view(least.1),
-            Check::at_most("volume_sd_percent", "%", "uncertain", turn.volume_sd_percent, l.volume_sd_percent),
-            Check::at_most("uy_px", "px", "calibration_off", off(|c| c.uy_px), l.uy_px),
-            Check::at_most("gamma_deg", "deg", "calibration_off", off(|c| c.gamma_deg), l.gamma_deg),
-            Check::at_most("alpha_deg", "deg", "calibration_off", off(|c| c.alpha_deg), l.alpha_deg),
-            Check::at_most("rho_percent", "%", "wrong_steps", rho, l.rho_percent),
+            Check::at_most("gap_deg", "deg", Flag::FewViews, Some(widest_gap(turn.omegas).to_degrees()), l.gap_deg),
+            Check::at_most("residual_px", "px", Flag::Residual, residual, l.residual_px),
+            Check::at_most("residual_view_px", "px", Flag::Residual, worst.0, l.residual_view_px).of_view(worst.1),
+            Check::at_most("scatter_px", "px", Flag::Residual, turn.scatter_px, l.scatter_px),
+            Check::at_least("overlap_percent", "%", Flag::Overlap, least.0, l.overlap_percent).of_view(least.1),
+            Check::at_most("volume_sd_percent", "%", Flag::Uncertain, turn.volume_sd_percent, l.volume_sd_percent),
+            Check::at_most("uy_px", "px", Flag::CalibrationOff, off(|c| c.uy_px), l.uy_px),
+            Check::at_most("gamma_deg", "deg", Flag::CalibrationOff, off(|c| c.gamma_deg), l.gamma_deg),
+            Check::at_most("alpha_deg", "deg", Flag::CalibrationOff, off(|c| c.alpha_deg), l.alpha_deg),
+            Check::at_most("rho_percent", "%", Flag::WrongSteps, rho, l.rho_percent),
         ])
     }
 }
@@ -120,6 +121,7 @@ impl Quality {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::flag::StoredFlag;
     use proptest::prelude::*;
     use std::f64::consts::TAU;
 
@@ -158,6 +160,20 @@ mod tests {
     }
 
     #[test]
+    fn the_table_of_flags_names_the_checks_that_raise_each() {
+        let checks = good().with_turn(&[]).among_references(None, None, 5.0).checks;
+        for Check { name, flag, .. } in &checks {
+            let StoredFlag::Known(flag) = flag else { panic!("{name} raises {flag}, which is no flag") };
+            assert!(flag.entry().limits.contains(&name.as_str()), "the table of flags lacks {name} as a limit of {flag}");
+        }
+        for flag in Flag::ALL {
+            for limit in flag.entry().limits {
+                assert!(checks.iter().any(|check| check.name == *limit), "{flag}: no check is named {limit}");
+            }
+        }
+    }
+
+    #[test]
     fn each_number_over_its_limit_raises_its_flag_alone() {
         let closure = |c: ClosureOff| of(&even(21), &strip(21), Some(c), Some(NEAR));
         let camera = |c: CalibrationOff| of(&even(21), &strip(21), Some(GOOD), Some(c));
@@ -168,38 +184,44 @@ mod tests {
             closure(ClosureOff { across_px: 3.1, ..GOOD }),
             closure(ClosureOff { turn_deg: Some(-5.1), ..GOOD }),
         ] {
-            assert_eq!((moved.flags(), moved.passed), (vec!["moved"], false));
+            assert_eq!((moved.flags(), moved.passed), (vec![Flag::Moved.into()], false));
         }
         for off in [
             camera(CalibrationOff { uy_px: 30.5, ..NEAR }),
             camera(CalibrationOff { gamma_deg: -3.1, ..NEAR }),
             camera(CalibrationOff { alpha_deg: 2.1, ..NEAR }),
         ] {
-            assert_eq!(off.flags(), ["calibration_off"]);
+            assert_eq!(off.flags(), [Flag::CalibrationOff]);
         }
-        assert_eq!(camera(CalibrationOff { is_rho_significant: true, ..NEAR }).flags(), ["wrong_steps"]);
+        assert_eq!(camera(CalibrationOff { is_rho_significant: true, ..NEAR }).flags(), [Flag::WrongSteps]);
         let mut views = strip(21);
         views[6].residual_px = Some(3.5);
         let found = seen(&even(21), &views);
-        assert_eq!((found.flags(), found.check("residual_view_px").unwrap().view), (vec!["residual"], Some(6)));
+        assert_eq!((found.flags(), found.check("residual_view_px").unwrap().view), (vec![Flag::Residual.into()], Some(6)));
         views[6] = ViewStrip { overlap_percent: Some(80.0), ..strip(1)[0].clone() };
-        assert_eq!(seen(&even(21), &views).flags(), ["overlap"]);
+        assert_eq!(seen(&even(21), &views).flags(), [Flag::Overlap]);
         // A view that was left out is not held against the model.
         views[6].used = false;
         assert!(seen(&even(21), &views).passed);
-        assert_eq!(seen(&even(21)[..16], &strip(21)).flags(), ["unusable_views"]);
-        assert_eq!(seen(&even(84)[..30], &strip(30)).flags(), ["few_views"]);
+        assert_eq!(seen(&even(21)[..16], &strip(21)).flags(), [Flag::UnusableViews]);
+        assert_eq!(seen(&even(84)[..30], &strip(30)).flags(), [Flag::FewViews]);
         let (omegas, strip) = (even(21), strip(21));
         let measured = |scatter_px, volume_sd_percent| {
             let (closure, calibration) = (Some(GOOD), Some(NEAR));
             let facts =
                 TurnFacts { planned_views: 21, omegas: &omegas, strip: &strip, closure, calibration, scatter_px, volume_sd_percent };
-            Quality::of(&facts, &QualitySettings::default()).flags().join(" ")
+            Quality::of(&facts, &QualitySettings::default()).flags()
         };
         let uncertain = |volume_sd_percent| measured(Some(0.2), volume_sd_percent);
-        assert_eq!([Some(2.1), Some(f64::NAN), Some(1.9), None].map(uncertain), ["uncertain", "uncertain", "", ""]);
+        assert_eq!(
+            [Some(2.1), Some(f64::NAN), Some(1.9), None].map(uncertain),
+            [vec![Flag::Uncertain], vec![Flag::Uncertain], vec![], vec![]]
+        );
         let scattered = |scatter_px| measured(scatter_px, Some(0.6));
-        assert_eq!([Some(1.1), Some(f64::NAN), Some(0.9), None].map(scattered), ["residual", "residual", "", ""]);
+        assert_eq!(
+            [Some(1.1), Some(f64::NAN), Some(0.9), None].map(scattered),
+            [vec![Flag::Residual], vec![Flag::Residual], vec![], vec![]]
+        );
     }
 
     /// A reading is over its limit only by more than twice its own standard deviation. One that cannot be told from the limit says so.
@@ -209,7 +231,7 @@ mod tests {
             let sd = sd_deg.map(|turn_deg| ClosureSd { turn_deg, ..KNOWN });
             let found = of(&even(21), &strip(21), Some(ClosureOff { turn_deg: Some(turn_deg), sd, ..GOOD }), Some(NEAR));
             let check = found.check("closure_turn_deg").unwrap();
-            assert_eq!((check.over, check.sd), (found.raises("moved"), sd_deg.filter(|sd| sd.is_finite())));
+            assert_eq!((check.over, check.sd), (found.raises(Flag::Moved), sd_deg.filter(|sd| sd.is_finite())));
             (check.over, check.undecided)
         };
         let (moved, stayed, unknown) = ((true, false), (false, false), (false, true));
@@ -222,7 +244,7 @@ mod tests {
         assert_eq!(turned(5.1, Some(f64::NAN)), moved, "what is no number excuses nothing");
         let old = serde_json::json!({"name": "n", "unit": "px", "found": 1.0, "limit": 2.0, "over": false, "flag": "f"});
         let old: Check = serde_json::from_value(old).unwrap();
-        assert!(old.sd.is_none() && !old.undecided);
+        assert!(old.sd.is_none() && !old.undecided && old.flag.as_str() == "f");
     }
 
     #[test]
@@ -230,14 +252,14 @@ mod tests {
         let found = of(&even(21), &strip(21), None, None);
         assert!(found.passed && found.check("closure_turn_deg").unwrap().found.is_none());
         let found = of(&even(21), &strip(21), Some(ClosureOff { along_px: f64::NAN, ..GOOD }), None);
-        assert!(!found.passed && found.raises("moved") && found.check("closure_along_px").unwrap().found.is_none());
+        assert!(!found.passed && found.raises(Flag::Moved) && found.check("closure_along_px").unwrap().found.is_none());
         serde_json::to_string(&found).unwrap();
     }
 
     #[test]
     fn a_place_among_references_is_a_check_like_others() {
         let found = good().among_references(Some(-5.2), Some(0.3), 5.0);
-        assert_eq!((found.flags(), found.passed), (vec!["volume_off_references"], false));
+        assert_eq!((found.flags(), found.passed), (vec![Flag::VolumeOffReferences.into()], false));
         assert!(good().among_references(None, Some(4.9), 5.0).passed);
     }
 
@@ -264,9 +286,9 @@ mod tests {
                 ..narrow
             };
             let (narrow, wide) = (Quality::of(&facts, &narrow), Quality::of(&facts, &wide));
-            prop_assert!(wide.flags().iter().all(|f| narrow.raises(f)));
+            prop_assert!(wide.flags().iter().all(|f| narrow.flags().contains(f)));
             prop_assert_eq!(narrow.passed, narrow.checks.iter().all(|c| !c.over));
-            prop_assert_eq!(narrow.raises("moved"), along.abs() - 2.0 * KNOWN.along_px > 3.0);
+            prop_assert_eq!(narrow.raises(Flag::Moved), along.abs() - 2.0 * KNOWN.along_px > 3.0);
         }
     }
 }

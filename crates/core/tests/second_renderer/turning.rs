@@ -12,7 +12,7 @@ use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::geometry::{BoxUm, Camera, VoxelGrid};
 use carved_core::pipeline::{Pipeline, PipelineSettings, SegmentedFrame, SpecimenRecord};
 use carved_core::profile::SegmentSettings;
-use carved_core::quality::{QualitySettings, TurnFinding};
+use carved_core::quality::QualitySettings;
 use carved_core::reconstruction::ReconstructionSettings;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
@@ -150,8 +150,8 @@ fn judged(kind: Kind, dirt: Dirt, seed: u64, views: usize, only: &[&str]) -> Vec
     let mut wrong = Vec::new();
     for (name, flags, shot) in kinds(views).into_iter().filter(|(name, ..)| only.is_empty() || only.contains(name)) {
         let record = turn.measured(shot);
-        let found: Vec<&str> = record.turn_findings.iter().map(TurnFinding::flag).collect();
-        if !flags.iter().any(|flag| found.contains(flag) && record.flags.iter().any(|f| f == flag))
+        let found: Vec<&str> = record.turn_findings.iter().map(|finding| finding.flag().code()).collect();
+        if !flags.iter().any(|flag| found.contains(flag) && record.flags.iter().any(|f| f.as_str() == *flag))
             || record.quality.is_none_or(|q| q.passed)
         {
             wrong.push(format!("{kind:?} {seed}, {views} views, {name}: {found:?} {:?}", record.flags));

@@ -5,6 +5,7 @@ use crate::dust::Dirt;
 use crate::judge::raw_frame;
 use crate::truth::{mask, outlines};
 use carved_core::carver::Leaves;
+use carved_core::flag::{Flag, StoredFlag};
 use carved_core::frame::PixelFormat;
 use carved_core::geometry::{BoxUm, Camera, VoxelGrid};
 use carved_core::pipeline::{Pipeline, PipelineError, PipelineSettings, SpecimenRecord};
@@ -128,7 +129,7 @@ impl Turn {
         let exact = exact.map_or("-".to_owned(), |e| format!("{e:+.2}"));
         let covered = if error.abs() <= 2.0 * sd { "yes" } else { "no" };
         let hull = 100.0 * (self.hull_um3 / self.body_um3 - 1.0);
-        let flags: Vec<&str> = self.record.flags.iter().map(String::as_str).filter(|f| *f != "no_closure").collect();
+        let flags: Vec<&str> = self.record.flags.iter().filter(|f| **f != Flag::NoClosure).map(StoredFlag::as_str).collect();
         println!(
             "| {name:20} | {:4} | {hull:4.1} | {error:+5.2} | {sd:4.2} | {covered:3} | {voxel:+5.2} | {exact:5} | {:?} | {} |",
             self.seed,

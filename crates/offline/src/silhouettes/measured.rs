@@ -5,6 +5,7 @@ use crate::Stopped;
 use carved_core::calibration::{Bad, Calibration, Moved, VIEWS_LEAST, VrvCheck, VrvVerdict, directions, widest_gap};
 use carved_core::carver::Leaves;
 use carved_core::fins::Fin;
+use carved_core::flag::Flag;
 use carved_core::geometry::{Camera, Projection, VoxelGrid};
 use carved_core::measure::{Fallback, Measurement};
 use carved_core::quality::{QualitySettings, TurnFinding, Turning, tell_little};
@@ -54,7 +55,7 @@ pub struct Measured {
     /// Why the views of a turn do not show one specimen that turns. The numbers are not those of a specimen then.
     pub turn_findings: Vec<TurnFinding>,
     /// What a reader must know of the numbers, as in `docs/files.md`.
-    pub flags: Vec<&'static str>,
+    pub flags: Vec<Flag>,
     /// Reasons to doubt the numbers, in plain words.
     pub doubts: Vec<String>,
 }
@@ -93,9 +94,9 @@ const DIRECTIONS_LEAST: usize = 4;
 
 impl Refusal {
     /// Its flag.
-    pub fn flag(&self) -> &'static str {
+    pub fn flag(&self) -> Flag {
         match self {
-            Self::FewViews { .. } | Self::FewDirections { .. } => "few_views",
+            Self::FewViews { .. } | Self::FewDirections { .. } => Flag::FewViews,
         }
     }
 }
@@ -120,7 +121,7 @@ pub(super) fn empty(views: &[View], cameras: &Cameras) -> Measured {
         budget: 0,
         touches_box: false,
         turn_findings: Vec::new(),
-        flags: vec!["empty"],
+        flags: vec![Flag::Empty],
         doubts: Vec::new(),
     }
 }
@@ -184,23 +185,23 @@ pub(super) fn turn(
     };
     let counted: Vec<&View> = shown.iter().zip(&seen).filter(|(_, at)| judged[**at].used).map(|(view, _)| *view).collect();
     let mut raised = raised_by(&counted, &model);
-    raised.extend(fallback.as_ref().is_some_and(Fallback::is_nonconvex).then_some(("nonconvex", None)));
+    raised.extend(fallback.as_ref().is_some_and(Fallback::is_nonconvex).then_some((Flag::Nonconvex, None)));
     raised.extend(tell_little(&angles, &QualitySettings::default()).then(|| {
         let gap_deg = widest_gap(&angles).to_degrees();
         let why = format!(
             "warning: {used} views that leave {gap_deg:.0} deg without an edge tell little of each slice's shape; the numbers are rough"
         );
-        ("few_views", Some(why))
+        (Flag::FewViews, Some(why))
     }));
-    raised.extend((used < views.len()).then_some(("bad_view", None)));
-    raised.extend(vrv.filter(|vrv| vrv.verdict == VrvVerdict::NotLargest).map(|_| ("calibration_gate", Some(GATE.into()))));
+    raised.extend((used < views.len()).then_some((Flag::BadView, None)));
+    raised.extend(vrv.filter(|vrv| vrv.verdict == VrvVerdict::NotLargest).map(|_| (Flag::CalibrationGate, Some(GATE.into()))));
     match &calibration {
         Ok(c) => raised.extend(raised_by_calibration(c, &seen)),
-        Err(NotCalibrated::NotAsked) => raised.push(("uncalibrated", None)),
-        Err(e) => raised.push(("uncalibrated", Some(format!("warning: measured with the camera as given: {e}")))),
+        Err(NotCalibrated::NotAsked) => raised.push((Flag::Uncalibrated, None)),
+        Err(e) => raised.push((Flag::Uncalibrated, Some(format!("warning: measured with the camera as given: {e}")))),
     }
     raised.extend(turn_findings.iter().map(|finding| (finding.flag(), Some(format!("warning: {finding}")))));
-    raised.extend(low_overlap(&overlaps).map(|why| ("overlap", Some(why))));
+    raised.extend(low_overlap(&overlaps).map(|why| (Flag::Overlap, Some(why))));
     let (flags, doubts): (Vec<_>, Vec<_>) = raised.into_iter().unzip();
     let mut doubts: Vec<String> = doubts.into_iter().flatten().collect();
     doubts.extend(fallback.map(|why| format!("warning: the voxels' numbers are given: {why}")));
@@ -222,29 +223,29 @@ pub(super) fn turn(
 }
 
 /// A flag, and what it makes doubtful, in plain words.
-type Raised = (&'static str, Option<String>);
+type Raised = (Flag, Option<String>);
 
 /// Flags from the views and the model.
 fn raised_by(shown: &[&View], model: &Model) -> Vec<Raised> {
     let leaves = |side: fn(&Leaves) -> bool| shown.iter().any(|v| side(&v.leaves()));
     let mut raised: Vec<Raised> = Vec::new();
-    for (flag, side, leaves) in [("clipped_left", "left", leaves(|l| l.left)), ("clipped_right", "right", leaves(|l| l.right))] {
+    for (flag, side, leaves) in [(Flag::ClippedLeft, "left", leaves(|l| l.left)), (Flag::ClippedRight, "right", leaves(|l| l.right))] {
         if leaves {
             raised.push((flag, Some(format!("warning: the silhouettes reach the image's {side} side: what lies beyond is not measured"))));
         }
     }
-    raised.extend(model.touches_box.then(|| ("outside_box", Some(BOX.into()))));
+    raised.extend(model.touches_box.then(|| (Flag::OutsideBox, Some(BOX.into()))));
     raised
 }
 
 /// Flags from the calibration. `seen` has the indices of the views among all given ones.
 fn raised_by_calibration(found: &Calibration, seen: &[usize]) -> Vec<Raised> {
-    let moved = found.moved.map(|m| ("moved", Some(say_moved(m, seen))));
+    let moved = found.moved.map(|m| (Flag::Moved, Some(say_moved(m, seen))));
     let wrong_steps = found.has_wrong_steps().then(|| {
         let rho = found.rho;
         let said =
             format!("warning: the specimen turned by {rho:.4} times the angles in omega: check the steps per revolution, or the coupling");
-        ("wrong_steps", Some(said))
+        (Flag::WrongSteps, Some(said))
     });
     moved.into_iter().chain(wrong_steps).collect()
 }
@@ -289,11 +290,11 @@ pub(super) fn hull(
     }
     let touches_box = model.touches_box;
     let raised = [
-        (touches_box, "outside_box"),
-        (seen.len() < VIEWS_LEAST, "few_views"),
-        (seen.len() < views.len(), "bad_view"),
-        (true, "uncalibrated"),
-        (low_overlap(&overlaps).is_some(), "overlap"),
+        (touches_box, Flag::OutsideBox),
+        (seen.len() < VIEWS_LEAST, Flag::FewViews),
+        (seen.len() < views.len(), Flag::BadView),
+        (true, Flag::Uncalibrated),
+        (low_overlap(&overlaps).is_some(), Flag::Overlap),
     ];
     Ok(Measured {
         measurement: Some(model.measurement),
@@ -307,7 +308,7 @@ pub(super) fn hull(
         hull: Some(hull),
         touches_box,
         turn_findings: Vec::new(),
-        flags: raised.iter().filter(|(raised, _)| *raised).map(|(_, name)| *name).collect(),
+        flags: raised.iter().filter(|(raised, _)| *raised).map(|(_, flag)| *flag).collect(),
         doubts: low_overlap(&overlaps).into_iter().chain(touches_box.then(|| BOX.to_owned())).collect(),
     })
 }

@@ -3,6 +3,7 @@
 use super::row::{Row, hash_of};
 use super::{Cell, Kind, ontology};
 use crate::{Computation, RunRecord};
+use carved_core::flag::StoredFlag;
 use carved_records::{InstrumentIdentity, Mode, PlannedWell, SpecimenKind};
 
 /// Where a value is.
@@ -165,8 +166,8 @@ fn outcome(row: &Row) -> Cell {
 }
 
 /// The flags of the record, which also has those of the bead check; of a well without an entry those of the numbers.
-fn flags(row: &Row) -> Vec<String> {
-    row.well.status.as_ref().map(|status| status.flags.clone()).unwrap_or_default()
+fn flags<'r>(row: &'r Row) -> &'r [StoredFlag] {
+    row.well.status.as_ref().map(|status| status.flags.as_slice()).unwrap_or_default()
 }
 
 /// Empty where nothing could be flagged.
@@ -189,7 +190,7 @@ fn reason(row: &Row) -> Cell {
 pub const AFTER: &[Column] = &[
     col("outcome", Text, Made(outcome), "`succeeded`, `failed`, `skipped`, `aborted`, `interrupted`; empty while the well is not done"),
     col("reason", Text, Made(reason), "why there are no numbers; `not_measured_again`: none in the folder of `--measurements`"),
-    col("flags", Text, Made(|r| flags(r).join(";").into()), "flags, joined by `;`: [quality.md](quality.md)"),
+    col("flags", Text, Made(|r| StoredFlag::joined(flags(r), ";").into()), "flags, joined by `;`: [quality.md](quality.md)"),
     col("flag_count", Integer, Made(flag_count), "number of flags; 0 for a specimen without a doubt, empty for one without numbers"),
     col("earlier_attempts", Integer, Made(|r| r.well.earlier_attempts.into()), "attempts at this well before the one of this row"),
     // Numbers of the trusted estimator.

@@ -2,6 +2,7 @@ use super::*;
 use crate::power_loss::{entry, frame, record};
 use crate::testing::recording;
 use crate::{Claim, Journal, MEASUREMENT, RecordingWriter, Store, rebuild_index, set_aside};
+use carved_core::flag::Flag;
 use carved_records::{EventData, Fault, RunOutcome, SpecimenOutcome, fault_table};
 use serde_json::json;
 
@@ -66,7 +67,7 @@ fn live(root: &Path) -> (Store, Journal) {
     say(&mut journal, "fault.acknowledged", None, json!({"seq": 3}));
     measured(&store, &first, 1, Some(499.5));
     first.wells[1].end(SpecimenOutcome::Succeeded, None);
-    first.wells[1].flags = vec!["moved".into()];
+    first.wells[1].flags = vec![Flag::Moved.into()];
     first.end(RunOutcome::Succeeded);
     store.save_run(&first).unwrap();
     say(&mut journal, "run.ended", Some("r1"), json!({}));

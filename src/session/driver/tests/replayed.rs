@@ -172,7 +172,7 @@ pub(super) async fn takes(b: &mut Bench, axis_answers: &AtomicBool, step: &Step)
             drop(accepts(b, well));
         }
         Step::Measured(well) if b.works() => {
-            b.tell(Progress::Measured { well: WELLS[well].into(), glb: None, end: LiveEstimate::default() });
+            b.tell(Progress::Measured { well: WELLS[well].into(), glb: None, end: LiveEstimate::default(), blur_px: None });
         }
         Step::Hardware if b.works() => {
             let (rotation, counters) = (RotationStatus::default(), StreamCounters::default());

@@ -4,6 +4,7 @@ use super::GateSettings;
 use super::chart::{Chart, charts};
 use super::numbers::{BeadMeasured, GateNumbers};
 use super::words::words;
+use crate::flag::Flag;
 use crate::measure::references::bead::BeadScore;
 use crate::quality::Check;
 use serde::{Deserialize, Serialize};
@@ -58,10 +59,10 @@ impl BeadGate {
         // within the repeatability of the rig.
         let off_um = (numbers.diameter_um.mean - settings.nominal_um).abs();
         let beyond_repeat = score.as_ref().filter(|_| off_um > settings.repeat_um);
-        let most = |name: &str, unit: &str, found, limit| Check::at_most(name, unit, "bead_gate", found, limit);
+        let most = |name: &str, unit: &str, found, limit| Check::at_most(name, unit, Flag::BeadGate, found, limit);
         let checks = vec![
-            Check::at_least("beads_least", "beads", "bead_gate", Some(numbers.beads as f64), settings.beads_least as f64),
-            Check::at_least("t_percent", "%", "bead_gate", beyond_repeat.map(|s| 100.0 * s.p), settings.t_percent),
+            Check::at_least("beads_least", "beads", Flag::BeadGate, Some(numbers.beads as f64), settings.beads_least as f64),
+            Check::at_least("t_percent", "%", Flag::BeadGate, beyond_repeat.map(|s| 100.0 * s.p), settings.t_percent),
             most("aspect_off", "(ratio)", Some(numbers.aspect_ratio.mean - 1.0), settings.aspect_off),
             most("roundness_um", "um", Some(numbers.worst_sphere_rms_um), settings.roundness_um),
             most("residual_px", "px", numbers.worst_residual_px, settings.residual_px),

@@ -18,6 +18,7 @@ mod outlines;
 mod pixels;
 
 use crate::calibration::Placed;
+use crate::flag::Flag;
 use crate::profile::{Columns, Picture, Profile};
 use crate::statistics::median;
 use outlines::{Mirror, distance_px, shape_distance_px};
@@ -25,10 +26,6 @@ use pixels::{BorePicture, change};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
-
-/// Flags of a turn that is none.
-pub const NOT_ONE_TURN: [&str; 6] =
-    ["rotation_suspect", "repeated_views", "mirrored_views", "specimen_ends_differ", "views_disagree", "axis_off_bore"];
 
 /// Why the views do not show one specimen that turns at the angles of the ledger.
 #[derive(Debug, Clone, PartialEq, thiserror::Error, Serialize, Deserialize)]
@@ -143,15 +140,14 @@ impl TurnFinding {
     }
 
     /// Its flag.
-    pub fn flag(&self) -> &'static str {
-        let [still, repeated, mirrored, ends, disagree, off_bore] = NOT_ONE_TURN;
+    pub fn flag(&self) -> Flag {
         match self {
-            Self::Still { .. } => still,
-            Self::Repeated { .. } => repeated,
-            Self::Mirrored { .. } => mirrored,
-            Self::Ends { .. } => ends,
-            Self::Elsewhere { .. } | Self::Foreign { .. } => disagree,
-            Self::OffBore { .. } => off_bore,
+            Self::Still { .. } => Flag::RotationSuspect,
+            Self::Repeated { .. } => Flag::RepeatedViews,
+            Self::Mirrored { .. } => Flag::MirroredViews,
+            Self::Ends { .. } => Flag::SpecimenEndsDiffer,
+            Self::Elsewhere { .. } | Self::Foreign { .. } => Flag::ViewsDisagree,
+            Self::OffBore { .. } => Flag::AxisOffBore,
         }
     }
 }
