@@ -16,7 +16,6 @@ use carved_records::{
 };
 use carved_store::RecordingWriter;
 use carved_store::testing::{recording as a_recording, trace as disk_trace};
-use futures::FutureExt;
 use proptest::prelude::*;
 use std::path::Path;
 use std::sync::Arc;
