@@ -7,7 +7,8 @@ use crate::common::{carved, generated, json, stderr, strict, venv};
 use carved_core::flag::Flag;
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::profile::Mask;
-use carved_records::{InstrumentIdentity, Mode, RunOutcome, SpecimenOutcome, sha256_hex};
+use carved_records::{InstrumentIdentity, Mode, RunOutcome, SpecimenOutcome, WellStatus, sha256_hex};
+use carved_store::columns::{AFTER, BEFORE, Source};
 use carved_store::{Claim, MEASUREMENT, MeasurementFile, Recording, RecordingWriter, RunRecord, Store, frames};
 use rusqlite::types::ValueRef::{Blob, Integer, Null, Real, Text};
 use serde_json::{Value, json};
@@ -219,6 +220,78 @@ fn every_column_has_a_value_somewhere() {
     let empty: BTreeSet<&str> =
         rows[0].keys().filter(|column| rows.iter().all(|row| row[*column].is_empty())).map(String::as_str).collect();
     assert_eq!(empty, BTreeSet::from(NEVER_HERE));
+}
+
+/// Numbers of `measurement.json` that no column has, by the beginning of their pointers, and why.
+const ONLY_IN_THE_FILE: [(&str, &str); 18] = [
+    ("/calibration/", "the camera of the turn; the checks have its differences from the rig"),
+    ("/closure/", "the checks have its numbers"),
+    ("/facing/", "which views show the back and the sides, for pictures"),
+    ("/measurement/area_method/", "settings of the fairing"),
+    ("/measurement/estimators/support/", "how the support functions were fitted"),
+    ("/measurement/fairing_volume_loss", "of the surface that is shown"),
+    ("/measurement/mesh_volume_um3", "of the surface that is shown"),
+    ("/measurement/planned_views", "the column `views_planned` is that of the method"),
+    ("/measurement/sphere/", "the same as `diameter_um` and `sphere_rms_um`"),
+    ("/measurement/unfaired_area_um2", "of the surface before it is faired"),
+    ("/measurement/voxels", "a count of the computation"),
+    ("/reference/dpf", "the age in the plate map"),
+    ("/shape/body/dorsal/belly_share", "what the confidence follows from"),
+    ("/shape/body/dorsal/median_share", "what the confidence follows from"),
+    ("/shape/body/head/first_moment", "what the confidence follows from"),
+    ("/shape/body/slices_volume_share", "a check of the slices"),
+    ("/shape/harmonics/", "fine structure of the surface"),
+    ("/shape/solid/", "volume and area of the mesh"),
+];
+
+fn numbers(value: &Value, pointer: &str, found: &mut BTreeSet<String>) {
+    match value {
+        Value::Object(keys) => keys.iter().for_each(|(key, value)| numbers(value, &format!("{pointer}/{key}"), found)),
+        Value::Number(_) => drop(found.insert(pointer.to_owned())),
+        _ => {}
+    }
+}
+
+/// Whoever adds a number to the measurement decides whether the table has it.
+#[test]
+fn every_number_of_a_measurement_has_a_column_or_a_reason() {
+    let columns: BTreeSet<&str> =
+        BEFORE.iter().chain(AFTER).filter_map(|column| if let Source::Measured(at) = column.source { Some(at) } else { None }).collect();
+    let mut found = BTreeSet::new();
+    ["larva.json", "bead.json"].iter().for_each(|name| numbers(&example(name), "", &mut found));
+    found.retain(|pointer| !columns.contains(pointer.as_str()));
+    let without: Vec<_> = found.iter().filter(|pointer| ONLY_IN_THE_FILE.iter().all(|(part, _)| !pointer.starts_with(part))).collect();
+    assert!(without.is_empty(), "no column in crates/store/src/columns/list.rs, and no reason here: {without:?}");
+    for (part, why) in ONLY_IN_THE_FILE {
+        assert!(found.iter().any(|pointer| pointer.starts_with(part)), "no number without a column begins with {part} ({why})");
+    }
+}
+
+/// What `run.json` and the status say of a well is in the table, by the same name or by this one.
+#[test]
+fn every_value_of_a_well_has_a_column() {
+    const OTHER_NAMES: [(&str, &str); 3] =
+        [("residual_px", "qc_residual_px"), ("signal_per_nl", "signal_grey_px_per_nl"), ("reference", "reference_volume_z")];
+    let planned = serde_json::from_value(json!({"well": "A01"})).unwrap();
+    for key in serde_json::to_value(WellStatus::pending(&planned)).unwrap().as_object().unwrap().keys() {
+        let name = OTHER_NAMES.iter().find(|(from, _)| from == key).map_or(key.as_str(), |(_, name)| name);
+        assert!(BEFORE.iter().chain(AFTER).any(|column| column.name == name), "the table has no column {name} for {key} of a well");
+    }
+}
+
+#[test]
+fn a_column_has_the_unit_of_its_check() {
+    let larva = example("larva.json");
+    let checks = larva["quality"]["checks"].as_array().unwrap();
+    let mut compared = 0;
+    for column in BEFORE.iter().chain(AFTER) {
+        let Source::Check(name, _) = column.source else { continue };
+        let unit = checks.iter().find(|check| check["name"] == name).unwrap()["unit"].as_str().unwrap();
+        // A count has no unit in the table.
+        assert_eq!(column.unit().unwrap_or("views"), unit, "{}", column.name);
+        compared += 1;
+    }
+    assert!(compared > 15, "{compared}");
 }
 
 #[test]

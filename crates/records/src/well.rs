@@ -54,10 +54,14 @@ pub struct WellStatus {
 impl WellStatus {
     /// A well that was not measured yet.
     pub fn pending(planned: &PlannedWell) -> Self {
+        Self::empty(planned.well.clone(), planned.specimen, planned.dpf)
+    }
+
+    fn empty(well: String, specimen: SpecimenKind, dpf: Option<f64>) -> Self {
         Self {
-            well: planned.well.clone(),
-            specimen: planned.specimen,
-            dpf: planned.dpf,
+            well,
+            specimen,
+            dpf,
             outcome: None,
             reason: None,
             flags: Vec::new(),
@@ -84,22 +88,9 @@ impl WellStatus {
 
     /// Fails a well that may have numbers. They are not those of its specimen, and are removed.
     pub fn fail_measured(&mut self, reason: &str) {
+        let (flags, views, views_planned) = (std::mem::take(&mut self.flags), self.views, self.views_planned);
+        *self = Self { flags, views, views_planned, ..Self::empty(std::mem::take(&mut self.well), self.specimen, self.dpf) };
         self.end(SpecimenOutcome::Failed, Some(reason));
-        self.estimator = None;
-        self.reference = None;
-        for number in [
-            &mut self.volume_um3,
-            &mut self.volume_sd_um3,
-            &mut self.area_um2,
-            &mut self.area_sd_um2,
-            &mut self.field_volume_um3,
-            &mut self.field_area_um2,
-            &mut self.diameter_um,
-            &mut self.residual_px,
-            &mut self.signal_per_nl,
-        ] {
-            *number = None;
-        }
     }
 
     /// Ends a well without a number before its turn was complete. `views`: how many of its views are stored.

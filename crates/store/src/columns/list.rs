@@ -40,7 +40,30 @@ const fn col(name: &'static str, kind: Kind, source: Source, meaning: &'static s
     Column { name, kind, source, meaning }
 }
 
+/// The unit of a number, by the end of its name. The longer endings come first.
+const UNITS: &[(&str, &str)] = &[
+    ("_grey_px_per_nl", "grey levels px/nl"),
+    ("_grey_px", "grey levels px"),
+    ("_per_um", "1/um"),
+    ("_per_mm", "1/mm"),
+    ("_um3", "um^3"),
+    ("_um2", "um^2"),
+    ("_um", "um"),
+    ("_px", "px"),
+    ("_deg", "deg"),
+    ("_percent", "%"),
+    ("_percentile", "%"),
+    ("_share", "share"),
+    ("_s", "s"),
+];
+
 impl Column {
+    /// The unit of a number. `None` for a number without a unit, and for what is no decimal number.
+    pub fn unit(&self) -> Option<&'static str> {
+        let known = || UNITS.iter().find(|(end, _)| self.name.ends_with(end)).map(|(_, unit)| *unit);
+        if self.kind == Number { known() } else { None }
+    }
+
     /// The value of a run. `None` for a column of specimens.
     pub(crate) fn of_run(&self, run: &RunRecord) -> Option<Cell> {
         if let Run(make) = self.source { Some(make(run)) } else { None }
@@ -406,7 +429,10 @@ fn method_sha256(row: &Row) -> Cell {
 
 /// The columns as a table of Markdown, for the reference page.
 pub fn page() -> String {
-    let line = |c: &Column| format!("| `{}` | {} | {} |\n", c.name, c.kind.name(), c.meaning);
+    let line = |c: &Column| {
+        let unit = c.unit().map(|unit| format!(", {unit}")).unwrap_or_default();
+        format!("| `{}` | {}{unit} | {} |\n", c.name, c.kind.name(), c.meaning)
+    };
     let own = "| `meta_...` | text | one column for each column of the plate map that carved does not read |\n".to_owned();
     let lines: String = BEFORE.iter().map(line).chain([own]).chain(AFTER.iter().map(line)).collect();
     format!("| column | holds | meaning |\n|---|---|---|\n{lines}")
