@@ -70,6 +70,10 @@ pub trait Sampler: Send {
     /// # Errors
     /// The input cannot be read.
     fn look(&mut self, axis: &mut dyn RotationAxis) -> Result<(), DeviceError>;
+    /// Whether it has an input that shows a specimen while nothing runs.
+    fn has_sensor(&self) -> bool {
+        false
+    }
     /// Whether [`Self::look`] has found a specimen. `None` without such an input, or before it was read for long enough.
     fn sees_specimen(&self) -> Option<bool>;
     /// Waits until it is known which well comes next. A sampler that does not decide this says the first. `is_ended` tells whether the

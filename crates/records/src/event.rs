@@ -181,6 +181,8 @@ events! {
     SPECIMEN_DETECTED: SpecimenDetected(Option<Detection>) = "specimen.detected";
     /// An attempt at a specimen failed, and another follows.
     SPECIMEN_TRIED_AGAIN: SpecimenTriedAgain(AttemptFailed) = "specimen.tried_again";
+    /// The sampler's sensor shows a specimen that no run asked for, or that it is gone.
+    SPECIMEN_UNASKED: SpecimenUnasked(SensorReading) = "specimen.unasked";
     /// A specimen was interrupted before its end.
     SPECIMEN_INTERRUPTED: SpecimenInterrupted(SpecimenInterrupted) = "specimen.interrupted";
     /// An attempt to compute the numbers of a specimen from its stored frames begins.
@@ -224,6 +226,7 @@ impl EventData {
                 | Self::PlateUnloaded(_)
                 | Self::PlateHandoffAborted(_)
                 | Self::RunAccepted(_)
+                | Self::SpecimenUnasked(_)
         )
     }
 }
@@ -348,6 +351,13 @@ pub struct PhaseEntered {
     /// Whether the specimen is in the capillary.
     #[serde(default)]
     pub in_capillary: bool,
+}
+
+/// Data of `specimen.unasked`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SensorReading {
+    /// Whether the specimen is there.
+    pub there: bool,
 }
 
 /// Data of `specimen.tried_again`.

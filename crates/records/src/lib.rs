@@ -35,7 +35,7 @@ pub use concentration::ConcentrationUnit;
 pub use event::{
     AttemptFailed, DaemonStarted, DaemonStopping, Event, EventBody, EventData, FaultAcknowledged, FaultsCleared, HeldBy, JournalRepaired,
     LoadedBy, PhaseEntered, PlateNamed, RecoveryBegun, ResumedBy, RunAccepted, RunEnded, RunHeld, RunInterrupted, RunResumed,
-    RunUnreadable, SpecimenDone, SpecimenInterrupted, ViewTaken, WellLoaded, kind,
+    RunUnreadable, SensorReading, SpecimenDone, SpecimenInterrupted, ViewTaken, WellLoaded, kind,
 };
 pub use fault::table::{self as fault_table, ALL as FAULT_CODES, Category, FaultCode};
 pub use fault::{Device, Fault, FaultEnd, RunUnderFault};

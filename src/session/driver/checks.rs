@@ -8,7 +8,7 @@ use super::driver_state::DriverState;
 use super::room::{self, Speed};
 use super::{course, faults};
 use carved_devices::DeviceError;
-use carved_records::{Device, EventData, Fault, fault_table};
+use carved_records::{Device, EventData, Fault, SensorReading, fault_table};
 
 pub(super) fn beat(d: &mut DriverState) {
     d.calibration_ages();
@@ -111,8 +111,7 @@ pub(super) fn searched(d: &mut DriverState, found: DevicesFound) {
     if !outputs.is_empty() {
         d.publish_news(|s| s.hardware.outputs = outputs);
     }
-    let seen = d.devices.at_rest().and_then(|instrument| instrument.sampler.sees_specimen());
-    read_wire(d, seen);
+    read_wire(d);
     // A run that this loss has held may continue.
     if was_lost && d.devices.lost().is_none() {
         course::resume_by_itself(d);
@@ -173,13 +172,15 @@ fn axis_was_away() -> DeviceError {
 }
 
 /// Reads the sampler's sensor for a specimen in the capillary, while there is no run and the capillary should be empty.
-fn read_wire(d: &mut DriverState, seen: Option<bool>) {
-    let Some(seen) = seen.filter(|_| d.run.is_none() && d.specimens().inside().is_none()) else { return };
-    let reading = d.loader.read_wire(seen);
-    if reading.is_news {
-        d.publish(|_| ());
+fn read_wire(d: &mut DriverState) {
+    let Some(sampler) = d.devices.at_rest().map(|instrument| &instrument.sampler) else { return };
+    // Without a sensor nothing shows any more what the sensor of an earlier start has seen.
+    let seen = if sampler.has_sensor() { sampler.sees_specimen() } else { Some(false) };
+    let Some(there) = seen.filter(|_| d.run.is_none() && d.specimens().inside().is_none()) else { return };
+    if there != d.state().stranger.is_inside() {
+        d.event_shown(None, EventData::SpecimenUnasked(SensorReading { there }), |d| d.publish(|_| ()));
     }
-    if reading.unexpected {
+    if there {
         find(d, Finding::Stands(fault_table::SAMPLER_FAILED.code, DeviceError::Unasked));
     }
 }

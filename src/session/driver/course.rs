@@ -62,7 +62,6 @@ pub(super) fn start(d: &mut DriverState, id: &str, plan: RunPlan, method: Method
         return Err(refused);
     }
     let status = run_status(&record);
-    d.loader.begin_run();
     d.devices.begin_run();
     d.run = Some(RunInProgress::new(record));
     launch(d);

@@ -18,23 +18,12 @@ pub(super) struct Loader {
     interlock: LoaderInterlock,
     loaded_by: LoadedBy,
     brings_again: bool,
-    /// The sampler's sensor shows a specimen that no run requested.
-    unexpected: bool,
-}
-
-/// The reading of the sampler's sensor between runs, while the capillary should be empty.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct WireReading {
-    /// A specimen that no run requested is in the capillary.
-    pub unexpected: bool,
-    /// The reading differs from the previous one.
-    pub is_news: bool,
 }
 
 impl Loader {
     pub fn new(interlock: LoaderInterlock, sampler: &dyn Sampler) -> Self {
         let loaded_by = if sampler.waits_for_loader() { LoadedBy::Loader } else { LoadedBy::Sampler };
-        Self { interlock, loaded_by, brings_again: sampler.brings_again(), unexpected: false }
+        Self { interlock, loaded_by, brings_again: sampler.brings_again() }
     }
 
     /// Whether a plate-loader fills the capillary. Otherwise a driven sampler does.
@@ -57,16 +46,6 @@ impl Loader {
         Situation { loaded_by: self.loaded_by, brings_again: self.brings_again, work }
     }
 
-    /// Whether a specimen that no run requested is in the capillary.
-    pub fn has_unexpected(&self) -> bool {
-        self.unexpected
-    }
-
-    /// A run begins. From now on a specimen in the capillary belongs to the run.
-    pub fn begin_run(&mut self) {
-        self.unexpected = false;
-    }
-
     /// The channel on which a worker receives the loader's messages. Drops an earlier message.
     pub fn cleared_interlock(&self) -> LoaderInterlock {
         self.interlock.clear();
@@ -81,12 +60,6 @@ impl Loader {
     /// The well whose specimen keeps a new run from starting. `None` with a driven sampler: the new run ejects the specimen first.
     pub fn keeps_run_out<'a>(&self, specimens: &'a Specimens) -> Option<&'a str> {
         specimens.inside().filter(|_| self.fills_capillary())
-    }
-
-    /// Notes a reading of the sampler's sensor.
-    pub fn read_wire(&mut self, unexpected: bool) -> WireReading {
-        let before = std::mem::replace(&mut self.unexpected, unexpected);
-        WireReading { unexpected, is_news: before != unexpected }
     }
 
     #[cfg(test)]

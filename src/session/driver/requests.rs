@@ -188,7 +188,7 @@ fn surroundings(d: &DriverState) -> Surroundings<'_> {
         state: d.machine(),
         has_run: d.run.is_some(),
         specimens: d.specimens(),
-        has_unexpected: d.loader.has_unexpected(),
+        has_unexpected: d.state().stranger.is_inside(),
         is_failing: d.outbox.is_failing(),
     }
 }

@@ -56,7 +56,7 @@ impl Parts<'_> {
             state: s.state,
             has_run: self.run.is_some(),
             specimens,
-            has_unexpected: self.loader.has_unexpected(),
+            has_unexpected: self.state.stranger.is_inside(),
             is_failing: self.is_failing,
         }
         .needs();
@@ -172,7 +172,7 @@ mod tests {
     use super::*;
     use crate::session::Driver;
     use carved_devices::sampler::{LoaderInterlock, LoaderSampler};
-    use carved_records::{EventBody, EventData, Mode, PhaseEntered, PlateNamed, fault_table};
+    use carved_records::{EventBody, EventData, Mode, PhaseEntered, PlateNamed, SensorReading, fault_table};
 
     fn after(events: &[(Option<&str>, EventData)]) -> InstrumentState {
         let mut state = InstrumentState { run: Some(RunState::new("r1")), ..InstrumentState::default() };
@@ -240,7 +240,7 @@ mod tests {
 
     #[test]
     fn a_plate_is_removable_once_nothing_of_it_is_inside_or_unwritten() {
-        let (empty, mut loader) = (after(&[]), loader());
+        let (empty, loader) = (after(&[]), loader());
         assert!(snapshot(&parts(&empty, &loader)).plate.removable);
         let r = run(&["A01"]);
         for parts in [
@@ -254,8 +254,8 @@ mod tests {
         let inside = after(&[(Some("A01"), EventData::SpecimenPhase(PhaseEntered { phase: Phase::Eject, in_capillary: true }))]);
         let left = snapshot(&parts(&inside, &loader)).plate;
         assert!(!left.removable && left.take_out.as_deref() == Some("A01") && left.needs.unwrap().contains("A01"));
-        loader.read_wire(true);
-        let plate = snapshot(&parts(&empty, &loader)).plate;
+        let unasked = after(&[(None, EventData::SpecimenUnasked(SensorReading { there: true }))]);
+        let plate = snapshot(&parts(&unasked, &loader)).plate;
         assert!(!plate.removable && plate.needs.unwrap().contains("no run asked for"), "nobody knows what is inside");
     }
 

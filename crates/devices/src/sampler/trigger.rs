@@ -234,6 +234,10 @@ impl Sampler for TriggerSampler {
         Ok(())
     }
 
+    fn has_sensor(&self) -> bool {
+        true
+    }
+
     fn sees_specimen(&self) -> Option<bool> {
         self.seen
     }

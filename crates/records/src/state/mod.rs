@@ -4,6 +4,7 @@
 //!                     ┌─► OpenFaults      raised, acknowledged, cleared
 //!  Event ──► apply ───┼─► PlateHandover   the plate inside, and the open handover
 //!                     ├─► Paces           durations of specimens, by method
+//!                     ├─► SpecimenState   of a specimen that no run asked for
 //!                     └─► RunState        of the newest run: cause of a hold, requested end
 //!                          └─► Specimens  where each specimen of the run is
 //! ```
@@ -31,6 +32,8 @@ use crate::{Event, EventBody, EventData};
 pub struct InstrumentState {
     /// The newest run. `None` if no run is known.
     pub run: Option<RunState>,
+    /// A specimen in the capillary that no run asked for. It belongs to no well.
+    pub stranger: SpecimenState,
     /// The plate and its handover.
     pub plate: PlateHandover,
     /// The open faults.
@@ -54,6 +57,14 @@ impl InstrumentState {
         self.plate.apply(&event.data);
         self.faults.apply(&event.data);
         self.paces.apply(event);
+        match &event.data {
+            EventData::RunAccepted(_) => self.stranger = self.stranger.after(SpecimenEvent::RunBegins),
+            EventData::SpecimenUnasked(reading) => {
+                let seen = if reading.there { SpecimenEvent::SeenUnasked } else { SpecimenEvent::SeenEmpty };
+                self.stranger = self.stranger.after(seen);
+            }
+            _ => {}
+        }
         match (&event.data, &event.run) {
             (EventData::RunAccepted(accepted), Some(id)) => self.run = Some(RunState::accepted(id, accepted.left_in_capillary.as_deref())),
             (_, Some(id)) => self.run.iter_mut().filter(|run| run.id() == id).for_each(|run| run.apply(event)),

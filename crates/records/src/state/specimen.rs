@@ -13,11 +13,11 @@ use std::fmt::Write;
 
 /// Defines an enum with the meaning of each value and the list of all values.
 macro_rules! described {
-    ($(#[$doc:meta])* $name:ident { $($value:ident = $meaning:literal,)* }) => {
+    ($(#[$doc:meta])* $name:ident { $($(#[$default:meta])* $value:ident = $meaning:literal,)* }) => {
         $(#[$doc])*
         #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
         pub enum $name {
-            $(#[doc = $meaning] $value,)*
+            $($(#[$default])* #[doc = $meaning] $value,)*
         }
 
         impl $name {
@@ -36,7 +36,9 @@ macro_rules! described {
 
 described! {
     /// Where the specimen of a well is, and whether an attempt at it is in progress.
+    #[derive(Default)]
     SpecimenState {
+        #[default]
         Absent = "It is on the plate. Nobody asked for it.",
         Loading = "Its load has begun. A driven sampler brings it.",
         Awaited = "The loader is asked for it, and a worker waits for it.",
@@ -59,6 +61,7 @@ described! {
 described! {
     /// What happens to a specimen.
     SpecimenEvent {
+        RunBegins = "A run begins. Its sampler looks for itself.",
         LeftBefore = "A run begins, and the specimen of an earlier run is still inside.",
         LoadBegun = "A worker begins to load it.",
         AskedFor = "The loader is asked for it.",
@@ -183,7 +186,7 @@ pub const TRANSITIONS: &[(SpecimenState, &[(SpecimenEvent, SpecimenState)])] = &
             (On::RestartedWithLoader, S::Left),
         ],
     ),
-    (S::Unasked, &[(On::SeenEmpty, S::Absent)]),
+    (S::Unasked, &[(On::RunBegins, S::Absent), (On::SeenEmpty, S::Absent)]),
     (
         S::Untouched,
         &[

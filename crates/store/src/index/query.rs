@@ -194,8 +194,8 @@ fn data_of(kind: &str, json: &str) -> EventData {
     EventData::of(kind, serde_json::from_str(json).unwrap_or_default())
 }
 
-/// The newest `most` events without views, and the earlier events that are still valid: open faults, the newest events of a plate and of
-/// its handover, and the acceptance of the newest run and of the runs among the newest events.
+/// The newest `most` events without views, and the earlier events that are still valid: open faults, the newest events of a plate, of
+/// its handover and of the sampler's sensor, and the acceptance of the newest run and of the runs among the newest events.
 pub(super) fn remembered(c: &Connection, most: usize) -> rusqlite::Result<Vec<Event>> {
     let mut select = c.prepare(
         "WITH newest AS (SELECT id, run FROM events WHERE kind <> ?2 ORDER BY id DESC LIMIT ?1)
@@ -205,6 +205,7 @@ pub(super) fn remembered(c: &Connection, most: usize) -> rusqlite::Result<Vec<Ev
             OR id = (SELECT MAX(id) FROM events WHERE kind IN (?3, ?4))
             OR id = (SELECT MAX(id) FROM events WHERE kind IN (?3, ?4, ?6, ?7))
             OR id = (SELECT MAX(id) FROM events WHERE kind = ?5)
+            OR id = (SELECT MAX(id) FROM events WHERE kind = ?8)
             OR kind = ?5 AND run IN (SELECT run FROM newest WHERE run IS NOT NULL)
          ORDER BY id",
     )?;
@@ -215,7 +216,8 @@ pub(super) fn remembered(c: &Connection, most: usize) -> rusqlite::Result<Vec<Ev
         kind::PLATE_UNLOADED,
         kind::RUN_ACCEPTED,
         kind::PLATE_ANNOUNCED,
-        kind::PLATE_HANDOFF_ABORTED
+        kind::PLATE_HANDOFF_ABORTED,
+        kind::SPECIMEN_UNASKED
     ];
     select.query_map(kinds, event_row)?.collect()
 }

@@ -70,6 +70,28 @@ fn a_specimen_that_no_run_asked_for_is_said_and_neither_ready_nor_removable_goes
     });
 }
 
+/// It is in the capillary also after a restart, before the sensor is read again. A sampler without a sensor never reads it.
+#[test]
+fn a_specimen_that_no_run_asked_for_is_known_after_a_restart() {
+    on_this_thread(async {
+        for then in [Some(true), Some(false), None] {
+            let dir = scratch();
+            let mut b = bench(dir.path(), false);
+            requests::handoff(&mut b.d, Handoff { intent: HandoffIntent::Load, barcode: "P-1".into() }).unwrap();
+            requests::end_handoff(&mut b.d, HandoffEnd::Completed).unwrap();
+            look(&mut b, Ok(()), Some(true));
+            drop(b);
+            let mut b = bench(dir.path(), false);
+            let plate = b.status().plate;
+            assert!(!plate.removable && plate.needs.is_some_and(|needs| needs.contains("no run asked for")));
+            look(&mut b, Ok(()), then);
+            assert_eq!((b.status().plate.removable, b.status().faults.len()), (then != Some(true), 1), "{then:?}");
+            let readings = usize::from(then != Some(true)) + 1;
+            assert_eq!(count(&journalled(dir.path()), "specimen.unasked"), readings, "{then:?}");
+        }
+    });
+}
+
 /// Lists of runs are then incomplete, and their readers must know it.
 #[test]
 fn an_index_that_cannot_be_written_is_shown_and_stops_nothing() {

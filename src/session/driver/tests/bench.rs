@@ -47,6 +47,10 @@ impl Sampler for Arm {
         Ok(())
     }
 
+    fn has_sensor(&self) -> bool {
+        self.wire.is_some()
+    }
+
     fn sees_specimen(&self) -> Option<bool> {
         self.wire
     }

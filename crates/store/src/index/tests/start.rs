@@ -18,6 +18,8 @@ fn what_lies_before_the_newest_events_is_remembered_where_it_still_means_somethi
         ("fault.raised", Some("r1"), fault(2)),
         ("fault.acknowledged", Some("r1"), json!({"seq": 1})),
         ("plate.announced", None, json!({"intent": "unload", "barcode": "P-1"})),
+        ("specimen.unasked", None, json!({"there": false})),
+        ("specimen.unasked", None, json!({"there": true})),
     ];
     for (kind, run, data) in words {
         say(&mut journal, kind, run, data);
@@ -27,15 +29,15 @@ fn what_lies_before_the_newest_events_is_remembered_where_it_still_means_somethi
         say(&mut journal, "specimen.phase", Some("r1"), json!(null));
     }
     let ids = |events: Vec<Event>| events.into_iter().map(|e| e.id).collect::<Vec<_>>();
-    let newest: Vec<u64> = (1..=3).map(|nth| 42 + 2 * nth).collect();
-    assert_eq!(ids(store.index.remembered(3).unwrap()), [&[3, 4, 6, 8][..], &newest].concat());
+    let newest: Vec<u64> = (1..=3).map(|nth| 44 + 2 * nth).collect();
+    assert_eq!(ids(store.index.remembered(3).unwrap()), [&[3, 4, 6, 8, 10][..], &newest].concat());
     let by_lines = journal::remembered(&dir.path().join("events.jsonl"), 3).unwrap();
-    assert_eq!(ids(by_lines), [&[1, 2, 3, 4, 5, 6, 7, 8][..], &newest].concat());
+    assert_eq!(ids(by_lines), [&[1, 2, 3, 4, 5, 6, 7, 8, 9, 10][..], &newest].concat());
     for _ in 0..3 {
         say(&mut journal, "daemon.started", None, json!(null));
     }
-    let newest = [49, 50, 51];
-    assert_eq!(ids(store.index.remembered(3).unwrap()), [&[3, 4, 6, 8][..], &newest].concat(), "the plate of the newest run is inside");
+    let newest = [51, 52, 53];
+    assert_eq!(ids(store.index.remembered(3).unwrap()), [&[3, 4, 6, 8, 10][..], &newest].concat(), "the plate of the newest run is inside");
     let of_run = store.events_of("r1").unwrap();
     assert!(of_run.len() == 24 && of_run.iter().all(|e| e.body.data.kind() != "view.taken"), "{}", of_run.len());
 }
