@@ -227,11 +227,11 @@ impl VolumeEstimate {
 
 impl SpecimenStatus {
     /// A specimen of which nothing is known yet; the driver knows what is in the capillary.
-    pub fn new(well: &str, phase: impl Into<Phase>, views_planned: u32) -> Self {
+    pub fn new(well: &str, phase: Phase, views_planned: u32) -> Self {
         Self {
             well: well.to_owned(),
             in_capillary: false,
-            phase: phase.into(),
+            phase,
             view: 0,
             views_planned,
             volume_um3: None,

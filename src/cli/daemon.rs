@@ -55,7 +55,7 @@ impl Daemon {
         let receiver = config.notify.as_ref().map(NotifySettings::receiver).transpose()?;
         let notices = receiver.map(Notices::start).transpose()?;
         let shown = notices.as_ref().map(Notices::status);
-        let first = Status { instrument: identity.clone().into(), notices: shown, ..Driver::first_status(mode, random_id()?) };
+        let first = Status { instrument: identity.clone(), notices: shown, ..Driver::first_status(mode, random_id()?) };
         let (handle, mailbox, publisher) = session::channel(first, events);
         let publisher = publisher.noticing(notices.clone());
         let handle = handle.noticing(notices.clone()).offering(config.methods.clone());

@@ -29,7 +29,7 @@ pub fn run(Command::Test(args): &Command) -> anyhow::Result<()> {
     let agent = Agent::new(settings.receiver()?)?;
     let uuid = carved_store::instrument_uuid(&config.store.data_dir)?.unwrap_or_default();
     let status = Status {
-        instrument: config.identity(uuid).into(),
+        instrument: config.identity(uuid),
         doing: "This is a test. Nothing is wrong, and nothing is to be done.".into(),
         ..Driver::first_status(Mode::Hardware, super::daemon::random_id()?)
     };

@@ -27,7 +27,7 @@ pub(super) async fn handoff(
     State(app): State<AppState>,
     Body(plate): Body<Handoff, { body::SMALL }>,
 ) -> Result<Json<HandoffNeeds>, Problem> {
-    app.session.handoff(plate.into()).await.map(Json).map_err(|refusal| refused(&app, refusal))
+    app.session.handoff(plate).await.map(Json).map_err(|refusal| refused(&app, refusal))
 }
 
 async fn end(app: &AppState, headers: &HeaderMap, end: HandoffEnd) -> Result<Json<Noted>, Problem> {
@@ -82,6 +82,6 @@ pub(super) async fn preflight(
     State(app): State<AppState>,
     Body(plan): Body<RunPlan, { body::PLATE_MAP }>,
 ) -> Result<Json<Preflight>, Problem> {
-    let checks = app.session.preflight(plan.into()).await.map_err(|refusal| refused(&app, refusal))?;
+    let checks = app.session.preflight(plan).await.map_err(|refusal| refused(&app, refusal))?;
     Ok(Json(Preflight { passed: checks.iter().all(|c| c.passed || !c.blocks), checks }))
 }

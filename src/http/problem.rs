@@ -91,7 +91,7 @@ impl Problem {
         let detail = errors.iter().take(DETAILED).map(ToString::to_string).collect::<Vec<_>>().join("; ");
         let more = errors.len().saturating_sub(DETAILED);
         let detail = if more > 0 { format!("{detail}; {more} more stand in errors") } else { detail };
-        let errors = errors.into_iter().map(Into::into).collect();
+        let errors = errors.into_iter().collect();
         // The cause is the program or the barcode reader, not the plate: the same body is refused with any plate.
         Self { errors, ..Self::new(StatusCode::UNPROCESSABLE_ENTITY, code, detail) }
     }

@@ -96,7 +96,7 @@ impl From<carved_store::RunRow> for RunRow {
             wells,
             place_us: _,
         } = row;
-        let wells = wells.into();
+        let wells = wells;
         Self { id, external_id, mode, software_version, plate_barcode, method, operator, started, ended, outcome, wells }
     }
 }
@@ -303,7 +303,7 @@ pub(super) async fn run(
         specimens: record.wells.iter().map(|w| format!("/v1/runs/{id}/specimens/{}", w.well)).collect(),
         mode: word(serde_json::to_value(record.mode).unwrap_or_default()),
         method_settings: serde_json::to_value(&record.method).unwrap_or_default(),
-        wells: carved_records::WellCounts::of(&record.wells).into(),
+        wells: carved_records::WellCounts::of(&record.wells),
         id,
         external_id: record.plan.external_id.clone(),
         software_version: record.software.version,
@@ -311,11 +311,11 @@ pub(super) async fn run(
         copies: copies.into_iter().map(Into::into).collect(),
         method: record.plan.method.clone(),
         operator: record.plan.operator.clone(),
-        plan: record.plan.into(),
+        plan: record.plan,
         started: record.started,
         ended: record.ended,
-        outcome: record.outcome.map(Into::into),
-        results: record.wells.into_iter().map(Into::into).collect(),
+        outcome: record.outcome,
+        results: record.wells.into_iter().collect(),
     };
     Ok(json(&headers, &detail))
 }
@@ -368,7 +368,7 @@ pub(super) async fn specimen(
         well,
         attempt,
         earlier_attempts: stored.earlier,
-        result: stored.status.map(Into::into),
+        result: stored.status,
         recording: stored.recording,
         measurement: stored.measurement,
         // The closure view and retakes have no hull volume.

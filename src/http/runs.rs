@@ -62,7 +62,7 @@ pub(super) async fn put(
         let detail = format!("{id:?} is not a run id: use 1 to 64 letters, digits, '-', '_' or '.', the first not a '.'");
         return Err(Problem { detail, ..Problem::unprocessable("invalid_run_id", Vec::<Mistake>::new()) });
     }
-    let accepted = app.session.put_run(id.clone(), plan.into()).await.map_err(|refusal| refused(&app, refusal))?;
+    let accepted = app.session.put_run(id.clone(), plan).await.map_err(|refusal| refused(&app, refusal))?;
     let location = format!("/v1/runs/{id}");
     let body = acknowledged(&app, id);
     Ok(match accepted {

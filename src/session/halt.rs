@@ -46,6 +46,12 @@ impl Press {
     }
 }
 
+impl Default for Halt {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 impl Halt {
     pub fn new() -> Self {
         let (wire, presses) = mpsc::channel::<Press>();

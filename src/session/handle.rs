@@ -195,7 +195,7 @@ impl SessionHandle {
         let now = jiff::Timestamp::now();
         status.server_time = now.to_string();
         if let Some(calibration) = &mut status.calibration {
-            calibration.set_age(now);
+            calibration.age_s = calibration.age_s(now).unwrap_or(calibration.age_s);
         }
         status.uptime_s = self.booted.elapsed().as_secs_f64();
         status

@@ -198,7 +198,7 @@ async fn drive(mut mailbox: mpsc::Receiver<Command>, refusal: Arc<Mutex<Option<R
             }
             Command::Handoff { plate, answer } => {
                 commands.lock().unwrap().push(format!("{:?} {}", plate.intent, plate.barcode));
-                let needs = HandoffNeeds { intent: plate.intent.into(), barcode: plate.barcode, needs: Some("the run to end".into()) };
+                let needs = HandoffNeeds { intent: plate.intent, barcode: plate.barcode, needs: Some("the run to end".into()) };
                 answer.send(refusal.map_or(Ok(needs), Err)).unwrap();
             }
             Command::EndHandoff { end, answer } => {

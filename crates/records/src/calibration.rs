@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 /// The newest calibration of this rig, from beads or from a scale. It is looked up at the start of the daemon and of each run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct CalibrationStatus {
     pub id: String,
     /// `beads` or `scale`. `gate` if the rig has no calibration and only a bead gate.
@@ -48,6 +49,7 @@ fn age_s(measured: &str, now: jiff::Timestamp) -> Option<f64> {
 
 /// The newest bead gate of this rig.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct GateStatus {
     pub id: String,
     /// `passed`, `no_history` (passed, with too few earlier gates to detect a change), `failed` or `too_few_beads`.

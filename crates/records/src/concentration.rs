@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 /// A unit as the lab wrote it. `ug/mL` and `mg/L` are the same amount, but are not converted into each other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema, utoipa::ToSchema))]
 pub enum ConcentrationUnit {
     #[serde(rename = "M")]
     Molar,

@@ -15,7 +15,7 @@ const TOP: usize = 255;
 
 /// Light level and focus of a frame, which depend on lamp, exposure and lens.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema, utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Light {
     /// Median of the pixels, 0 to 255. It is the level of the background, because a specimen covers less than half of a frame.

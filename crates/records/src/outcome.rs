@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 /// Phase within one specimen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Phase {
     Load,
@@ -35,6 +36,7 @@ impl Phase {
 
 /// How a run ended. `null` while it is open.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum RunOutcome {
     Succeeded,
@@ -68,6 +70,7 @@ impl RunOutcome {
 
 /// How a specimen ended. `null` while it is open.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum SpecimenOutcome {
     Succeeded,
@@ -79,6 +82,7 @@ pub enum SpecimenOutcome {
 
 /// What the scheduler does about a fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum SchedulerAction {
     Retry,
@@ -92,7 +96,7 @@ pub enum SchedulerAction {
 /// The source of numbers: an instrument, the emulated rig, or imported pictures of unknown origin. It is part of every output. A daemon has
 /// one of the first two.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema, utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Mode {
     Hardware,

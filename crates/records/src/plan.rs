@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// The kind of specimen in a well, from the plate map.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema, utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum SpecimenKind {
     Larva,
@@ -18,14 +18,17 @@ pub type Metadata = serde_json::Map<String, serde_json::Value>;
 
 /// Body of `PUT /v1/runs/{run_id}`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct RunPlan {
+    #[cfg_attr(feature = "schema", schema(pattern = "^[A-Za-z0-9_-][A-Za-z0-9._-]{0,63}$"))]
     pub plate_barcode: String,
     /// Name of a method of the configuration.
     pub method: String,
-    /// The version that the method must have. `None` accepts any.
+    /// The version that the method must have. Without it any version is accepted.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub method_version: Option<String>,
+    #[cfg_attr(feature = "schema", schema(pattern = r"\S"))]
     pub operator: String,
     #[serde(default)]
     pub external_id: Option<String>,
@@ -33,15 +36,17 @@ pub struct RunPlan {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub plate_format: Option<u32>,
     /// The wells in the order in which they are visited.
+    #[cfg_attr(feature = "schema", schema(min_items = 1))]
     pub plate_map: Vec<PlannedWell>,
     /// Metadata of the plate in the MIHCSME format. They are stored with the run and not evaluated.
     #[serde(default, skip_serializing_if = "Metadata::is_empty")]
+    #[cfg_attr(feature = "schema", schema(value_type = Object))]
     pub metadata: Metadata,
 }
 
 /// Whether a well is a control.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema, utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Control {
     Positive,
@@ -50,31 +55,38 @@ pub enum Control {
 
 /// A well of a plate map: its specimen and its treatment. carved uses `specimen` and `dpf`, and copies the rest into the results.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema, utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct PlannedWell {
     /// `A01` to `AF48`.
+    #[cfg_attr(feature = "schema", schema(pattern = "^([A-Z]|A[A-F])(0[1-9]|[1-3][0-9]|4[0-8])$"))]
     pub well: String,
     #[serde(default = "larva")]
     pub specimen: SpecimenKind,
     /// Days post fertilisation.
     #[serde(default)]
+    #[cfg_attr(feature = "schema", schema(minimum = 0, maximum = 30))]
     pub dpf: Option<f64>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schema(max_length = 200, pattern = r"\S"))]
     pub compound: Option<String>,
     /// In `concentration_unit`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schema(minimum = 0))]
     pub concentration: Option<f64>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub concentration_unit: Option<ConcentrationUnit>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schema(max_length = 200, pattern = r"\S"))]
     pub strain: Option<String>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schema(max_length = 200, pattern = r"\S"))]
     pub treatment: Option<String>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub control: Option<Control>,
     /// Number of the replicate of a condition, from 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schema(minimum = 1))]
     pub replicate: Option<u32>,
 }
 

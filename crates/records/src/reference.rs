@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 /// The comparison of `volume_um3` and `area_um2`. `measurement.json` has the full form.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct ReferenceStatus {
     pub volume: PlaceStatus,
     pub area: PlaceStatus,
@@ -12,6 +13,7 @@ pub struct ReferenceStatus {
 
 /// The comparison of one number with the reference larvae of its age. The fields are `null` if there are none.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct PlaceStatus {
     /// `area 0.8 SD below the mean of 24 larvae of 4 dpf`, or why there is no comparison.
     pub words: String,

@@ -8,6 +8,7 @@ use std::time::Duration;
 
 /// A well of the run, in its current state.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct WellStatus {
     pub well: String,
     /// The kind of specimen, from the plate map.
@@ -17,6 +18,7 @@ pub struct WellStatus {
     /// Why a skipped or failed well has no number.
     pub reason: Option<String>,
     #[serde(default)]
+    #[cfg_attr(feature = "schema", schema(value_type = Vec<String>))]
     pub flags: Vec<StoredFlag>,
     /// The estimator of the numbers: `support` (slices of the outlines) or `voxel` (as in the paper).
     #[serde(default)]
@@ -34,7 +36,7 @@ pub struct WellStatus {
     /// Diameter of the fitted sphere, for beads.
     pub diameter_um: Option<f64>,
     /// Number of views that count. It is below the planned number if views did not fit or the method ended the turn early. For a well that
-    /// was aborted or interrupted, it is the number of views that are stored.
+    /// was aborted or interrupted, it is the number of views that are stored: 0 if none was taken, and `null` in runs of versions that did not count them.
     #[serde(default)]
     pub views: Option<u32>,
     /// Number of views by the method.
@@ -120,6 +122,7 @@ impl WellCounts {
 
 /// Disjoint counts of a run's wells.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct WellCounts {
     pub succeeded: u32,
     pub flagged: u32,

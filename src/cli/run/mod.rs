@@ -13,7 +13,6 @@ mod start;
 mod watch;
 
 use crate::api::{RunOutcome, Status};
-use carved_records::plate_map::Mistake;
 
 use client::{Client, Failure};
 use std::process::ExitCode;
@@ -143,7 +142,7 @@ pub fn run(command: &Command) -> anyhow::Result<ExitCode> {
         // A plan with mistakes is a regular answer: each mistake is printed, and the exit code is its own.
         Err(error) => match error.downcast_ref::<Failure>() {
             Some(Failure::Refused(problem)) if !problem.errors.is_empty() => {
-                problem.errors.iter().cloned().map(Mistake::from).for_each(|mistake| note!("{mistake}"));
+                problem.errors.iter().for_each(|mistake| note!("{mistake}"));
                 note!("{} mistake(s); nothing was started", problem.errors.len());
                 Ok(ExitCode::from(super::plate::MISTAKES))
             }

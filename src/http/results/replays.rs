@@ -95,7 +95,7 @@ fn replayed(planned: &PlannedWell, found: Replayed) -> Option<ReplayedWell> {
         replayed: replayed?,
         software_version: software.version,
         method_settings: serde_json::to_value(&method).unwrap_or_default(),
-        result: result.into(),
+        result,
     })
 }
 

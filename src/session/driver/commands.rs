@@ -46,7 +46,7 @@ pub(super) fn steer_ended(id: &str, towards: Towards, stored: Option<RunRecord>,
         Towards::Stop => now == State::Stopped && newest == Some(id),
         Towards::Hold | Towards::Unhold => false,
     };
-    if repeated { Ok(()) } else { Err(Refusal::RunEnded { id: run.id, outcome: run.outcome.map(Into::into) }) }
+    if repeated { Ok(()) } else { Err(Refusal::RunEnded { id: run.id, outcome: run.outcome }) }
 }
 
 /// Refuses an invalid name of a run.

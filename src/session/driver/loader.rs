@@ -94,9 +94,7 @@ impl<'a> LoaderMessage<'a> {
     pub fn loaded(&self) -> Result<Report<'a>, Refusal> {
         let outcome = self.outcome_of_run()?;
         self.specimens.report_in(self.well, self.situation).map_err(|not_now| match not_now {
-            NotNow::Unexpected if self.situation.work == Work::Over => {
-                Refusal::RunEnded { id: self.run.to_owned(), outcome: outcome.map(Into::into) }
-            }
+            NotNow::Unexpected if self.situation.work == Work::Over => Refusal::RunEnded { id: self.run.to_owned(), outcome },
             not_now => self.refusal(not_now),
         })
     }

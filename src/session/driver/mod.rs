@@ -141,7 +141,7 @@ impl Driver {
             uptime_s: 0.0,
             version: env!("CARGO_PKG_VERSION").into(),
             instrument: InstrumentIdentity::default(),
-            mode: mode.into(),
+            mode,
             ready: false,
             not_ready_reason: Some(Status::STARTING.into()),
             state: State::Idle,

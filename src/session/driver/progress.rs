@@ -34,7 +34,7 @@ pub(super) fn show_view(s: &mut Status, well: &str, view: &View) {
     }
     s.hardware.rotation.position_steps = Some(view.achieved_steps);
     s.hardware.rotation.position_deg = Some(view.position_deg);
-    s.hardware.camera.light = view.light.map(Into::into);
+    s.hardware.camera.light = view.light;
 }
 
 /// Shows the numbers of a specimen, unless the status shows another specimen by now.
@@ -47,7 +47,7 @@ pub(super) fn show_estimate(s: &mut Status, well: &str, estimate: LiveEstimate) 
 /// Shows the phase of a specimen. A load starts a new attempt and clears what an earlier attempt has shown.
 pub(super) fn show_phase(s: &mut Status, well: &str, phase: Phase, views_planned: u32) {
     match specimen(s, well).filter(|_| phase != Phase::Load) {
-        Some(specimen) => specimen.phase = phase.into(),
+        Some(specimen) => specimen.phase = phase,
         None => s.specimen = Some(SpecimenStatus::new(well, phase, views_planned)),
     }
 }
@@ -135,9 +135,9 @@ mod tests {
         let mut s = shows("A01");
         show_view(&mut s, "A01", &view());
         show_phase(&mut s, "A01", Phase::Measure, 21);
-        assert_eq!(s.specimen.as_ref().map(|x| (x.phase, x.view)), Some((Phase::Measure.into(), 1)));
+        assert_eq!(s.specimen.as_ref().map(|x| (x.phase, x.view)), Some((Phase::Measure, 1)));
         show_phase(&mut s, "A01", Phase::Load, 21);
-        assert_eq!(s.specimen.as_ref().map(|x| (x.phase, x.view)), Some((Phase::Load.into(), 0)));
+        assert_eq!(s.specimen.as_ref().map(|x| (x.phase, x.view)), Some((Phase::Load, 0)));
         show_phase(&mut s, "A02", Phase::Load, 21);
         assert_eq!(s.specimen.unwrap().well, "A02");
     }

@@ -199,7 +199,7 @@ pub(super) fn handoff(d: &mut DriverState, plate: Handoff) -> Result<HandoffNeed
         d.promise(None, EventData::PlateAnnounced(plate.clone()))?;
         d.publish(|_| ());
     }
-    Ok(HandoffNeeds { intent: plate.intent.into(), needs: surroundings(d).needs(), barcode: plate.barcode })
+    Ok(HandoffNeeds { intent: plate.intent, needs: surroundings(d).needs(), barcode: plate.barcode })
 }
 
 pub(super) fn end_handoff(d: &mut DriverState, end: HandoffEnd) -> Result<(), Refusal> {

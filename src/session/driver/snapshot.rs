@@ -40,7 +40,7 @@ impl Parts<'_> {
         s.pending = self.pending();
         let under = resume::under_fault(self.run, self.state.run.as_ref(), &self.state.faults);
         s.faults = self.state.faults.open().iter().map(|fault| api::Fault::of(fault, under)).collect();
-        s.calibration = self.calibration.cloned().map(Into::into);
+        s.calibration = self.calibration.cloned();
         if let Some(specimen) = &mut s.specimen {
             specimen.in_capillary = specimens.inside() == Some(&specimen.well);
         }
@@ -93,7 +93,7 @@ impl Parts<'_> {
             let recovering = run.numbers().wells().filter(|well| !begun.contains(well)).count();
             let waiting = shown.wells.pending.saturating_sub((begun.len() + recovering) as u32);
             let under_way = specimen.map(|specimen| specimen.well.as_str());
-            shown.eta_s = self.state.paces.remaining(&run.record().plan.method, under_way, waiting, self.now).map(Into::into);
+            shown.eta_s = self.state.paces.remaining(&run.record().plan.method, under_way, waiting, self.now);
         }
     }
 
@@ -138,15 +138,15 @@ pub(super) fn run_status(record: &RunRecord) -> RunStatus {
         external_id: record.plan.external_id.clone(),
         method: record.plan.method.clone(),
         operator: record.plan.operator.clone(),
-        wells: WellCounts::of(&record.wells).into(),
-        results: record.wells.iter().cloned().map(Into::into).collect(),
+        wells: WellCounts::of(&record.wells),
+        results: record.wells.clone(),
         started: record.started.clone(),
         ended: record.ended.clone(),
         eta_s: None,
         held_by_operator: false,
         goes_on_by_itself: false,
         hold: None,
-        outcome: record.outcome.map(Into::into),
+        outcome: record.outcome,
     }
 }
 

@@ -36,6 +36,7 @@ pub fn of(code: &str) -> Option<&'static FaultCode> {
 
 /// The part of the instrument that a fault concerns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Category {
     Camera,

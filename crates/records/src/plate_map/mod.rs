@@ -50,6 +50,7 @@ pub struct PlateMap {
 
 /// A mistake, and its place: a JSON pointer, or a line and a column of a CSV.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Mistake {
     /// JSON pointer into the body, such as `/plate_map/3/well`. The empty pointer is the body itself.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -57,7 +58,7 @@ pub struct Mistake {
     /// Line of the file, from 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub line: Option<u64>,
-    /// The heading of the column. `None` if the whole line is meant.
+    /// The heading of the column. Missing if the whole line is meant.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub column: Option<String>,
     pub detail: String,

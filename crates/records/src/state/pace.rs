@@ -15,6 +15,7 @@ use std::collections::{BTreeMap, VecDeque};
 
 /// Estimated time until the end of the run.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Eta {
     /// Median, s.
     pub p50: f64,

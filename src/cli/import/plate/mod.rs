@@ -109,7 +109,7 @@ pub(super) fn run(args: &super::Args, barcode: &str) -> anyhow::Result<ExitCode>
         "the runs of all {} fish are there already; nothing is overwritten. Give another name with --run",
         fish.len()
     );
-    let (partial, failed) = (code_of(RunOutcome::Partial.into()), code_of(RunOutcome::Failed.into()));
+    let (partial, failed) = (code_of(RunOutcome::Partial), code_of(RunOutcome::Failed));
     let all = |code| codes.iter().all(|found| *found == code);
     Ok(ExitCode::from(if all(0) {
         0
@@ -217,7 +217,7 @@ fn one_run(args: &super::Args, barcode: &str, id: &str, fish: Option<u32>) -> an
         "skipped": count(SpecimenOutcome::Skipped),
     });
     say!("{told}");
-    Ok(code_of(outcome.into()))
+    Ok(code_of(outcome))
 }
 
 /// Which wells of a plate have the same pictures, by the SHA-256 of their frames.

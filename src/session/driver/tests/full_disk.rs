@@ -117,7 +117,7 @@ fn is_whole(b: &Bench, root: &Path, outcome: RunOutcome, when: &str) {
     }
     assert_eq!(raised, cleared, "{when}: {kinds:?}");
     let run = b.d.outbox.store().run(RUN).unwrap().unwrap();
-    assert_eq!((run.outcome, b.status().run.unwrap().outcome), (Some(outcome), Some(outcome.into())), "{when}");
+    assert_eq!((run.outcome, b.status().run.unwrap().outcome), (Some(outcome), Some(outcome)), "{when}");
     for well in &run.wells {
         let done = events.iter().filter(|e| e.body.data.kind() == "specimen.done" && e.body.well.as_ref() == Some(&well.well)).count();
         assert_eq!(done, usize::from(well.outcome == Some(carved_records::SpecimenOutcome::Succeeded)), "{when}: {kinds:?}");

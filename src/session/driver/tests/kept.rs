@@ -166,7 +166,7 @@ impl Bench {
     fn outcomes(&self) -> Vec<Option<SpecimenOutcome>> {
         let shown: Vec<_> = self.status().run.unwrap().results.iter().map(|well| well.outcome).collect();
         let stored = self.d.outbox.store().run(RUN).unwrap().unwrap();
-        assert_eq!(shown, stored.wells.iter().map(|well| well.outcome.map(Into::into)).collect::<Vec<_>>());
+        assert_eq!(shown, stored.wells.iter().map(|well| well.outcome).collect::<Vec<_>>());
         shown
     }
 
