@@ -33,6 +33,7 @@ const MAY_DEPEND_ON: &[(&str, &[&str])] = &[
     ("crates/devices", &["carved-core", "carved-files", "carved-records"]),
     ("crates/store", &["carved-core", "carved-files", "carved-pictures", "carved-records"]),
     ("crates/offline", &["carved-core", "carved-records", "carved-store"]),
+    ("crates/validate", &["carved-core", "carved-devices", "carved-records", "hardware-sim"]),
     ("python", &["carved-core", "carved-offline", "carved-records", "carved-store"]),
     // The emulated rig must not share code with carved: a wrong sign in shared code would not show.
     ("hardware-sim", &[]),

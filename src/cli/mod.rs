@@ -39,8 +39,6 @@ mod simulate;
 mod stored;
 mod switch;
 mod systemd;
-#[cfg(feature = "simulate")]
-mod validate;
 
 use carved_store::Software;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
@@ -80,9 +78,6 @@ enum Command {
     Calibrate(calibrate::Command),
     /// Find the specimen's outline in single pictures.
     Segment(segment::Args),
-    /// Measure simulated specimens of known size, for the paper's tables and for the accuracy of carved.
-    #[cfg(feature = "simulate")]
-    Validate(validate::Args),
     /// Write stored runs as tables and in the formats of other programs.
     #[command(subcommand)]
     Export(export::Command),
@@ -185,8 +180,6 @@ fn run() -> anyhow::Result<ExitCode> {
         // A refusal is a regular answer: it is printed, and has its own exit code.
         Command::Reconstruct(args) => return Ok(reconstruct::run(&args)),
         Command::Segment(args) => segment::run(&args),
-        #[cfg(feature = "simulate")]
-        Command::Validate(args) => validate::run(&args),
         Command::Export(command) => export::run(&command),
         Command::Report(args) => report::run(&args),
         Command::Archive(args) => archive::archive(&args),

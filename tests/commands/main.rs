@@ -33,4 +33,3 @@ mod setup_page;
 mod slurm;
 mod store;
 mod tables;
-mod validate;

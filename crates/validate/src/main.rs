@@ -1,4 +1,4 @@
-//! `carved validate`: the paper's tables and the method's goals, on simulated specimens of known size.
+//! `carved-validate`: the paper's tables and the method's goals, on simulated specimens of known size.
 //!
 //! ```text
 //!   theory ─┐  beads, larvae, fins by frames and segmentation ─┐
@@ -11,6 +11,7 @@
 mod ablation;
 mod beads;
 mod calibration;
+mod camera;
 mod coverage;
 mod document;
 mod early;
@@ -32,8 +33,10 @@ use document::Section;
 use effort::{Effort, Work};
 use std::path::PathBuf;
 
-#[derive(Debug, clap::Args)]
-pub struct Args {
+/// Measure simulated specimens of known size in many ways, and write the document of the accuracy.
+#[derive(Debug, clap::Parser)]
+#[command(name = "carved-validate", version)]
+struct Args {
     /// Folder of the document; its plots go into `validation` beside it.
     #[arg(long, default_value = "validation")]
     out: PathBuf,
@@ -82,24 +85,25 @@ const PARTS: [(Part, Run); 11] = [
     (Part::Fins, fins::run),
 ];
 
-pub fn run(args: &Args) -> anyhow::Result<()> {
+fn main() -> anyhow::Result<()> {
+    let args = <Args as clap::Parser>::parse();
     let effort = if args.quick { Effort::QUICK } else { Effort::FULL };
     let effort = args.seeds.map_or(effort, |seeds| effort.with_seeds(seeds as usize));
     let work = Work::new(effort, args.seed)?;
     let asked = PARTS.iter().filter(|(part, _)| args.only.is_empty() || args.only.contains(part));
     let sections = asked.map(|(_, run)| run(&work)).collect::<anyhow::Result<Vec<Section>>>()?;
     work.end();
-    let path = document::write(&args.out, &head(args), &sections)?;
+    let path = document::write(&args.out, &head(&args), &sections)?;
     let goals = || sections.iter().flat_map(|s| &s.goals);
     for goal in goals().filter(|g| !g.passed) {
-        say!("missed: {}: {}", goal.asked, goal.found);
+        println!("missed: {}: {}", goal.asked, goal.found);
     }
-    say!("{} of {} goals met: {}", goals().filter(|g| g.passed).count(), goals().count(), path.display());
+    println!("{} of {} goals met: {}", goals().filter(|g| g.passed).count(), goals().count(), path.display());
     Ok(())
 }
 
 fn head(args: &Args) -> String {
-    let mut command = "carved validate".to_owned();
+    let mut command = "carved-validate".to_owned();
     if args.quick {
         command += " --quick";
     }

@@ -5,7 +5,7 @@
 //!   rendered frames ───────────┘   (some stops) └─ projections ── carve ─── Voxels       the paper's
 //! ```
 
-use crate::cli::emulated::camera;
+use crate::camera::camera;
 use carved_core::calibration::{Calibration, CalibrationError, GivenView, Pose, Priors, TurnView, calibrate};
 use carved_core::carver::{Carver, Leaves};
 use carved_core::geometry::{BoxUm, Camera, Projection, VoxelGrid};

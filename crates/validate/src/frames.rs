@@ -1,7 +1,7 @@
 //! Profiles as on the instrument: rendered frames with the colour mosaic, segmented.
 
 use super::turn::{True, Turn};
-use crate::cli::emulated::camera;
+use crate::camera::camera;
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::profile::{Mask, Picture, Polygon, SegmentSettings, Segmenters};
 use hardware_sim::scene::{Exposure, Scene, SceneSettings, Specimen};
