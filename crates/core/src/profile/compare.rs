@@ -11,8 +11,8 @@
 //! sides between pixels inside and outside (marching squares). It also follows holes.
 
 use super::Mask;
-use super::outline::{Crossings, Polygon, rasterise};
-use super::region::{Pieces, Region, Scratch};
+use super::raster::outline::{Crossings, Polygon, rasterise};
+use super::raster::region::{Pieces, Region, Scratch};
 
 /// Pixels nearer than this to the annotated outline are neither false nor missed, px. A person places an outline to about 1 px, and the
 /// edge error has the rest.

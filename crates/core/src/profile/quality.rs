@@ -1,8 +1,8 @@
 //! How far a profile can be trusted, in figures measured on it.
 
 use super::Polygon;
-use super::background::Bore;
-use super::edge::EdgePoint;
+use super::bore::Bore;
+use super::edge::finder::EdgePoint;
 use serde::{Deserialize, Serialize};
 
 /// Figures of one profile. Those of the edge are over the vertices where the specimen's own edge can be seen.

@@ -1,17 +1,18 @@
 //! From one frame to one profile: the order of the steps, and their errors.
 
-use super::background::{Background, Bore, MARGIN_PX};
-use super::borders::FinBorders;
-use super::bubble::Disc;
-use super::coarse::Coarse;
+use super::body::bubble::Disc;
+use super::body::coarse::Coarse;
+use super::body::hybrid::Hybrid;
+use super::bore::background::Background;
+use super::bore::walls::WallFinder;
+use super::bore::{Bore, MARGIN_PX};
 use super::detection::Detector;
-use super::edge::{self, EdgeFinder, EdgePoint, Limits, Refined};
-use super::fringe::{self, Fringe};
-use super::hybrid::Hybrid;
-use super::outline::{self, Crossings, Outlines, Polygon, Smoother};
+use super::edge::finder::{EdgeFinder, EdgePoint, Limits, Refined, STEP_PX};
+use super::fins::borders::FinBorders;
+use super::fins::fringe::{self, Fringe};
+use super::raster::outline::{self, Crossings, Outlines, Polygon, Smoother};
 use super::settings::{Method, SegmentSettings};
-use super::walls::WallFinder;
-use super::{Detection, EmptyCapillary, Mask, Picture, ProfileQuality, Walls, quality};
+use super::{Detection, EmptyCapillary, Mask, Picture, ProfileError, ProfileQuality, Walls, quality};
 
 /// The outline of the specimen in one view.
 #[derive(Debug, Clone, PartialEq)]
@@ -30,91 +31,6 @@ pub struct Profile {
     pub quality: ProfileQuality,
     /// What was detected in the frame.
     pub detection: Detection,
-}
-
-/// Why a frame has no profile.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum ProfileError {
-    /// The frame is too small.
-    #[error("the frame is {width} x {height} px; at least {least} x {least} are needed: check the camera's region of interest")]
-    TooSmall {
-        /// Width of the frame, px.
-        width: usize,
-        /// Height of the frame, px.
-        height: usize,
-        /// Least width and height, px.
-        least: usize,
-    },
-    /// Frame and picture of the empty capillary differ in size.
-    #[error(
-        "the frame is {width} x {height} px, the picture of the empty capillary {wide} x {high} px: take it again with this region of interest"
-    )]
-    EmptyCapillarySize {
-        /// Width of the frame, px.
-        width: usize,
-        /// Height of the frame, px.
-        height: usize,
-        /// Width of the picture, px.
-        wide: usize,
-        /// Height of the picture, px.
-        high: usize,
-    },
-    /// The frame is black.
-    #[error(
-        "the frame is black: its brightest percent starts at {brightest}, at least {needed} is needed; check lamp, shutter and exposure"
-    )]
-    Black {
-        /// Grey value from which on the brightest percent lies.
-        brightest: u8,
-        /// Least value.
-        needed: u8,
-    },
-    /// The frame is over-exposed.
-    #[error("the frame is over-exposed: {share:.3} of its pixels are saturated, at most {limit:.3} may be; shorten the exposure")]
-    OverExposed {
-        /// Share of saturated pixels.
-        share: f64,
-        /// Largest share.
-        limit: f64,
-    },
-    /// No two lines can be the walls.
-    #[error(
-        "no capillary: of the straight dark lines that cross at least {needed_support:.2} of the frame ({lines} found) no two are its walls; \
-         check that the capillary is in view and in focus"
-    )]
-    NoWalls {
-        /// Straight dark lines found.
-        lines: usize,
-        /// Share of the frame's width that a line must cross.
-        needed_support: f64,
-    },
-    /// The capillary runs from top to bottom.
-    #[error(
-        "no capillary from left to right: it seems to run from top to bottom; turn the picture by 90 degrees, or the camera on its mount"
-    )]
-    OnItsSide,
-    /// The lines that could be the walls are not straight.
-    #[error(
-        "no capillary: the two dark lines that could be its walls are straight along {straight_share:.2} of the picture, at least \
-         {needed_share} is expected; they may be the specimen's own edges: take the picture so that both walls are in view"
-    )]
-    CrookedWalls {
-        /// Share of the picture's width along which they are.
-        straight_share: f64,
-        /// Least share.
-        needed_share: f64,
-    },
-    /// The picture shows too little beside the capillary.
-    #[error(
-        "the picture shows {beyond_px:.0} px of what is beyond the capillary's walls, at least {needed_px} px are needed above or below it to \
-         tell the light from the specimen: leave more of it in the picture, or compare with a picture of the empty capillary"
-    )]
-    TooTight {
-        /// Rows shown beyond a wall, px.
-        beyond_px: f64,
-        /// Least rows, px.
-        needed_px: usize,
-    },
 }
 
 /// Frames smaller than this in either direction cannot hold a capillary and its surroundings.
@@ -204,14 +120,14 @@ impl Segmenter {
             }
         }
         outline::trace(&self.inside, width, bore.top, LEAST_CRACKS, &mut self.used, &mut self.cracks);
-        outline::smoothed(&self.cracks, settings.edge.outline_smoothing_px, edge::STEP_PX, &mut self.smoother, &mut self.outlines);
+        outline::smoothed(&self.cracks, settings.edge.outline_smoothing_px, STEP_PX, &mut self.smoother, &mut self.outlines);
         let limits = Limits { inside: &self.inside, body: &self.body, bubbles: &self.bubbles, rows: &rows };
         let Refined { edge, points, blur_px } = self.edge.refine(&self.outlines, &contrast.darkness, &limits, &settings.edge);
         let body = if self.body == self.inside {
             edge.clone()
         } else {
             outline::trace(&self.body, width, bore.top, LEAST_CRACKS, &mut self.used, &mut self.cracks);
-            outline::smoothed(&self.cracks, settings.edge.outline_smoothing_px, edge::STEP_PX, &mut self.smoother, &mut self.outlines);
+            outline::smoothed(&self.cracks, settings.edge.outline_smoothing_px, STEP_PX, &mut self.smoother, &mut self.outlines);
             let limits = Limits { inside: &self.body, ..limits };
             self.edge.refine_again(&self.outlines, &contrast.darkness, &limits, &settings.edge)
         };

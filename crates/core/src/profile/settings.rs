@@ -2,7 +2,7 @@
 //!
 //! The ranges exclude what no frame can need and what would take too long.
 
-use super::onset::REACH_PX;
+use super::edge::onset::REACH_PX;
 use crate::range::{OutOfRange, Range, Ranged, outside_in};
 use crate::ranges;
 use serde::{Deserialize, Serialize};

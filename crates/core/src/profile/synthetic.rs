@@ -1,8 +1,8 @@
 //! What the unit tests look at: white noise, level bores, discs.
 
-use super::background::Bore;
-use super::plane::Plane;
-use super::walls::{Line, Wall, Walls};
+use super::bore::Bore;
+use super::bore::walls::{Line, Wall, Walls};
+use super::raster::plane::Plane;
 
 /// White noise of standard deviation 1, the same for the same seed.
 pub(super) struct Noise(u64);

@@ -1,0 +1,63 @@
+//! A frame as colours: the input of segmentation, whatever the sensor's layout was.
+
+use crate::frame::{PixelFormat, RawFrame};
+
+/// Three planes of 8-bit colour, row by row: red, green, blue.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Picture {
+    width: usize,
+    height: usize,
+    planes: [Vec<u8>; 3],
+}
+
+impl Picture {
+    /// The colours of a frame. Mono frames give three equal planes; Bayer frames are demosaiced bilinearly.
+    pub fn from_frame(frame: &RawFrame) -> Self {
+        let (width, height) = (frame.width() as usize, frame.height() as usize);
+        let planes = match frame.format() {
+            PixelFormat::Mono8 => [frame.bytes().to_vec(), frame.bytes().to_vec(), frame.bytes().to_vec()],
+            PixelFormat::RGB8Packed => std::array::from_fn(|c| frame.bytes().iter().skip(c).step_by(3).copied().collect()),
+            PixelFormat::BayerRG8 => super::bayer::demosaic_rg(frame.bytes(), width, height),
+        };
+        Self { width, height, planes }
+    }
+
+    /// Three equal planes.
+    pub(in crate::profile) fn from_grey(width: usize, grey: Vec<u8>) -> Self {
+        Self { width, height: grey.len() / width.max(1), planes: [grey.clone(), grey.clone(), grey] }
+    }
+
+    /// Width, px.
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Height, px.
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    /// Red, green and blue, each row by row.
+    pub fn planes(&self) -> &[Vec<u8>; 3] {
+        &self.planes
+    }
+
+    /// Rows for columns: what lies along one side of the picture then lies along the other.
+    pub(in crate::profile) fn transposed(&self) -> Self {
+        let (w, h) = (self.width, self.height);
+        let planes = self.planes.each_ref().map(|plane| (0..w * h).map(|i| plane[i % h * w + i / h]).collect());
+        Self { width: h, height: w, planes }
+    }
+
+    /// Number of planes that differ: 1 where all are equal, else 3.
+    pub fn colours(&self) -> usize {
+        let [red, green, blue] = &self.planes;
+        if red == green && green == blue { 1 } else { 3 }
+    }
+
+    /// Interleaved bytes, red first.
+    pub fn to_rgb(&self) -> Vec<u8> {
+        let [r, g, b] = &self.planes;
+        r.iter().zip(g).zip(b).flat_map(|((r, g), b)| [*r, *g, *b]).collect()
+    }
+}
