@@ -40,7 +40,8 @@ mistakes: list[str] = []
 def pages():
     """The pages that are read: those of docs/, and those beside the sources that a user reads."""
     top = ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "clients/python/README.md"]
-    return [ROOT / name for name in top] + sorted((ROOT / "docs").rglob("*.md"))
+    crates = [*ROOT.glob("crates/*/README.md"), ROOT / "hardware-sim/README.md"]
+    return [ROOT / name for name in top] + sorted(crates) + sorted((ROOT / "docs").rglob("*.md"))
 
 
 def words(line):
