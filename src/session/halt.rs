@@ -48,12 +48,6 @@ impl Press {
 
 impl Default for Halt {
     fn default() -> Self {
-        Self::new()
-    }
-}
-
-impl Halt {
-    pub fn new() -> Self {
         let (wire, presses) = mpsc::channel::<Press>();
         let writes = move || presses.into_iter().for_each(Press::write);
         let thread = thread::Builder::new().name("carved-halt".into()).spawn(writes);
@@ -62,7 +56,9 @@ impl Halt {
         }
         Self { shared: Arc::default(), wire: thread.is_ok().then_some(wire) }
     }
+}
 
+impl Halt {
     fn with<T>(&self, work: impl FnOnce(&mut Aim) -> T) -> T {
         work(&mut self.shared.0.lock().unwrap_or_else(PoisonError::into_inner))
     }
@@ -138,7 +134,7 @@ mod tests {
     #[test]
     fn a_stop_that_waits_for_its_controller_keeps_no_task_from_running_and_is_answered_once_it_is_on_the_wire() {
         tokio::runtime::Builder::new_current_thread().build().unwrap().block_on(async {
-            let halt = Halt::new();
+            let halt = Halt::default();
             let work = CancelToken::new();
             let (accepts, accepted) = mpsc::channel::<()>();
             let (accepted, is_on_wire) = (Mutex::new(accepted), Arc::new(AtomicBool::new(false)));
@@ -160,7 +156,7 @@ mod tests {
 
     #[test]
     fn work_that_was_made_ready_while_the_stop_was_pressed_is_cancelled() {
-        let halt = Halt::new();
+        let halt = Halt::default();
         let (before, during, after) = (CancelToken::new(), CancelToken::new(), CancelToken::new());
         halt.aim(StopHandle::new(|| ()), before.clone());
         drop(halt.stop());

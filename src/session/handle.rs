@@ -443,7 +443,7 @@ pub fn channel(first: Status, tail: Vec<Event>) -> (SessionHandle, mpsc::Receive
     let (status, watch) = watch::channel(Arc::new(first));
     let live = Arc::new(Mutex::new(Live::default()));
     let events = Arc::new(EventLog::new(tail));
-    let halt = Halt::new();
+    let halt = Halt::default();
     let handle = SessionHandle {
         commands,
         status: watch,

@@ -212,6 +212,45 @@ fn a_killed_daemon_reads_what_was_stored_meanwhile() {
     }
 }
 
+/// Somebody copied the folder of a well. The daemon was started again between the two.
+#[test]
+fn a_well_that_has_the_pictures_of_another_one_fails_and_names_it() {
+    let mut pair = Pair::start();
+    pair.waits(&["A01", "A02", "A03"]);
+    pair.stores("A01", Some(bead()), None);
+    pair.daemon.wait("the first result", |s| s["run"]["wells"]["succeeded"] == 1 || s["run"]["wells"]["flagged"] == 1);
+    pair.daemon.kill();
+    let folder = pair.dir.path().join("pictures/P-017");
+    for view in 1..=VIEWS {
+        let name = |well: &str| folder.join(format!("W_{well}_1_{view}.tiff"));
+        std::fs::copy(name("A01"), name("A02")).unwrap();
+    }
+    pair.daemon = Daemon::serve(&pair.config, &pair.dir.path().join("data"));
+    pair.stores("A03", Some(bead()), None);
+    let status = pair.daemon.wait_for_outcome();
+    assert!(Pair::outcomes(&status)[1] == "A02 failed", "{status}");
+    let why = status["run"]["results"][1]["reason"].as_str().unwrap();
+    assert!(why.contains("wells A01 and A02 have the same pictures"), "{why}");
+    assert!(error_percent(&pair.measurement("A03")).abs() < 1.0);
+}
+
+#[test]
+fn a_picture_at_which_the_decoder_panics_fails_its_well_and_the_daemon_lives() {
+    let mut pair = Pair::with("next_picture_s = 10", false);
+    pair.waits(&["A01", "A02"]);
+    pair.stores("A01", Some(bead()), Some(Mistake::StopsAfter(3)));
+    let tiles = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/commands/data/parsers/picture/planar-tiles.tif");
+    std::fs::copy(tiles, pair.dir.path().join("pictures/P-017/W_A01_1_4.tiff")).unwrap();
+    let status = pair.daemon.wait("the well", |s| s["run"]["wells"]["failed"] == 1);
+    let why = status["run"]["results"][0]["reason"].as_str().unwrap();
+    assert!(why.contains("W_A01_1_4.tiff") && why.contains("save it again with another program"), "{why}");
+    // The same process goes on.
+    pair.stores("A02", Some(bead()), None);
+    let after = pair.daemon.wait_for_outcome();
+    assert_eq!(after["boot_id"], status["boot_id"], "{after}");
+    assert!(error_percent(&pair.measurement("A02")).abs() < 1.0);
+}
+
 #[test]
 fn pictures_of_another_size_hold_the_run_with_both_sizes() {
     let pair = Pair::start();

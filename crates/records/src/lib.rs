@@ -26,6 +26,7 @@ mod plate;
 pub mod plate_map;
 mod policy;
 mod reference;
+mod same_pictures;
 mod state;
 mod treatment;
 mod well;
@@ -50,6 +51,7 @@ pub use plan::{Control, FieldError, Metadata, PlannedWell, RunPlan, SpecimenKind
 pub use plate::{PlateFormat, is_well, name as well_name, place as well_place};
 pub use policy::{BeadGate, Clipped, Deadlines, Interrupted, Policy, Resume};
 pub use reference::{PlaceStatus, ReferenceStatus};
+pub use same_pictures::{PicturesOfWells, SamePictures};
 pub use state::{
     EndRequest, Eta, HoldCause, InstrumentState, NotNow, OpenFaults, Paces, PlateHandover, Report, Requests, RunState,
     SPECIMEN_TRANSITIONS, Situation, Specimen, SpecimenEvent, SpecimenState, Specimens, Work, specimens_as_markdown,

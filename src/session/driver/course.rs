@@ -103,6 +103,7 @@ fn launch(d: &mut DriverState) {
         cancel,
         pause,
         progress,
+        pictures: std::sync::Arc::default(),
     });
     run.set_lacks_gate(lacks_gate);
     run.launch(work);

@@ -4,7 +4,7 @@
 //! worked on ───┬─ accepted ────────────────────────────────────► its numbers follow from its frames: no event
 //!              ├─ caused by the instrument, the pose is known ─► kept: the run continues with it
 //!              ├─ cannot come again, or the method skips it ───► given up: the well ends
-//!              ├─ two processes ended in the work on it ───────► given up: no input ends the daemon for ever
+//!              ├─ two processes ended in the same step of it ──► given up: no input ends the daemon for ever
 //!              └─ otherwise ───────────────────────────────────► begun again, once it is brought
 //! ```
 //! What stays in the capillary and is not kept must leave before the run continues: `Specimens::must_leave_first`.
@@ -25,18 +25,17 @@ pub(super) enum Fate {
     Stays,
 }
 
-/// So many processes may end unasked in the work on one specimen, as by a power cut or by a picture that ends the process.
+/// So many processes may end unasked in one step of the work on one specimen, as by a power cut or by a picture that ends the process.
 const MOST_ENDED: u32 = 2;
 
 /// Why a well is set aside. `None` if it may be begun again.
 pub(super) fn set_aside(state: &RunState, well: &str) -> Option<String> {
-    let times = state.processes_ended_in(well);
-    (times >= MOST_ENDED).then(|| {
-        format!(
-            "set aside: the daemon ended {times} times in the work on {well}, and nobody had asked it to. Look into its log and at the pictures of \
-             the well; the run goes on with the next well"
-        )
-    })
+    let (phase, times) = state.processes_ended_in(well).filter(|(_, times)| *times >= MOST_ENDED)?;
+    Some(format!(
+        "set aside: the daemon ended {times} times in the work on {well}, in the step {}, and nobody had asked it to. Look into its log and at \
+         the pictures of the well; the run goes on with the next well",
+        phase.name()
+    ))
 }
 
 /// The decision for one specimen.
@@ -148,6 +147,11 @@ mod tests {
         let twice = [&once[..], &[("A01", begun_again()), turn.clone(), ("", found_open())]].concat();
         let (found, why) = course(&twice);
         assert!(found == Course::GivenUp && why.is_some_and(|why| why.contains("2 times in the work on A01")));
+        // A person ends the process in any step, a picture in the same one.
+        let other_step = [&once[..], &[("A01", begun_again()), phase("A01", Phase::Detect, true), ("", found_open())]].concat();
+        assert_eq!(course(&other_step), (Course::Again, None));
+        let again = [&other_step[..], &[("A01", begun_again()), turn.clone(), ("", found_open())]].concat();
+        assert_eq!(course(&again).0, Course::GivenUp);
         // Who asked the daemon to end is not the picture.
         let asked = ("", EventData::DaemonStopping(DaemonStopping { ends_run: false }));
         let stopped = [&once[..], &[("A01", begun_again()), turn.clone(), asked, ("", found_open())]].concat();

@@ -35,13 +35,14 @@ use carved_devices::outputs;
 use carved_devices::sampler::{Expected, NextWell, Sampler, Upcoming};
 use carved_devices::{Camera, DeviceError, Position, Rig, StreamCounters};
 use carved_records::{
-    InstrumentIdentity, Light, LiveEstimate, Method, Mode, Phase, PlannedWell, SpecimenKind, SpecimenOutcome, WellStatus, WellTimes,
+    InstrumentIdentity, LedgerEntry, Light, LiveEstimate, Method, Mode, Phase, PicturesOfWells, PlannedWell, SamePictures, SpecimenKind,
+    SpecimenOutcome, WellStatus, WellTimes, is_well,
 };
-use carved_store::{Recording, RigRecord, SecondRecord, StoreError};
+use carved_store::{Recording, RecordingReader, RigRecord, SecondRecord, StoreError};
 use science::Science;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use tokio::sync::mpsc::Sender;
 
@@ -174,6 +175,8 @@ pub struct RunContext {
     /// Ends the run after the current specimen. The motors do not stop.
     pub pause: CancelToken,
     pub progress: Sender<Progress>,
+    /// The pictures of the wells so far.
+    pub pictures: Arc<Mutex<PicturesOfWells>>,
 }
 
 /// The rig thread.
@@ -194,6 +197,7 @@ fn optics_fault(planned: &PlannedWell, fault: OpticsFault) -> RunError {
 
 /// Runs all wells and returns the instrument.
 pub fn run(instrument: Instrument, context: &RunContext) -> (Instrument, RunEnd) {
+    context.know_earlier_pictures();
     let mut worker = Worker { context: Arc::new(context.clone()), instrument };
     let mut numbers = None;
     let ended = worker.all_wells(&mut numbers);
@@ -299,6 +303,26 @@ impl RunContext {
         let well = planned.well.as_str();
         let asked_before = self.asked_before.as_deref() == Some(well);
         Expected { well, bead: planned.specimen == SpecimenKind::Bead, dpf: planned.dpf, asked_before }
+    }
+
+    /// Takes the pictures of the wells that are done, also by an earlier process.
+    fn know_earlier_pictures(&self) {
+        let Ok(folders) = std::fs::read_dir(&self.folder) else { return };
+        let mut pictures = self.pictures.lock().unwrap_or_else(PoisonError::into_inner);
+        for name in folders.filter_map(|folder| folder.ok()?.file_name().into_string().ok()) {
+            if !is_well(&name) || self.wells.iter().any(|left| left.well == name) {
+                continue;
+            }
+            match RecordingReader::open(&self.folder.join(&name)) {
+                Ok(reader) => drop(pictures.take_all(&reader.recording().ledger, &name)),
+                Err(error) => tracing::warn!(well = name, %error, "its pictures are not compared with those of the next wells"),
+            }
+        }
+    }
+
+    /// Takes a picture. Returns the well that has it already, if it is another one.
+    fn has_elsewhere(&self, entry: &LedgerEntry, well: &str) -> Option<SamePictures> {
+        self.pictures.lock().unwrap_or_else(PoisonError::into_inner).take(entry, well)
     }
 
     fn tell(&self, progress: Progress) {

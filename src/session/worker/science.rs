@@ -199,6 +199,7 @@ mod tests {
             cancel: CancelToken::new(),
             pause: CancelToken::new(),
             progress,
+            pictures: Arc::default(),
         };
         let ((work, _handed), (_verdict, verdicts), (living, alive)) = (sync_channel(1), channel(), channel());
         let (hang, hung) = channel::<()>();

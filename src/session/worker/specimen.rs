@@ -134,6 +134,11 @@ impl Specimen {
     fn follow(&mut self, work: &Receiver<Work>, verdicts: &Sender<TurnVerdict>) -> Result<Turn, RunError> {
         let mut next = work.recv().ok();
         loop {
+            if let Some(Work::View { entry, .. }) = &next
+                && let Some(same) = self.context.has_elsewhere(entry, &self.planned.well)
+            {
+                return Ok(Turn::Failed(format!("{same}. Find out which of them they show, and measure the other again")));
+            }
             match next.take() {
                 Some(Work::View { entry, frame, second }) => match self.view(entry, &frame, second, || work.try_recv().ok())? {
                     Ok(waiting) => next = waiting,

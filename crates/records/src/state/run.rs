@@ -1,7 +1,7 @@
 //! The state of one run.
 
 use super::Specimens;
-use crate::{EventBody, EventData, HeldBy, ResumedBy};
+use crate::{EventBody, EventData, HeldBy, Phase, ResumedBy};
 use std::collections::BTreeMap;
 
 /// The cause of a hold.
@@ -51,9 +51,12 @@ pub struct RunState {
     resumed_by_itself: u32,
     waits_for_operator: bool,
     recoveries: BTreeMap<String, u32>,
-    ended_processes: BTreeMap<String, u32>,
+    /// By well and by the step in which they ended.
+    ended_processes: BTreeMap<(String, Phase), u32>,
     is_asked_to_end: bool,
     end_request: Option<EndRequest>,
+    /// The newest step of each well.
+    steps: BTreeMap<String, Phase>,
 }
 
 impl RunState {
@@ -107,9 +110,11 @@ impl RunState {
         self.recoveries.get(well).copied().unwrap_or_default()
     }
 
-    /// How often a start has found the work on the specimen of this well without its end, after a process that nobody had asked to end.
-    pub fn processes_ended_in(&self, well: &str) -> u32 {
-        self.ended_processes.get(well).copied().unwrap_or_default()
+    /// The step on the specimen of this well in which most processes ended that nobody had asked to end, and how many. A picture ends each
+    /// process in the same step, a person or a power cut in any.
+    pub fn processes_ended_in(&self, well: &str) -> Option<(Phase, u32)> {
+        let of_well = self.ended_processes.iter().filter(|((of, _), _)| of == well);
+        of_well.map(|((_, phase), times)| (*phase, *times)).max_by_key(|(_, times)| *times)
     }
 
     /// The requested end.
@@ -143,9 +148,14 @@ impl RunState {
                 self.held_by.get_or_insert_with(HoldCause::restart);
                 if !std::mem::take(&mut self.is_asked_to_end) {
                     for (well, _) in self.specimens.worked_on() {
-                        *self.ended_processes.entry(well.to_owned()).or_default() += 1;
+                        if let Some(step) = self.steps.get(well) {
+                            *self.ended_processes.entry((well.to_owned(), *step)).or_default() += 1;
+                        }
                     }
                 }
+            }
+            (EventData::SpecimenPhase(entered), Some(well)) => {
+                self.steps.insert(well.to_owned(), entered.phase);
             }
             (EventData::SpecimenRecovering(_), Some(well)) => *self.recoveries.entry(well.to_owned()).or_default() += 1,
             // The disk failed or the daemon was asked to end, so the attempts do not count as crashes.
@@ -175,7 +185,7 @@ mod tests {
     use crate::fault_table::{self, FaultCode};
     use crate::{DaemonStopping, Event, Fault, FaultAcknowledged, InstrumentState};
     use crate::{
-        Interrupted, LoadedBy, Phase, PhaseEntered, PlannedWell, RunAccepted, RunHeld, RunInterrupted, RunResumed, SpecimenDone,
+        Interrupted, LoadedBy, PhaseEntered, PlannedWell, RunAccepted, RunHeld, RunInterrupted, RunResumed, SpecimenDone,
         SpecimenInterrupted, SpecimenKind, WellLoaded, WellStatus,
     };
 

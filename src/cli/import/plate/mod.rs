@@ -20,7 +20,7 @@ use crate::cli::run::code_of;
 use anyhow::{Context, bail, ensure};
 use carved_core::frame::RawFrame;
 use carved_records::picture_name::{self, Pattern};
-use carved_records::{Ledger, Method, Mode, RunOutcome, SpecimenOutcome, WellStatus, is_plain_name};
+use carved_records::{Method, Mode, PicturesOfWells, RunOutcome, SamePictures, SpecimenOutcome, WellStatus, is_plain_name};
 use carved_store::{RecordingReader, RunRecord, durable};
 use part::{DoneWell, Part};
 use plan::Plan;
@@ -151,7 +151,7 @@ fn one_run(args: &super::Args, barcode: &str, id: &str, fish: Option<u32>) -> an
     durable::create_folder(durable::folder_of(&out))?;
     let part = Part::of(&out)?;
     let mut wells: Vec<WellStatus> = Vec::new();
-    let mut shared = SharedPictures::default();
+    let (mut pictures, mut pairs) = (PicturesOfWells::default(), Vec::new());
     let mut empty: Option<Arc<RawFrame>> = None;
     for planned in &plan.run.plate_map {
         let well = Well { args, sources: &sources, plan: &plan, run: id, planned, folder: part.path().join(&planned.well) };
@@ -179,12 +179,12 @@ fn one_run(args: &super::Args, barcode: &str, id: &str, fish: Option<u32>) -> an
             None => well.without_pictures(),
         };
         if well.folder.is_dir() {
-            shared.take(&RecordingReader::open(&well.folder)?.recording().ledger, &planned.well);
+            pairs.extend(pictures.take_all(&RecordingReader::open(&well.folder)?.recording().ledger, &planned.well));
         }
         say!("{}", line(&status));
         wells.push(status);
     }
-    shared.fail(&mut wells, &mut warn);
+    fail_same(&pairs, &mut wells, &mut warn);
     if !wells.iter().any(|w| part.path().join(&w.well).is_dir()) {
         let why = wells.iter().find_map(|w| w.reason.as_deref()).unwrap_or("it has no well");
         part.remove();
@@ -220,31 +220,12 @@ fn one_run(args: &super::Args, barcode: &str, id: &str, fish: Option<u32>) -> an
     Ok(code_of(outcome))
 }
 
-/// Which wells of a plate have the same pictures, by the SHA-256 of their frames.
-#[derive(Default)]
-struct SharedPictures {
-    first: BTreeMap<String, String>,
-    /// A well, and an earlier one with one of its pictures or more.
-    pairs: BTreeMap<String, String>,
-}
-
-impl SharedPictures {
-    fn take(&mut self, ledger: &Ledger, well: &str) {
-        for entry in ledger.counted() {
-            let first = self.first.entry(entry.sha256.clone()).or_insert_with(|| well.to_owned());
-            if first != well {
-                self.pairs.insert(well.to_owned(), first.clone());
-            }
-        }
-    }
-
-    /// Fails both wells of each pair: nothing says which of them the pictures show.
-    fn fail(&self, wells: &mut [WellStatus], warn: &mut dyn FnMut(String)) {
-        for (well, earlier) in &self.pairs {
-            let why = format!("wells {earlier} and {well} have the same pictures. Import each well with its own pictures");
-            wells.iter_mut().filter(|status| [well, earlier].contains(&&status.well)).for_each(|status| status.fail_measured(&why));
-            warn(why);
-        }
+/// Fails both wells of each pair: nothing says which of them the pictures show.
+fn fail_same(pairs: &[SamePictures], wells: &mut [WellStatus], warn: &mut dyn FnMut(String)) {
+    for pair in pairs {
+        let why = format!("{pair}. Import each well with its own pictures");
+        wells.iter_mut().filter(|status| [&pair.well, &pair.earlier].contains(&&status.well)).for_each(|status| status.fail_measured(&why));
+        warn(why);
     }
 }
 

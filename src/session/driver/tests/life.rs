@@ -316,7 +316,7 @@ fn an_emergency_stop_while_the_daemon_ends_is_known_to_the_next_one() {
         started(dir.path(), true, &["A01"]).steer(Towards::Hold).unwrap();
         let (driver, handle, mailbox) = driver(dir.path(), true);
         let shutdown = poll_fn(|_| {
-            drop(handle.emergency_stop().now_or_never());
+            let _pressed = handle.emergency_stop().now_or_never();
             Poll::Ready(Departure::LeavesRun)
         });
         driver.run(mailbox, shutdown, || ready(())).await.unwrap();
