@@ -1190,6 +1190,7 @@ export interface StoredSphereFit {
 
 export interface StoredSpread {
   area_calibration_um2: number;
+  area_corners_um2?: number;
   area_edge_um2: number;
   area_fins_um2?: number;
   area_scale_um2: number;

@@ -335,7 +335,7 @@ impl Pipeline {
         let calibrated = self.calibrated.take().unwrap_or_else(|| self.reconstruction.calibrate());
         let turn_findings = self.turn_findings(&calibrated);
         let TurnModel { model, fallback, hull, calibration, projections, reprojected_areas, closure: pose_offset, fins } =
-            self.reconstruction.measure(calibrated, self.settings.sphere)?;
+            self.reconstruction.measure(calibrated, self.turning.middle_v(), self.settings.sphere)?;
         if let Ok(found) = &calibration {
             self.judged(&found.calibration.views, &reprojected_areas);
         }

@@ -49,4 +49,5 @@ pub(crate) use support::{Support, area_loss, basis};
 pub(crate) use tangents::Side;
 pub use tangents::{Pose, TurnView};
 pub use turn::{Calibration, CalibrationError, PsiSd, VIEWS_LEAST, ViewState, calibrate};
+pub(crate) use vrv_check::hull_sd_share;
 pub use vrv_check::{VrvCheck, VrvVerdict, check_vrv};

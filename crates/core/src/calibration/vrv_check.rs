@@ -14,6 +14,7 @@ use super::least_squares::GivenView;
 use super::psi::Psi;
 use super::search::Stop;
 use super::simplex;
+use super::tangents::TurnView;
 use super::turn::Calibration;
 use crate::geometry::Camera;
 use serde::{Deserialize, Serialize};
@@ -26,6 +27,24 @@ const GAMMA_FAR: f64 = 0.3 * PI / 180.0;
 const STOP: Stop = Stop { evaluations: 60, share: 1.0 / 16.0 };
 /// How much less a solution may leave, relative. A tenth of a px beside a larva's axis costs as much.
 const TOLERANCE: f64 = 0.0025;
+
+/// Share of the volume that no view misses by which changes of uy (px), gamma, alpha (rad) and the ratio of the angles by these
+/// standard deviations change it. Each is applied to both sides, and the larger change counts.
+pub(crate) fn hull_sd_share(camera: &Camera, views: &[TurnView], sd: [f64; 4]) -> f64 {
+    let slices = HullSlices::new(views.iter().map(|v| v.columns).collect(), camera);
+    let volume = |by: [f64; 4]| {
+        let Camera { uy, gamma, alpha, .. } = *camera;
+        let camera = Camera { uy: uy + by[0], gamma: gamma + by[1], alpha: alpha + by[2], ..camera.clone() };
+        slices.volume_um3(&Psi::new(camera, views.iter().map(|v| v.omega * (1.0 + by[3])).collect()))
+    };
+    let here = volume([0.0; 4]);
+    let change = |at: usize| {
+        let by = |sign: f64| std::array::from_fn(|i| if i == at { sign * sd[i] } else { 0.0 });
+        [1.0, -1.0].map(|sign| (volume(by(sign)) - here).abs()).into_iter().fold(0.0, f64::max)
+    };
+    // Where these profiles leave nothing, the hull is unknown by all of it.
+    if here > 0.0 { (0..4).map(|at| (change(at) / here).powi(2)).sum::<f64>().sqrt() } else { 1.0 }
+}
 
 /// The result of the VRV check.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

@@ -146,7 +146,7 @@ pub struct Spread {
     pub volume_views_um3: f64,
     /// Area: the same.
     pub area_views_um2: f64,
-    /// Volume: axis, roll, tilt and angles are known only to their covariance.
+    /// Volume: axis, roll, tilt and angles are known only to their covariance, and without a calibration only to the rig's priors.
     pub volume_calibration_um3: f64,
     /// Area: the same.
     pub area_calibration_um2: f64,
@@ -154,6 +154,9 @@ pub struct Spread {
     /// amount.
     #[serde(default)]
     pub volume_corners_um3: f64,
+    /// Area: the corners of fins, which the views do not tell from the mean radius or show less steep than they are.
+    #[serde(default)]
+    pub area_corners_um2: f64,
     /// Volume: all fins half a pixel too far out or in.
     #[serde(default)]
     pub volume_fins_um3: f64,
@@ -187,7 +190,14 @@ impl Spread {
 
     /// Standard deviation of the area.
     pub fn area_um2(&self) -> f64 {
-        root_of_squares([self.area_views_um2, self.area_calibration_um2, self.area_fins_um2, self.area_scale_um2, self.area_edge_um2])
+        root_of_squares([
+            self.area_views_um2,
+            self.area_calibration_um2,
+            self.area_corners_um2,
+            self.area_fins_um2,
+            self.area_scale_um2,
+            self.area_edge_um2,
+        ])
     }
 }
 

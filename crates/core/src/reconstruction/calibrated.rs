@@ -54,7 +54,7 @@ impl Ranged for CalibrationSettings {
 }
 
 impl CalibrationSettings {
-    fn priors(&self) -> Priors {
+    pub(super) fn priors(&self) -> Priors {
         Priors {
             gamma_rad: self.gamma_sd_deg.to_radians(),
             alpha_rad: self.alpha_sd_deg.to_radians(),

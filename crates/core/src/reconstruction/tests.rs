@@ -156,7 +156,7 @@ fn a_calibration_that_leaves_less_than_the_camera_as_given_is_not_used() {
     assert!(solution_um3 < 0.95 * given_um3 && why.to_string().contains(&format!("{given_um3:.4e}")), "{why}");
     // Measured as if calibration had not been asked for.
     calibrated.found = Err(why.clone());
-    let measured = model.measure(calibrated, false).unwrap();
+    let measured = model.measure(calibrated, None, false).unwrap();
     let as_given = CalibrationSettings { enabled: false, ..CalibrationSettings::default() };
     let settings = ReconstructionSettings { calibration: as_given, ..ReconstructionSettings::default() };
     let mut plain = Reconstruction::new(&camera(), *model.hull().carver().grid(), 21, settings).unwrap();
@@ -180,6 +180,52 @@ fn what_few_views_do_not_show_is_in_the_uncertainty_of_the_end_as_in_mid_turn() 
     }
 }
 
+/// Silhouette of an ellipsoid of 300, 220 and 150 um half axes that lies askew, in a camera far away.
+fn ellipsoid(omega: f64) -> Mask {
+    let cam = camera();
+    let across = omega + 0.4;
+    // Half the extent across of an ellipse of 220 and 150 um.
+    let half_um = (220.0 * across.cos()).hypot(150.0 * across.sin());
+    let middle_um = CENTRE[1] * omega.cos() - CENTRE[2] * omega.sin();
+    let mut mask = Mask::empty(160, 144);
+    for (u, v) in (0..160).flat_map(|u| (0..144).map(move |v| (u, v))) {
+        let at = [(u as f64 - cam.ux) / cam.kx / 300.0, ((v as f64 - cam.uy) / cam.ky - middle_um) / half_um];
+        mask.set(u, v, at[0].hypot(at[1]) <= 1.0);
+    }
+    mask
+}
+
+/// A turn that is measured with the camera as given knows less than a calibrated one, wherever this camera is off, and says so.
+#[test]
+fn a_turn_without_a_calibration_states_more_uncertainty_and_covers_the_truth() {
+    let far = Camera { f: 1e8, ..camera() };
+    let truth = 4.0 / 3.0 * PI * 300.0 * 220.0 * 150.0;
+    let measured = |camera: &Camera, enabled: bool, middle_v: Option<f64>| {
+        let settings = ReconstructionSettings {
+            calibration: CalibrationSettings { enabled, ..CalibrationSettings::default() },
+            ..ReconstructionSettings::default()
+        };
+        let grid = VoxelGrid::new(BoxUm { min: [-400.0; 3], max: [400.0; 3] }, 8.0).unwrap();
+        let mut model = Reconstruction::new(camera, grid, 21, settings).unwrap();
+        for omega in (0..21).map(|i| TAU * f64::from(i) / 21.0) {
+            model.observe(&ellipsoid(omega), &[], omega, Leaves::default()).unwrap();
+        }
+        model.measure(model.calibrate(), middle_v, false).unwrap().model.measurement
+    };
+    let calibrated = measured(&far, true, None).spread.unwrap();
+    for off_px in [0.0, -3.0, 6.0, 10.0] {
+        let camera = Camera { uy: far.uy + off_px, ..far.clone() };
+        let m = measured(&camera, false, Some(far.uy));
+        let spread = m.spread.unwrap();
+        assert!(spread.volume_calibration_um3 > calibrated.volume_calibration_um3, "{off_px} px: {spread:?} {calibrated:?}");
+        assert!(spread.area_calibration_um2 > calibrated.area_calibration_um2, "{off_px} px: {spread:?} {calibrated:?}");
+        assert!((m.volume_um3 - truth).abs() < 2.0 * m.volume_sd_um3.unwrap(), "{off_px} px: {} of {truth}, {spread:?}", m.volume_um3);
+        // The bore shows that the camera is off.
+        let blind = measured(&camera, false, None).spread.unwrap();
+        assert!(off_px == 0.0 || spread.volume_calibration_um3 > blind.volume_calibration_um3, "{off_px} px: {spread:?} {blind:?}");
+    }
+}
+
 /// The numbers themselves do not show that a part of their standard deviation is missing.
 #[test]
 fn numbers_have_no_standard_deviation_where_that_of_the_calibration_is_not_known() {
@@ -192,7 +238,7 @@ fn numbers_have_no_standard_deviation_where_that_of_the_calibration_is_not_known
         let mut calibrated = model.calibrate();
         calibrated.found.as_mut().unwrap().calibration.covariance[at] = variance;
         assert!(model.estimated(&model.finned(calibrated.clone(), true)).is_none(), "{at:?} = {variance}");
-        let TurnModel { model: Model { measurement: m, .. }, fallback, .. } = model.measure(calibrated, true).unwrap();
+        let TurnModel { model: Model { measurement: m, .. }, fallback, .. } = model.measure(calibrated, None, true).unwrap();
         assert!(matches!(fallback, Some(Fallback::NoCalibrationSd(_))), "{at:?} = {variance}: {fallback:?}");
         assert_eq!((m.volume_sd_um3, m.area_sd_um2, m.spread, m.estimator), (None, None, None, Estimator::Voxel));
         assert_eq!(m.volume_um3, m.estimators.voxel.volume_um3);

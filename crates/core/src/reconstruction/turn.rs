@@ -4,13 +4,14 @@ use super::calibrated::{Calibrated, Judged, NotCalibrated, given};
 use super::finned::Finned;
 use super::refined::Refined;
 use super::{HullModel, LiveVolume, Model, ReconstructionError, ReconstructionSettings};
-use crate::calibration::{Calibration, GivenView, Pose, PoseOffset, Psi, TurnView, pose_offset, reprojected_areas};
+use crate::calibration::{Calibration, GivenView, Pose, PoseOffset, Psi, TurnView, hull_sd_share, pose_offset, reprojected_areas};
 use crate::carver::{Leaves, Observed};
 use crate::fins::Fin;
 use crate::geometry::{Camera, Projection, VoxelGrid};
-use crate::measure::support::{Sections, SensitivityError, SupportEstimate, calibration_sd};
+use crate::measure::support::{Sections, SensitivityError, SupportEstimate, calibration_sd, given_sd};
 use crate::measure::{Estimator, Fallback, Measurement, SphereFit, Spread};
 use crate::profile::{Columns, FinBorders, Mask, Polygon};
+use crate::quality::OFF_BORE_PX;
 use crate::surface::{self, Coarse, Mesh};
 use std::borrow::Cow;
 
@@ -66,6 +67,16 @@ struct ClosureView {
     first: usize,
 }
 
+/// How well the pose of the turn is known.
+enum Known {
+    /// Standard deviations of volume (um^3) and area (um^2) by the covariance of the calibration.
+    Calibrated(Result<[f64; 2], SensitivityError>),
+    /// Those by the priors of the rig, and what these change of the hull that no view misses, as a share.
+    AsGiven { sd: Result<[f64; 2], SensitivityError>, hull_share: f64 },
+}
+
+/// Standard deviation of the axis of the given camera, px: half the distance from the middle of the bore at which a turn is refused.
+const AXIS_SD_PX: f64 = OFF_BORE_PX / 2.0;
 /// Standard deviation of the free edge of a fin, px: two renderers' fins lie within this of where they are found.
 const FINS_SD_PX: f64 = 0.5;
 /// Length over the width of the thickest slice from which on a specimen may have fins. Larvae have 6 and more.
@@ -265,15 +276,16 @@ impl Reconstruction {
     ///
     /// As [`HullModel::finish`].
     pub fn finish(&self, sphere: bool) -> Result<TurnModel, ReconstructionError> {
-        self.measure(self.calibrate(), sphere)
+        self.measure(self.calibrate(), None, sphere)
     }
 
-    /// Carves again with a calibration on all views, and measures.
+    /// Carves again with a calibration on all views, and measures. `middle_v` is the row of the middle of the bore, px, where the walls
+    /// are known: without a calibration it shows how far the axis of the given camera may be off.
     ///
     /// # Errors
     ///
     /// As [`HullModel::finish`].
-    pub fn measure(&self, calibrated: Calibrated, sphere: bool) -> Result<TurnModel, ReconstructionError> {
+    pub fn measure(&self, calibrated: Calibrated, middle_v: Option<f64>, sphere: bool) -> Result<TurnModel, ReconstructionError> {
         let Finned { views: observed, fins, calibrated } = self.finned(calibrated, sphere);
         let used = calibrated.used(self);
         let Calibrated { order, found } = calibrated;
@@ -305,9 +317,12 @@ impl Reconstruction {
                     let first = TurnView { columns: &self.observed[closure.first].columns, ..views[at] };
                     closed(&pose, &sections, &first, &closure.columns)
                 });
-                let calibration = found.as_ref().ok().map(|judged| calibration_sd(&judged.calibration, &given)).transpose();
+                let known = match &found {
+                    Ok(judged) => Known::Calibrated(calibration_sd(&judged.calibration, &given)),
+                    Err(_) => self.known_as_given(&pose, &views, sd_um, middle_v),
+                };
                 let fitted = sphere.then(|| sections.sphere()).flatten();
-                self.trust(&mut model.measurement, &sections, calibration, fitted)
+                self.trust(&mut model.measurement, &sections, known, fitted)
             }
             Err(why) => Some(why.into()),
         };
@@ -351,18 +366,24 @@ impl Reconstruction {
         Ok(hull)
     }
 
-    /// Adds the numbers of the support functions to those of the voxels and selects the ones to be trusted. `calibration` is `Ok(None)`
-    /// without a calibration. Returns why the voxels are trusted.
-    fn trust(
-        &self,
-        m: &mut Measurement,
-        sections: &Sections,
-        calibration: Result<Option<[f64; 2]>, SensitivityError>,
-        sphere: Option<SphereFit>,
-    ) -> Option<Fallback> {
+    /// What the priors of the rig make of the numbers of a turn without a calibration. The axis of the given camera is known to the room
+    /// that an accepted turn leaves it, and is off by as much as the bore shows.
+    fn known_as_given(&self, pose: &Pose, views: &[TurnView], sd_um: f64, middle_v: Option<f64>) -> Known {
+        let priors = self.settings.calibration.priors();
+        let uy_px = AXIS_SD_PX.hypot(middle_v.map_or(0.0, |middle_v| self.camera.uy - middle_v));
+        let sd = [uy_px, priors.gamma_rad, priors.alpha_rad, priors.rho];
+        Known::AsGiven { sd: given_sd(pose.camera(), views, sd_um, sd), hull_share: hull_sd_share(pose.camera(), views, sd) }
+    }
+
+    /// Adds the numbers of the support functions to those of the voxels and selects the ones to be trusted. Returns why the voxels are
+    /// trusted.
+    fn trust(&self, m: &mut Measurement, sections: &Sections, known: Known, sphere: Option<SphereFit>) -> Option<Fallback> {
         let support = SupportEstimate::of(sections);
         let voxel = m.estimators.voxel.volume_um3;
-        let is_calibrated = !matches!(calibration, Ok(None));
+        let (is_calibrated, mut calibration, hull_share) = match known {
+            Known::Calibrated(sd) => (true, sd, 0.0),
+            Known::AsGiven { sd, hull_share } => (false, sd, hull_share),
+        };
         // Where a view shows a slice hollow, filling it makes the volume too large, and so does the tolerance of the voxels: the
         // smaller one is nearer. The free tips of pectoral fins are hollow slices that add little.
         let fallback = if support.is_hollow() && voxel < support.volume_um3 {
@@ -382,9 +403,12 @@ impl Reconstruction {
                 m.aspect_ratio = Some(support.length_um / (2.0 * (support.mean_radius_um)));
             }
         }
-        // Without a calibration there is no such part. The flag `uncalibrated` says so.
-        let parts = calibration.ok().map(Option::unwrap_or_default);
-        m.spread = parts.map(|part| self.spread(sections, &support, [m.volume_um3, m.area_um2], part));
+        // A wrong axis takes more off voxels than off the slices' outlines. Area grows with the power 2/3 of volume.
+        if let (Ok(part), Estimator::Voxel) = (&mut calibration, m.estimator) {
+            part[0] = part[0].max(hull_share * m.volume_um3);
+            part[1] = part[1].max(2.0 / 3.0 * hull_share * m.area_um2);
+        }
+        m.spread = calibration.ok().map(|part| self.spread(sections, &support, [m.volume_um3, m.area_um2], part));
         (m.volume_sd_um3, m.area_sd_um2) = m.spread.map(|spread| (spread.volume_um3(), spread.area_um2())).unzip();
         m.estimators.support = Some(support);
         fallback
@@ -413,6 +437,7 @@ impl Reconstruction {
             volume_calibration_um3,
             area_calibration_um2,
             volume_corners_um3: sections.left_out_um3(),
+            area_corners_um2: sections.left_out_um2(),
             volume_fins_um3,
             area_fins_um2,
             volume_fins_unseen_um3: if may_have_fins && sections.fins_share() < FINS_SHARE_LEAST { UNSEEN * volume_um3 } else { 0.0 },

@@ -160,7 +160,7 @@ pub(super) fn turn(
         let by_number = |at: u32| seen.get(at as usize).map_or(at, |&i| i as u32);
         turn_findings.extend(reconstruction.turn_findings(&calibrated, None).into_iter().map(|finding| finding.numbered(by_number)));
     }
-    let TurnModel { model, fallback, hull, calibration, projections, fins, .. } = reconstruction.measure(calibrated, sphere)?;
+    let TurnModel { model, fallback, hull, calibration, projections, fins, .. } = reconstruction.measure(calibrated, None, sphere)?;
     let vrv = calibration.as_ref().ok().map(|judged| judged.vrv);
     let calibration = calibration.map(|judged| judged.calibration);
     let shown: Vec<&View> = seen.iter().map(|&i| &views[i]).collect();

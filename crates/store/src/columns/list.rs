@@ -316,6 +316,7 @@ pub const AFTER: &[Column] = &[
         "part of `area_sd_um2`: what another turn of the same specimen would change",
     ),
     col("area_sd_calibration_um2", Number, Measured("/measurement/spread/area_calibration_um2"), "part of `area_sd_um2`: calibration"),
+    col("area_sd_corners_um2", Number, Measured("/measurement/spread/area_corners_um2"), "part of `area_sd_um2`: corners of fins"),
     col("area_sd_fins_um2", Number, Measured("/measurement/spread/area_fins_um2"), "part of `area_sd_um2`: fins"),
     col(
         "area_sd_scale_um2",

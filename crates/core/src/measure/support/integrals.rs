@@ -49,17 +49,17 @@ impl Sections {
     }
 
     pub(super) fn area_um2(&self) -> f64 {
-        let rings: Vec<f64> = (0..self.slices.len()).into_par_iter().map(|i| self.ring(i)).collect();
+        let rings: Vec<f64> = (0..self.slices.len()).into_par_iter().map(|i| self.ring(&self.slices, i)).collect();
         let inner: f64 = rings.windows(2).map(|w| f64::midpoint(w[0], w[1])).sum::<f64>() * self.step_um;
         inner + self.caps().iter().map(|c| c.area_um2()).sum::<f64>()
     }
 
-    /// Area of the surface per um of x: `Int (h + h'') sqrt(1 + h_x^2) dtheta`.
-    fn ring(&self, at: usize) -> f64 {
+    /// Area of the surface of these slices per um of x: `Int (h + h'') sqrt(1 + h_x^2) dtheta`.
+    pub(super) fn ring(&self, slices: &[Section], at: usize) -> f64 {
         const DIRECTIONS: u32 = 96;
-        let n = self.slices.len();
+        let n = slices.len();
         let (before, after) = (at.saturating_sub(1), (at + 1).min(n - 1));
-        let (a, here, b) = (&self.slices[before], &self.slices[at], &self.slices[after]);
+        let (a, here, b) = (&slices[before], &slices[at], &slices[after]);
         let across = (after - before) as f64 * self.step_um;
         // About its own centre the squared distance of a round outline falls evenly up to the very end of the specimen, where
         // its radius falls as a root.

@@ -18,4 +18,5 @@ mod smoothing;
 
 pub use estimate::SupportEstimate;
 pub use sections::{Sections, SectionsError};
+pub(crate) use sensitivity::given_sd;
 pub use sensitivity::{SensitivityError, calibration_sd};

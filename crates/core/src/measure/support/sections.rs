@@ -1,6 +1,6 @@
 //! Slices at every column, smoothed along the capillary.
 
-use super::corners::Corners;
+use super::corners::{Corners, corners_in_radius};
 use super::smoothing::{Change, Smoother};
 use crate::calibration::{Fit, Pose, Slice, SliceError, SlicesLost, Support, TurnView, basis, fit, harmonics};
 use crate::fins::{FinSlice, SharedFins};
@@ -35,6 +35,8 @@ pub struct Sections {
     pub(super) open: [bool; 2],
     /// Variance of the views' shifts, where it is known.
     pub(super) shift_variance_um2: f64,
+    /// What corners may add to the mean radius of a slice, as a multiple of the amplitude of its last even harmonic.
+    pub(super) corners_in_radius: f64,
     /// Whether fins were looked for.
     pub(crate) are_searched: bool,
     /// What leaving out each view changes.
@@ -146,6 +148,7 @@ impl Sections {
         fins: &SharedFins,
     ) -> Result<Self, SectionsError> {
         let (series, from, to) = span(views)?;
+        let omegas: Vec<f64> = views.iter().map(|view| view.omega).collect();
         let coarse: Vec<Option<Support>> = (from..to + 2 * COARSE)
             .into_par_iter()
             .step_by(COARSE)
@@ -219,6 +222,7 @@ impl Sections {
             harmonics: series,
             open,
             are_searched: fins.is_searched(),
+            corners_in_radius: corners_in_radius(&omegas, series),
             shift_variance_um2: shift_variance(pose, views, series),
             without,
         })

@@ -189,7 +189,7 @@ const ELSEWHERE_DEG: f64 = 12.0;
 const FOREIGN_LEAST: usize = 2;
 const FOREIGN_SHARE: f64 = 0.1;
 /// Largest distance of the axis from the middle of the bore, px: glass that is not round, and chucks that hold it off their axis.
-const OFF_BORE_PX: f64 = 12.0;
+pub(crate) const OFF_BORE_PX: f64 = 12.0;
 
 /// What the calibration of a turn shows. `bad` are the views that it left out; `axis_off_px` is the axis minus the middle of the bore.
 pub(crate) fn of_calibration(placed: &[Option<Placed>], bad: &[usize], axis_off_px: Option<f64>) -> Vec<TurnFinding> {
