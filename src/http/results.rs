@@ -96,7 +96,6 @@ impl From<carved_store::RunRow> for RunRow {
             wells,
             place_us: _,
         } = row;
-        let wells = wells;
         Self { id, external_id, mode, software_version, plate_barcode, method, operator, started, ended, outcome, wells }
     }
 }
