@@ -66,6 +66,10 @@ const WORDS: Record<string, (data: Data, well: string) => Entry> = {
     step(`${well}: the first frame shows ${FOUND[text(d["kind"])] ?? "what cannot be judged"}.`),
   "specimen.tried_again": (d, well) =>
     trouble(sentence(`${well} is measured again: attempt ${String(d["attempt"])} failed, ${text(d["why"])}`)),
+  "specimen.unasked": (d) =>
+    d["there"] === true
+      ? trouble("The sampler's sensor shows a specimen that no run asked for. Take it out.")
+      : news("The specimen that no run asked for is gone."),
   "specimen.interrupted": (d, well) =>
     trouble(
       `${well} was interrupted${d["reason"] ? ` (${reasonWords(text(d["reason"]))})` : ""}: ` +

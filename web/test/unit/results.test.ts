@@ -143,6 +143,12 @@ const EVENTS: [kind: string, data: unknown, words: string][] = [
     "trouble: A01 is measured again: attempt 1 failed, no outline.",
   ],
   [
+    "specimen.unasked",
+    { there: true },
+    "trouble: The sampler's sensor shows a specimen that no run asked for. Take it out.",
+  ],
+  ["specimen.unasked", { there: false }, "news: The specimen that no run asked for is gone."],
+  [
     "specimen.interrupted",
     { reason: "rotation_lost", policy: "redo", kept: false },
     "trouble: A01 was interrupted (rotation lost): it is measured again from the start.",
