@@ -185,6 +185,8 @@ const ENDS_PERCENT: f64 = 6.0;
 const ELSEWHERE_SHARE: f64 = 0.55;
 const ELSEWHERE_PX: f64 = 1.0;
 const ELSEWHERE_DEG: f64 = 12.0;
+/// A single view belongs elsewhere only from this distance on, px: on frames with the look of a VAST, one view of a good turn was at 1.4 px.
+const ELSEWHERE_ALONE_PX: f64 = 3.0;
 /// Least number and least share of the views that fit at no angle, for more than single bad pictures.
 const FOREIGN_LEAST: usize = 2;
 const FOREIGN_SHARE: f64 = 0.1;
@@ -195,8 +197,13 @@ pub(crate) const OFF_BORE_PX: f64 = 12.0;
 pub(crate) fn of_calibration(placed: &[Option<Placed>], bad: &[usize], axis_off_px: Option<f64>) -> Vec<TurnFinding> {
     let belongs_elsewhere =
         |p: &Placed| p.own_px > ELSEWHERE_PX && p.best_px < ELSEWHERE_SHARE * p.own_px && p.off_rad.to_degrees().abs() >= ELSEWHERE_DEG;
-    let elsewhere: Vec<(usize, Placed)> =
+    let mut elsewhere: Vec<(usize, Placed)> =
         placed.iter().enumerate().filter_map(|(i, p)| Some((i, (*p).filter(belongs_elsewhere)?))).collect();
+    if let [(_, alone)] = elsewhere[..]
+        && alone.own_px < ELSEWHERE_ALONE_PX
+    {
+        elsewhere.clear();
+    }
     let worst = elsewhere.iter().max_by(|a, b| a.1.own_px.total_cmp(&b.1.own_px)).map(|(i, p)| TurnFinding::Elsewhere {
         view: *i as u32,
         off_deg: p.off_rad.to_degrees(),
