@@ -108,6 +108,24 @@ fn another_camera_of_the_same_model_is_a_loss_that_names_both() {
     bench.take();
 }
 
+/// Some makers give every camera the same serial number, or none. The hardware address still differs.
+#[test]
+fn another_camera_with_the_same_serial_number_is_a_loss_that_names_both() {
+    let mut bench = Bench::armed();
+    bench.take();
+    let serial = bench.rig.camera_serial().to_owned();
+    bench.rig.camera().exchange(&serial);
+    let seen = bench.camera.grab(super::bench::DEADLINE).unwrap_err();
+    assert!(seen.is_loss_of_camera() && bench.camera.is_lost(), "{seen}");
+    let other = bench.camera.reopen().unwrap_err();
+    let DeviceError::OtherCamera { expected, found } = &other else { panic!("{other}") };
+    assert!(expected != found && [expected, found].iter().all(|c| c.contains(&serial) && c.contains("hardware address")), "{other}");
+    bench.rig.camera().exchange(&serial);
+    until("the first camera", || bench.camera.reopen().is_ok());
+    bench.camera.arm().unwrap();
+    bench.take();
+}
+
 /// The driver asks a camera to stop that does not answer, and gives it up.
 #[test]
 fn a_camera_whose_loss_was_not_noticed_is_closed_and_can_be_opened_again() {

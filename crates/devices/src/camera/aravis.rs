@@ -26,7 +26,7 @@ mod stream;
 
 pub(super) use find::discover;
 
-use super::{AravisSettings, CameraSelect, Trigger};
+use super::{AravisSettings, CameraSelect, MacAddress, Trigger};
 use crate::{Camera, DeviceError, Grabbed, Link, StreamCounters};
 use accept::{Verdict, accept};
 use aravis::GvDevice;
@@ -41,6 +41,8 @@ use stream::Armed;
 
 /// GigE Vision's register with the time after which a silent controller loses the camera, ms.
 const HEARTBEAT: u64 = 0x938;
+/// GigE Vision's registers with the hardware address of the camera: its first two bytes, and the other four.
+const HARDWARE_ADDRESS: [u64; 2] = [0x008, 0x00c];
 /// Largest delay of a predecessor's last heartbeat.
 const HEARTBEAT_SLACK: Duration = Duration::from_millis(500);
 
@@ -55,6 +57,8 @@ static OPENING: Mutex<()> = Mutex::new(());
 pub(super) struct AravisCamera {
     settings: AravisSettings,
     identity: String,
+    /// `None` for a camera that is not on a network.
+    hardware_address: Option<MacAddress>,
     /// `None` after a loss until the camera is opened again.
     open: Option<Open>,
     /// Shared with other threads.
@@ -67,6 +71,8 @@ pub(super) struct AravisCamera {
 /// An open device.
 struct Open {
     camera: aravis::Camera,
+    /// `None` for a camera that is not on a network.
+    hardware_address: Option<MacAddress>,
     clock: Option<CameraClock>,
     control_lost: Arc<AtomicBool>,
     /// The features that change the picture, as they were once it was configured.
@@ -115,7 +121,10 @@ impl Open {
                 // If another program, or a crashed predecessor, controls the camera, it can be read but not driven.
                 let ours = gv.is_controller() || (predecessor == Predecessor::MayHaveCrashed && inherits(gv));
                 if !ours {
-                    close_in_background(None, Some(Self { camera, clock, control_lost, values: features::Values::new() }));
+                    close_in_background(
+                        None,
+                        Some(Self { camera, hardware_address: None, clock, control_lost, values: features::Values::new() }),
+                    );
                     return Err(DeviceError::NotController { address: settings.select.to_string() });
                 }
                 clock = CameraClock::of(gv);
@@ -123,14 +132,15 @@ impl Open {
             let flag = Arc::clone(&control_lost);
             device.connect_control_lost(move |_| flag.store(true, Ordering::Release));
         }
-        let mut open = Self { camera, clock, control_lost, values: features::Values::new() };
+        let mut open = Self { camera, hardware_address: None, clock, control_lost, values: features::Values::new() };
         let configured = open.identify().and_then(|identity| {
+            let hardware_address = open.read_hardware_address()?;
             configure::configure(&open.camera, settings)?;
-            Ok((identity, features::values(&open.camera, settings)?))
+            Ok((identity, hardware_address, features::values(&open.camera, settings)?))
         });
         let identity = match configured {
-            Ok((identity, values)) => {
-                open.values = values;
+            Ok((identity, hardware_address, values)) => {
+                (open.hardware_address, open.values) = (hardware_address, values);
                 identity
             }
             Err(error) => {
@@ -159,6 +169,14 @@ impl Open {
         ))
     }
 
+    fn read_hardware_address(&self) -> Result<Option<MacAddress>, DeviceError> {
+        let read = |gv: GvDevice| {
+            let [high, low] = HARDWARE_ADDRESS.map(|register| gv.read_register(register));
+            Ok(MacAddress::of_registers(high?.1, low?.1))
+        };
+        self.gv().map(read).transpose().map_err(|e: glib::Error| refused("its hardware address", &e))
+    }
+
     fn is_lost(&self) -> bool {
         self.control_lost.load(Ordering::Acquire)
     }
@@ -185,6 +203,11 @@ impl Open {
     }
 }
 
+/// A camera with its hardware address: not every maker gives each camera a serial number of its own.
+fn described(identity: &str, hardware_address: Option<MacAddress>) -> String {
+    hardware_address.map_or_else(|| identity.to_owned(), |address| format!("{identity}, hardware address {address}"))
+}
+
 /// Waits for as long as a crashed controller can hold the camera. True if this program then controls it.
 fn inherits(gv: &GvDevice) -> bool {
     let Ok((_, heartbeat_ms)) = gv.read_register(HEARTBEAT) else { return false };
@@ -206,7 +229,8 @@ impl AravisCamera {
         let (open, identity) = Open::new(&settings, Predecessor::MayHaveCrashed)?;
         warn_of_a_small_receive_buffer(settings.socket_buffer_bytes);
         let link_state = Arc::new(Mutex::new(LinkState { control_lost: Arc::clone(&open.control_lost), asked: None }));
-        Ok(Self { settings, identity, open: Some(open), link_state, armed: None, counted: StreamCounters::default() })
+        let hardware_address = open.hardware_address;
+        Ok(Self { settings, identity, hardware_address, open: Some(open), link_state, armed: None, counted: StreamCounters::default() })
     }
 
     fn device(&self) -> Result<&Open, DeviceError> {
@@ -345,9 +369,10 @@ impl Camera for AravisCamera {
         }
         self.close();
         let (open, identity) = Open::new(&self.settings, Predecessor::NotWaitedFor)?;
-        if identity != self.identity {
+        if (&identity, open.hardware_address) != (&self.identity, self.hardware_address) {
+            let found = described(&identity, open.hardware_address);
             close_in_background(None, Some(open));
-            return Err(DeviceError::OtherCamera { expected: self.identity.clone(), found: identity });
+            return Err(DeviceError::OtherCamera { expected: described(&self.identity, self.hardware_address), found });
         }
         self.link_state().control_lost = Arc::clone(&open.control_lost);
         self.open = Some(open);

@@ -99,6 +99,15 @@ pub enum CameraSelect {
 #[serde(try_from = "String", into = "String")]
 pub struct MacAddress([u8; 6]);
 
+impl MacAddress {
+    /// From the two registers of GigE Vision's bootstrap: bytes 0 and 1 in the lower half of the first, bytes 2 to 5 in the second.
+    #[cfg(feature = "aravis")]
+    pub(super) fn of_registers(high: u32, low: u32) -> Self {
+        let ([_, _, a, b], [c, d, e, f]) = (high.to_be_bytes(), low.to_be_bytes());
+        Self([a, b, c, d, e, f])
+    }
+}
+
 impl std::str::FromStr for MacAddress {
     type Err = String;
     fn from_str(text: &str) -> Result<Self, String> {
