@@ -21,16 +21,19 @@ pub struct Args {
     /// Name of the plate, if a MIHCSME file has several.
     #[arg(long)]
     plate: Option<String>,
+    /// Number of wells of the plate. A well that is not on it is a mistake.
+    #[arg(long, value_name = "WELLS")]
+    plate_format: Option<u32>,
     /// Print the wells in the format of `PUT /v1/runs/{id}`.
     #[arg(long)]
     json: bool,
 }
 
 /// The plate map in a file, or its mistakes.
-pub fn read(file: &Path, plate: Option<&str>) -> anyhow::Result<Result<PlateMap, Vec<Mistake>>> {
+pub fn read(file: &Path, plate: Option<&str>, chosen: Option<u32>) -> anyhow::Result<Result<PlateMap, Vec<Mistake>>> {
     let bytes = carved_files::read(file).with_context(|| format!("cannot read {}", file.display()))?;
     let json = file.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"));
-    Ok(plate_map::read(&bytes, if json { Format::Json } else { Format::Csv }, plate))
+    Ok(plate_map::read(&bytes, if json { Format::Json } else { Format::Csv }, plate, chosen))
 }
 
 /// Prints one mistake per line, in the format of compilers.
@@ -43,7 +46,7 @@ pub fn print(file: &Path, mistakes: &[Mistake]) {
 
 pub fn run(command: &Command) -> anyhow::Result<ExitCode> {
     let Command::Check(args) = command;
-    let map = match read(&args.file, args.plate.as_deref())? {
+    let map = match read(&args.file, args.plate.as_deref(), args.plate_format)? {
         Ok(map) => map,
         Err(mistakes) => {
             print(&args.file, &mistakes);

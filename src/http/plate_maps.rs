@@ -16,6 +16,9 @@ use utoipa::IntoParams;
 pub(super) struct Which {
     /// One of several plates of a MIHCSME file.
     plate: Option<String>,
+    /// Number of wells of the plate: 6, 12, 24, 48, 96, 384 or 1536. It counts before the one that the file names. A well that is not on this
+    /// plate is a mistake.
+    plate_format: Option<u32>,
 }
 
 /// Reads a plate map without starting anything.
@@ -31,7 +34,7 @@ pub(super) struct Which {
 )]
 pub(super) async fn check(query: Result<Query<Which>, QueryRejection>, file: PlateMapFile) -> Result<Json<PlateMap>, Problem> {
     let Query(which) = query?;
-    plate_map::read(&file.bytes, file.format, which.plate.as_deref())
+    plate_map::read(&file.bytes, file.format, which.plate.as_deref(), which.plate_format)
         .map(|map| Json(map.into()))
         .map_err(|mistakes| Problem::unprocessable("invalid_plate_map", mistakes).of_a_plate())
 }

@@ -36,6 +36,10 @@ fn every_mistake_is_named_with_its_line() {
     assert_eq!(places, [(&json!(2), &json!("Well")), (&json!(3), &json!("Concentration Unit"))]);
     assert!(problem["detail"].as_str().unwrap().contains("line 3, Concentration Unit: "), "{problem}");
     assert_eq!(problem["scheduler_action"], "reject_plate");
+    // A well that the chosen plate does not have.
+    let answer = rig.send("POST", &format!("{CHECK}?plate_format=96"), &CSV, "well\nA01\nI12\n");
+    assert_eq!((answer.status, &answer.json()["errors"][0]["line"]), (422, &json!(3)));
+    assert_eq!(rig.send("POST", &format!("{CHECK}?plate_format=97"), &CSV, "well\nA01\n").status, 422);
     let answer = rig.send("POST", CHECK, &JSON, r#"[{"well": "A01", "dpf": 99}]"#);
     assert_eq!((answer.status, &answer.json()["errors"][0]["pointer"]), (422, &json!("/0/dpf")));
 }

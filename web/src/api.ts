@@ -107,8 +107,8 @@ export async function fetchStatus(after: number | null, waitS: number, signal: A
 }
 
 /** Sends a command. The answer only confirms that it was accepted. */
-export async function post(path: string): Promise<void> {
-  const response = await command(path, { method: "POST" });
+export async function post(path: string, ms?: number): Promise<void> {
+  const response = await command(path, { method: "POST" }, ms);
   await response.body?.cancel();
 }
 
@@ -137,11 +137,15 @@ export async function startRun(id: string, plan: RunPlan): Promise<boolean> {
   return response.status === 201;
 }
 
-/** The wells in a plate map's file, as the daemon reads it. A refusal lists every mistake. */
-export async function checkPlateMap(file: File): Promise<PlateMap> {
+/** The wells in a plate map's file, as the daemon reads it. With `wells`: on a plate of so many. A refusal lists every mistake. */
+export async function checkPlateMap(file: File, wells: number | null): Promise<PlateMap> {
   const type = /\.json$/i.test(file.name) ? "application/json" : "text/csv";
   const init = { method: "POST", headers: { "Content-Type": type }, body: await file.arrayBuffer() };
-  const response = await command("/v1/plate-maps/check", init, WORK_MS);
+  const response = await command(
+    `/v1/plate-maps/check${wells === null ? "" : `?plate_format=${wells}`}`,
+    init,
+    WORK_MS,
+  );
   return (await response.json().catch(away)) as PlateMap;
 }
 

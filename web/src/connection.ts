@@ -1,17 +1,20 @@
 // Keeps the page up to date with successive long polls, and shows when they fail.
 //
 //   first ──ok──> poll(after) ──ok──> poll(after) ...
-//     ^              │ error, silence, a command without an answer
+//     ^              │ no answer for 2 s: silent
+//     │              │ error, longer silence, a command without an answer
 //     ├── pause <── lost
 //     └── pause <── refused, because too many clients wait: the connection is not lost
 
 import { fetchStatus, Refused, watchCommands } from "./api.ts";
 import type { Status } from "./status.ts";
 
-/** Longest duration of a poll at the daemon, s. It is short, so that a pulled cable is noticed soon. */
-const WAIT_S = 5;
-/** Silence after the end of a poll that counts as a lost connection, ms. */
-const GRACE_MS = 3000;
+/** Longest duration of a poll at the daemon, s. A daemon that is alive answers so often, also without news. */
+const WAIT_S = 1;
+/** Age of the last answer up to which the page is live, ms. */
+const LIVE_MS = 2000;
+/** Age at which the connection counts as lost, ms. A busy machine may be silent for some seconds. */
+const LOST_MS = 8000;
 /** Pauses between attempts, ms. The last one repeats. */
 const PAUSES_MS = [250, 500, 1000, 2000];
 /** Pause after a poll that was refused because too many clients wait, ms. */
@@ -19,7 +22,12 @@ const REFUSED_MS = 1000;
 /** Shortest time between polls, ms: a page needs at most 10 updates a second. */
 const LEAST_GAP_MS = 100;
 
-export type Link = { kind: "connecting" } | { kind: "live" } | { kind: "lost"; why: string; tokenWanted: boolean };
+export type Link =
+  | { kind: "connecting" }
+  | { kind: "live" }
+  /** `since` is the time of the last answer on the clock of `performance.now()`. */
+  | { kind: "silent"; since: number }
+  | { kind: "lost"; why: string; tokenWanted: boolean };
 
 export interface Listener {
   status(status: Status): void;
@@ -43,9 +51,11 @@ export async function keepLive(listener: Listener): Promise<never> {
   watchCommands(() => patience.abort());
   for (;;) {
     patience = new AbortController();
-    const timer = setTimeout(() => patience.abort(), GRACE_MS + (after === null ? 0 : WAIT_S * 1000));
+    const started = performance.now();
+    const quiet =
+      after === null ? undefined : setTimeout(() => listener.link({ kind: "silent", since: started }), LIVE_MS);
+    const timer = setTimeout(() => patience.abort(), LOST_MS);
     try {
-      const started = performance.now();
       const status = await fetchStatus(after, WAIT_S, patience.signal);
       const unchanged = status.revision === after;
       after = status.revision;
@@ -68,6 +78,7 @@ export async function keepLive(listener: Listener): Promise<never> {
       await pause(PAUSES_MS[Math.min(failures, PAUSES_MS.length - 1)]!);
       failures += 1;
     } finally {
+      clearTimeout(quiet);
       clearTimeout(timer);
     }
   }

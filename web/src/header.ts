@@ -44,9 +44,22 @@ export class HeaderView {
   #say(): void {
     const kind = this.#state.kind;
     this.#link.dataset["link"] = kind;
-    setText(this.#link, kind === "live" ? "Live" : kind === "lost" ? "Connection lost" : "Connecting…");
+    setText(this.#link, this.#linkWords());
     show(this.#lost, kind === "lost");
     if (this.#state.kind === "lost") setText(this.#lost, this.#lostWords(this.#state.why));
+  }
+
+  #linkWords(): string {
+    switch (this.#state.kind) {
+      case "connecting":
+        return "Connecting…";
+      case "live":
+        return "Live";
+      case "silent":
+        return `No answer for ${duration((performance.now() - this.#state.since) / 1000)}`;
+      case "lost":
+        return "Connection lost";
+    }
   }
 
   #lostWords(why: string): string {

@@ -52,7 +52,13 @@ import { ViewStrip } from "./views.ts";
 import { WellCard } from "./wellcard.ts";
 
 // First: whatever fails below, the stop works.
-const emergency = new EmergencyStop(byId("emergency-stop"), byId("emergency-answer"));
+const emergency = new EmergencyStop({
+  button: byId("emergency-stop"),
+  answer: byId("emergency-answer"),
+  bar: byId("emergency-bar"),
+  words: byId("emergency-words"),
+  withdraw: byId("emergency-withdraw"),
+});
 const header = new HeaderView({
   stamp: byId("stamp"),
   version: byId("version"),

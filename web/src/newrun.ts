@@ -34,6 +34,10 @@ export class NewRun {
   #methods: readonly MethodOffer[] = [];
   #methodsOf: string | null = null;
   #map: PlateMap | null = null;
+  /** The plate that the operator chose, by its number of wells. Without a choice the map names its plate. */
+  #chosen: number | null = null;
+  /** Number of checks of a map that were begun. Only the newest counts. */
+  #checks = 0;
   #startable = false;
   /** Why the instrument would not accept a run now. */
   #notReady: string | null = null;
@@ -67,7 +71,10 @@ export class NewRun {
     this.#start = find("start");
     this.#format = find("plate-format");
     this.#plate = new PlanPlate({ box: find("plan"), table: find("plan-plate"), legend: find("plan-legend") });
-    this.#format.addEventListener("change", () => this.#draw());
+    this.#format.addEventListener("change", () => {
+      this.#chosen = this.#wells();
+      void this.#check();
+    });
     find("template").addEventListener("click", () => {
       const wells = Number(this.#format.value) || 96;
       save(new Blob([templateOf(wells)], { type: "text/csv" }), `plate-map-${wells}.csv`);
@@ -153,19 +160,26 @@ export class NewRun {
     return missing;
   }
 
+  /** The plate that is shown as chosen, by its number of wells. */
+  #wells(): number | null {
+    return this.#format.value === "" ? null : Number(this.#format.value);
+  }
+
+  /** Has the map checked, on the plate that was chosen. */
   async #check(): Promise<void> {
     const file = this.#file.files?.[0];
+    const check = (this.#checks += 1);
     this.#map = null;
     show(this.#holds, false);
     this.#draw();
     this.#clear();
     if (!file) return this.#enable();
     await this.#work(async () => {
-      const map = await checkPlateMap(file);
-      // Another file was chosen while this one was read.
-      if (this.#file.files?.[0] !== file) return;
+      const map = await checkPlateMap(file, this.#chosen);
+      // Another file or plate was chosen while this one was read.
+      if (this.#checks !== check) return;
       this.#map = map;
-      if (map.plate_format !== null) this.#format.value = String(map.plate_format);
+      this.#format.value = String(map.plate_format ?? "");
       setText(this.#holds, contents(map.plate_map));
       show(this.#holds, true);
       this.#draw();
@@ -217,6 +231,7 @@ export class NewRun {
       this.#map = null;
       show(this.#holds, false);
       this.#format.value = "";
+      this.#chosen = null;
       this.#draw();
     };
     await this.#work(job, "The run was not started", (words) => this.#refuse(words));
@@ -228,7 +243,7 @@ export class NewRun {
       plate_barcode: this.#barcode.value.trim(),
       method: this.#method.value,
       operator: this.#operator.value.trim(),
-      ...(this.#format.value === "" ? {} : { plate_format: Number(this.#format.value) }),
+      ...(this.#map.plate_format === null ? {} : { plate_format: this.#map.plate_format }),
       plate_map: this.#map.plate_map,
       metadata: this.#map.metadata,
     };
@@ -254,7 +269,7 @@ export class NewRun {
   }
 
   #draw(): void {
-    this.#plate.update(this.#map?.plate_map ?? [], this.#format.value === "" ? null : Number(this.#format.value));
+    this.#plate.update(this.#map?.plate_map ?? [], this.#wells());
   }
 
   #refuse(words: string): void {

@@ -143,6 +143,8 @@ export class RunLog {
   #of = "";
   #revision = -1;
   #events: RunEvent[] = [];
+  /** Whether the events of the run have been read at least once. */
+  #isRead = false;
 
   constructor(find: <T extends Element = HTMLElement>(id: string) => T) {
     this.#panel = find("log");
@@ -160,6 +162,7 @@ export class RunLog {
     if (key === this.#of && revision === this.#revision) return;
     if (key !== this.#of) {
       this.#events = [];
+      this.#isRead = false;
       this.#draw();
     }
     this.#run = run;
@@ -180,6 +183,7 @@ export class RunLog {
         this.#events.push(...page.events.filter((event) => Date.parse(event.time) >= Date.parse(run.started) - 1000));
         next = page.next;
       }
+      this.#isRead = true;
       this.#draw();
     } catch (error) {
       if (!(error instanceof Refused)) throw error;
@@ -208,7 +212,9 @@ export class RunLog {
     setText(
       this.#words,
       entries.length === 0
-        ? "No events of this run are kept."
+        ? this.#isRead
+          ? "No events of this run are kept."
+          : "Loading the events …"
         : `${counted(shown.length, "event")}, the newest first${hidden === 0 ? "" : `; ${counted(hidden, "step")} not listed`}.`,
     );
   }

@@ -45,7 +45,7 @@ pub struct Args {
 
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let client = Client::new(&args.daemon)?;
-    let map = match plate::read(&args.plate_map, Some(&args.barcode))? {
+    let map = match plate::read(&args.plate_map, Some(&args.barcode), args.plate_format)? {
         Ok(map) => map,
         Err(mistakes) => {
             plate::print(&args.plate_map, &mistakes);
@@ -60,7 +60,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let plan = RunPlan {
         method_version: args.method_version.clone(),
         external_id: args.external_id.clone(),
-        plate_format: args.plate_format.or(map.plate_format),
+        plate_format: map.plate_format,
         metadata: map.metadata,
         ..RunPlan::new(&args.barcode, &args.method, &args.operator, map.plate_map)
     };

@@ -75,6 +75,40 @@ test("the emergency stop works over a question and wherever the page is scrolled
   });
 });
 
+test("an emergency stop reaches a daemon that hung or crashed when it was pressed", async (t) => {
+  const { daemon, page } = await opened(t, 1);
+  const stopped = async (run: string) => {
+    const { faults } = await daemon.follow(
+      (s) => s.run?.id === run && s.faults.some((f) => f.code === "emergency_stop"),
+    );
+    await page.locator("#emergency-answer", { hasText: "the motors were stopped" }).waitFor();
+    await page.locator("#emergency-bar").waitFor({ state: "hidden" });
+    const { seq } = faults.find((f) => f.code === "emergency_stop")!;
+    await daemon.send("POST", `/v1/faults/${seq}/acknowledge`);
+  };
+  const unconfirmed = () =>
+    page.locator("#emergency-words", { hasText: /was not confirmed: .* cut its power/ }).waitFor();
+
+  await daemon.send("PUT", "/v1/runs/hung", plan([larva("A01")]));
+  await daemon.follow((s) => s.specimen?.in_capillary === true);
+  daemon.signal("SIGSTOP");
+  await page.keyboard.press("F8");
+  await unconfirmed();
+  await page.locator("#link", { hasText: /No answer for|Connection lost/ }).waitFor();
+  await shoot(page, "stop-hung");
+  daemon.signal("SIGCONT");
+  await stopped("hung");
+  await daemon.follow((s) => s.run?.outcome === "aborted" && s.faults.length === 0);
+
+  await daemon.send("PUT", "/v1/runs/crashed", plan([larva("A01")]));
+  await daemon.follow((s) => s.run?.id === "crashed" && s.specimen?.in_capillary === true);
+  await daemon.crash();
+  await page.keyboard.press("F8");
+  await unconfirmed();
+  await daemon.again();
+  await stopped("crashed");
+});
+
 test("who exchanges specimens by hand reads each step, and its button is the largest", async (t) => {
   const { daemon, page, complaints } = await opened(t, 5, ["--sampler", "loader"]);
   await daemon.send("PUT", "/v1/runs/hand-1", plan(["A01", "A02", "A03"].map(larva)));

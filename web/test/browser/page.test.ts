@@ -816,10 +816,55 @@ test("the emergency stop asks nothing, and its fault is acknowledged", async () 
   await page.locator("#faults").waitFor({ state: "hidden" });
   await page.locator("#emergency-answer").waitFor({ state: "hidden" });
   assert.deepEqual(commands(), ["POST /v1/emergency-stop", "POST /v1/faults/12/acknowledge"]);
+});
 
+test("an emergency stop that is not confirmed is sent until it is, also by a page that is loaded again", async () => {
+  const stops = () => commands().filter((command) => command === "POST /v1/emergency-stop").length;
+  const bar = page.locator("#emergency-bar");
+  server.publish(running(9));
+  await page.goto(server.url);
+  await until("link", /^Live$/);
   server.refusal = { detail: "the daemon is busy" };
-  await page.getByRole("button", { name: "Emergency stop" }).click();
-  await until("emergency-answer", /was not confirmed: the daemon is busy\. Use the instrument's own emergency stop/);
+  await page.keyboard.press("F8");
+  await until("emergency-words", /was not confirmed: the daemon is busy\. Use the instrument's own emergency stop/);
+  const box = await bar.evaluate(
+    (one) => one.ownerDocument.elementFromPoint(2, one.getBoundingClientRect().top + 5)?.id,
+  );
+  assert.notEqual(box, undefined);
+  await shoot(page, "stop-unconfirmed");
+  await page.reload();
+  await until("emergency-words", /was not confirmed: the daemon is busy/);
+  assert.equal(stops(), 0);
+  server.refusal = null;
+  await until("emergency-answer", /the motors were stopped/);
+  await bar.waitFor({ state: "hidden" });
+  assert.equal(stops(), 1, "once it is confirmed it is sent no more");
+  await page.reload();
+  await until("link", /^Live$/);
+  assert.equal(stops(), 1, "also by a page that is loaded again");
+
+  // A daemon that hangs gives no answer at all.
+  server.isSilent = true;
+  await page.keyboard.press("F8");
+  await until("emergency-words", /was not confirmed: no answer came within 2 s/);
+  await page.getByRole("button", { name: "Withdraw the stop" }).click();
+  await bar.waitFor({ state: "hidden" });
+  server.isSilent = false;
+  await page.reload();
+  await until("link", /^Live$/);
+  assert.equal(stops(), 1, "a stop that was withdrawn is not sent");
+});
+
+test("the page is live only while answers come: after two seconds it says for how long there was none", async () => {
+  server.publish(running(9));
+  await page.goto(server.url);
+  await until("link", /^Live$/);
+  server.isFrozen = true;
+  await until("link", /^No answer for [2-9] s$/);
+  assert.equal(await page.locator("#lost").isVisible(), false);
+  await until("link", /^Connection lost$/);
+  server.isFrozen = false;
+  await until("link", /^Live$/);
 });
 
 test("a new run: every mistake of its map, the preflight, the start", async () => {
@@ -869,6 +914,7 @@ test("a new run: every mistake of its map, the preflight, the start", async () =
   assert.equal(await page.locator("#new-run-list li").innerText(), "A1 is read as A01");
   // The plate is drawn before the start, on the plate that the map names.
   assert.equal(await page.locator("#plan-plate").getAttribute("data-wells"), "24");
+  assert.equal(await page.locator("#plate-format").inputValue(), "24");
   assert.equal(await page.locator("#plan-plate [data-planned]").count(), 2);
   assert.match(
     (await page.locator('[data-planned="A01"]').getAttribute("title")) ?? "",
@@ -878,8 +924,20 @@ test("a new run: every mistake of its map, the preflight, the start", async () =
     "a\nlarva, 3 dpf, DMSO (1 well)",
     "b\nbead (1 well)",
   ]);
+  // Another plate: the map is checked again, on this one.
+  server.refusal = {
+    code: "invalid_plate_map",
+    detail: "...",
+    errors: [{ line: 2, column: "well", detail: "A01 is not on it" }],
+  };
+  await page.locator("#plate-format").selectOption({ label: "6 wells" });
+  await until("new-run-words", /^map\.csv cannot be used: 1 mistake\.$/);
+  assert.equal(await page.locator("#new-run-list li").innerText(), "Line 2, well: A01 is not on it");
+  await until("new-run-missing", /a plate map without mistakes/);
+  server.refusal = null;
+  server.answers["/v1/plate-maps/check"] = { plate_format: 48, plate_map: wells, metadata, notes: [] };
   await page.locator("#plate-format").selectOption({ label: "48 wells" });
-  assert.equal(await page.locator("#plan-plate").getAttribute("data-wells"), "48");
+  await page.locator('#plan-plate[data-wells="48"]').waitFor();
   assert.equal(await page.locator("#start").isDisabled(), true, "barcode and operator are missing");
   await page.getByLabel("Plate barcode").fill("P-7");
   await until("new-run-missing", /^Still needed: your name\.$/);
@@ -919,9 +977,10 @@ test("a new run: every mistake of its map, the preflight, the start", async () =
   const plan = {
     ...{ plate_barcode: "P-7", method: "standard", operator: "Kim", plate_format: 48, plate_map: wells, metadata },
   };
-  assert.deepEqual(commands(), ["POST /v1/plate-maps/check", "POST /v1/preflight", "PUT /v1/runs/monday-1"]);
-  assert.deepEqual(JSON.parse(server.taken[1]!.body), plan);
+  const check = "POST /v1/plate-maps/check";
+  assert.deepEqual(commands(), [check, check, "POST /v1/preflight", "PUT /v1/runs/monday-1"]);
   assert.deepEqual(JSON.parse(server.taken[2]!.body), plan);
+  assert.deepEqual(JSON.parse(server.taken[3]!.body), plan);
 });
 
 /** Fills the form of a new run. */

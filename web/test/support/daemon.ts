@@ -32,16 +32,16 @@ async function freePort(): Promise<number> {
 
 export class Daemon {
   readonly url: string;
-  readonly #child: ChildProcess;
   /** Its data folder. It is removed with the end of the daemon. */
   readonly folder: string;
-  readonly #said: string[];
+  readonly #command: readonly [string, readonly string[]];
+  readonly #said: string[] = [];
+  #child!: ChildProcess;
 
-  private constructor(url: string, child: ChildProcess, folder: string, said: string[]) {
+  private constructor(url: string, folder: string, command: readonly [string, readonly string[]]) {
     this.url = url;
-    this.#child = child;
     this.folder = folder;
-    this.#said = said;
+    this.#command = command;
   }
 
   static async start(binary: string, timeScale: number, more: readonly string[] = []): Promise<Daemon> {
@@ -49,30 +49,55 @@ export class Daemon {
     const url = `http://127.0.0.1:${await freePort()}`;
     const args = ["simulate", "--listen", url.slice("http://".length), "--data", folder];
     args.push("--time-scale", String(timeScale), ...more);
+    const daemon = new Daemon(url, folder, [binary, args]);
+    try {
+      await daemon.#launch();
+    } catch (error) {
+      await daemon.stop();
+      throw error;
+    }
+    return daemon;
+  }
+
+  async #launch(): Promise<void> {
+    const [binary, args] = this.#command;
     const child = spawn(binary, args, { stdio: ["ignore", "pipe", "pipe"] });
-    const said: string[] = [];
-    const daemon = new Daemon(url, child, folder, said);
+    this.#child = child;
     let timer: NodeJS.Timeout | undefined;
     try {
       await new Promise<void>((resolve, reject) => {
-        const fail = (why: string) => reject(new Error(`${binary} ${args.join(" ")}: ${why}\n${said.join("\n")}`));
-        timer = setTimeout(() => fail(`did not say ${url} within ${START_MS / 1000} s`), START_MS);
-        for (const stream of [child.stdout, child.stderr]) {
+        const fail = (why: string) =>
+          reject(new Error(`${binary} ${args.join(" ")}: ${why}\n${this.#said.join("\n")}`));
+        timer = setTimeout(() => fail(`did not say ${this.url} within ${START_MS / 1000} s`), START_MS);
+        for (const stream of [child.stdout!, child.stderr!]) {
           createInterface({ input: stream }).on("line", (line) => {
-            said.push(line);
-            if (line.includes(url)) resolve();
+            this.#said.push(line);
+            if (line.includes(this.url)) resolve();
           });
         }
         child.once("error", (error) => fail(error.message));
         child.once("exit", (code) => fail(`ended with ${code}`));
       });
-    } catch (error) {
-      await daemon.stop();
-      throw error;
     } finally {
       clearTimeout(timer);
     }
-    return daemon;
+  }
+
+  /** Stops its process for a while (`SIGSTOP`), or lets it go on (`SIGCONT`). */
+  signal(name: "SIGSTOP" | "SIGCONT"): void {
+    assert.ok(this.#child.kill(name), `${name} was not delivered`);
+  }
+
+  /** Ends it as a crash does. */
+  async crash(): Promise<void> {
+    const ended = once(this.#child, "exit");
+    this.#child.kill("SIGKILL");
+    await ended;
+  }
+
+  /** Starts it again, at the same address with the same data. */
+  async again(): Promise<void> {
+    await this.#launch();
   }
 
   async status(after?: number): Promise<Status> {

@@ -56,6 +56,8 @@ export class FixtureServer {
   readonly known = new Set<string>();
   /** Whether commands get no answer, as from a daemon that hangs. */
   isSilent = false;
+  /** Whether the status gets no answer. */
+  isFrozen = false;
   /** Bodies of what is read, and of what commands answer, by path. */
   readonly answers: Record<string, unknown> = {};
   /** What cannot be read, by path, and why: answered 500. */
@@ -129,6 +131,7 @@ export class FixtureServer {
         this.#json(response, 503, { title: "Service Unavailable", code: "busy", detail: "too many clients wait" });
         return;
       }
+      if (this.isFrozen) return;
       await this.#settled(url);
       this.#json(response, 200, this.#status);
     } else if (request.method === "POST" || request.method === "PUT") {

@@ -173,14 +173,23 @@ class CarvedClient(Results):
         return self._command("POST", f"/v1/faults/{fault_seq}/acknowledge")
 
     def check_plate_map(
-        self, text: str, kind: Literal["text/csv", "application/json"] = "text/csv", plate: str | None = None
+        self,
+        text: str,
+        kind: Literal["text/csv", "application/json"] = "text/csv",
+        plate: str | None = None,
+        plate_format: int | None = None,
     ) -> PlateMap:
-        """Reads a plate map in a lab's own format. `ProblemError.problem.errors` lists every mistake with its line."""
+        """Reads a plate map in a lab's own format. `ProblemError.problem.errors` lists every mistake with its line.
+
+        `plate` names one of several plates of a MIHCSME file. `plate_format` is the number of wells of the plate: a well that is not on it
+        is a mistake.
+        """
+        chosen = {"plate": plate, "plate_format": plate_format}
         body = self._json(
             "POST",
             "/v1/plate-maps/check",
             content=(text.encode(), kind),
-            params={} if plate is None else {"plate": plate},
+            params={name: value for name, value in chosen.items() if value is not None},
             idempotent=True,
         )
         return decode(PlateMap, body)

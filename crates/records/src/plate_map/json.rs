@@ -3,7 +3,6 @@
 use super::cell::{Cell, Column, Row};
 use super::number::Decimal;
 use super::{Mistake, Place, Reading, mihcsme};
-use crate::PlateFormat;
 use serde_json::Value;
 
 pub fn read(bytes: &[u8], plate: Option<&str>, reading: &mut Reading) {
@@ -26,13 +25,7 @@ pub fn read(bytes: &[u8], plate: Option<&str>, reading: &mut Reading) {
             }
             match document.remove("plate_format") {
                 None | Some(Value::Null) => {}
-                Some(format) => match format.as_u64().and_then(|wells| PlateFormat::of_wells(u32::try_from(wells).ok()?)) {
-                    Some(format) => reading.map.plate_format = Some(format.wells()),
-                    None => reading.wrong(Mistake::at(
-                        "/plate_format",
-                        format!("{format:.60} is not the number of wells of a plate: {}", PlateFormat::known()),
-                    )),
-                },
+                Some(format) => reading.on_plate(&format),
             }
             // What a check answered can be checked again.
             document.remove("notes");

@@ -96,15 +96,21 @@ impl std::fmt::Display for Mistake {
 /// Maximum number of listed mistakes. A file of another kind has one in every line.
 const LISTED: usize = 1000;
 
-/// Reads a plate map. `plate` names one of several plates of a MIHCSME file.
+/// Reads a plate map.
+///
+/// `plate` names one of several plates of a MIHCSME file. `chosen` is the number of wells of the plate that a person chose. It counts
+/// before the one that the file names.
 ///
 /// # Errors
 /// All mistakes, each with its line and column, or with its JSON pointer.
-pub fn read(bytes: &[u8], format: Format, plate: Option<&str>) -> Result<PlateMap, Vec<Mistake>> {
+pub fn read(bytes: &[u8], format: Format, plate: Option<&str>, chosen: Option<u32>) -> Result<PlateMap, Vec<Mistake>> {
     let mut reading = Reading::default();
     match format {
         Format::Csv => table::read(bytes, &mut reading),
         Format::Json => json::read(bytes, plate, &mut reading),
+    }
+    if let Some(wells) = chosen {
+        reading.on_plate(&wells.into());
     }
     reading.finish()
 }
@@ -169,6 +175,17 @@ impl Reading {
         }
     }
 
+    /// Takes the number of wells of the plate.
+    fn on_plate(&mut self, wells: &serde_json::Value) {
+        match wells.as_u64().and_then(|wells| PlateFormat::of_wells(u32::try_from(wells).ok()?)) {
+            Some(format) => self.map.plate_format = Some(format.wells()),
+            None => self.wrong(Mistake::at(
+                "/plate_format",
+                format!("{wells:.60} is not the number of wells of a plate: {}", PlateFormat::known()),
+            )),
+        }
+    }
+
     /// Takes one well. Returns its name, or records its mistakes.
     fn row(&mut self, row: &cell::Row) -> Option<String> {
         let (planned, mistakes, notes) = row.well();
@@ -192,6 +209,25 @@ impl Reading {
         Some(well)
     }
 
+    /// Notes the wells that make a plate larger than the most common one: a single one may be a misprint.
+    fn note_beyond_96(&mut self) {
+        const NAMED: usize = 3;
+        let names = self.map.plate_map.iter().map(|planned| planned.well.as_str());
+        let (usual, shown) = (PlateFormat::shown(None, &std::iter::empty()), PlateFormat::shown(None, &names));
+        let beyond: Vec<_> = names.filter(|well| !usual.holds(well)).collect();
+        if beyond.is_empty() {
+            return;
+        }
+        let more = if beyond.len() > NAMED { format!(" and {} more", beyond.len() - NAMED) } else { String::new() };
+        let named = beyond[..beyond.len().min(NAMED)].join(", ");
+        let note = format!(
+            "{named}{more}: not on a plate of {} wells, so the plate counts as one of {} wells; choose the plate if it is another",
+            usual.wells(),
+            shown.wells()
+        );
+        self.note(note);
+    }
+
     fn finish(mut self) -> Result<PlateMap, Vec<Mistake>> {
         if let Some(format) = self.map.plate_format.and_then(PlateFormat::of_wells) {
             let off: Vec<_> = self.named.iter().filter(|(well, _)| !format.holds(well)).collect();
@@ -199,6 +235,8 @@ impl Reading {
             for mistake in mistakes {
                 self.wrong(mistake);
             }
+        } else {
+            self.note_beyond_96();
         }
         if self.mistakes.is_empty() && self.map.plate_map.is_empty() {
             self.wrong(Mistake::in_line(1, "", "the plate map names no well"));

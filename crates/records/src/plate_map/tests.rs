@@ -8,11 +8,11 @@ const FULL: &str = "well,compound,concentration,concentration_unit,dpf,strain,tr
     A03,\"ethanol, absolute\",1.5,%,3,AB,bath,positive,2\n";
 
 fn csv(text: &str) -> Result<PlateMap, Vec<Mistake>> {
-    read(text.as_bytes(), Format::Csv, None)
+    read(text.as_bytes(), Format::Csv, None, None)
 }
 
 fn json(text: &str) -> Result<PlateMap, Vec<Mistake>> {
-    read(text.as_bytes(), Format::Json, None)
+    read(text.as_bytes(), Format::Json, None, None)
 }
 
 fn places(text: &str) -> Vec<(u64, String)> {
@@ -37,6 +37,24 @@ fn a_full_map_is_read() {
     assert_eq!((third.concentration_unit, third.control), (Some(ConcentrationUnit::Percent), Some(Control::Positive)));
     assert_eq!((third.dpf, third.replicate, third.specimen), (Some(3.0), Some(2), SpecimenKind::Larva));
     assert_eq!(map.plate_map[1].concentration_unit, Some(ConcentrationUnit::Micromolar));
+}
+
+#[test]
+fn a_well_beyond_the_plate_is_a_mistake_where_the_plate_is_chosen_and_a_note_where_it_is_not() {
+    let map = b"well\nA01\nI12\nP24\n";
+    let mistakes = read(map, Format::Csv, None, Some(96)).unwrap_err();
+    let said: Vec<_> = mistakes.iter().map(ToString::to_string).collect();
+    assert_eq!(said[0], "line 3, well: I12 is not on a plate of 96 wells: A01 to H12");
+    assert_eq!((said.len(), mistakes[1].line), (2, Some(4)));
+    let found = read(map, Format::Csv, None, Some(384)).unwrap();
+    assert_eq!((found.plate_format, found.notes.len()), (Some(384), 0));
+    let note = &csv("well\nA01\nI12\n").unwrap().notes[0];
+    assert_eq!(note, "I12: not on a plate of 96 wells, so the plate counts as one of 384 wells; choose the plate if it is another");
+    assert!(csv("well\nI1\nI2\nI3\nI4\nAF48\n").unwrap().notes.last().unwrap().starts_with("I01, I02, I03 and 2 more: not on"));
+    // The choice counts before the name in the file.
+    let named = br#"{"plate_format": 384, "plate_map": [{"well": "P24"}]}"#;
+    assert_eq!(read(named, Format::Json, None, Some(96)).unwrap_err()[0].pointer.as_deref(), Some("/plate_map/0/well"));
+    assert_eq!(read(named, Format::Json, None, Some(97)).unwrap_err()[0].pointer.as_deref(), Some("/plate_format"));
 }
 
 #[test]
@@ -68,7 +86,8 @@ fn the_same_map_reads_the_same_however_a_spreadsheet_saves_it() {
 fn names_of_wells_are_read_as_people_write_them_and_that_is_said() {
     let map = csv("well\na1\nA2\nP24\n\"A03\"\n\"af48\"\n").unwrap();
     assert_eq!(names(&map), ["A01", "A02", "P24", "A03", "AF48"]);
-    assert_eq!(map.notes, ["line 2: a1 is read as A01", "line 3: A2 is read as A02", "line 6: af48 is read as AF48"]);
+    let beyond_96 = "P24, AF48: not on a plate of 96 wells, so the plate counts as one of 1536 wells; choose the plate if it is another";
+    assert_eq!(map.notes, ["line 2: a1 is read as A01", "line 3: A2 is read as A02", "line 6: af48 is read as AF48", beyond_96]);
     // Row b of A in the names of some programs, and the 28th row here.
     for written in ["Ab1", "aB01", "Ad12", "Aa1"] {
         let mistakes = csv(&format!("well\nA01\n{written}\n")).unwrap_err();
@@ -167,13 +186,15 @@ fn a_file_of_another_form_is_refused_by_what_is_wrong_with_it() {
         assert!(csv(sound).is_ok(), "{sound:?}: {:?}", csv(sound));
     }
     assert!(
-        read(b"well,compound\r\nA01,x\r\nA02,\xb5\r\n", Format::Csv, None).unwrap_err()[0].to_string().starts_with("line 3: the byte 0xb5")
+        read(b"well,compound\r\nA01,x\r\nA02,\xb5\r\n", Format::Csv, None, None).unwrap_err()[0]
+            .to_string()
+            .starts_with("line 3: the byte 0xb5")
     );
-    assert!(read(b"PK\x03\x04well,dpf\nA01,3\n", Format::Csv, None).unwrap_err()[0].to_string().contains("workbook"));
+    assert!(read(b"PK\x03\x04well,dpf\nA01,3\n", Format::Csv, None, None).unwrap_err()[0].to_string().contains("workbook"));
     let headless = csv("A01,larva,3\nA02,larva,3\n").unwrap_err();
     assert!(headless.len() == 1 && headless[0].to_string().contains("must name the columns"), "{headless:?}");
-    assert!(read(b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR", Format::Csv, None).unwrap_err()[0].to_string().contains("a picture"));
-    assert!(read(b"\xff\xfew\0e\0", Format::Csv, None).unwrap_err()[0].to_string().contains("UTF-16"));
+    assert!(read(b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR", Format::Csv, None, None).unwrap_err()[0].to_string().contains("a picture"));
+    assert!(read(b"\xff\xfew\0e\0", Format::Csv, None, None).unwrap_err()[0].to_string().contains("UTF-16"));
     assert!(refused("well;concentration;concentration_unit\nA01;1.500;mM\n")[0].contains("could be 1500 or 1.500"));
 }
 
@@ -243,14 +264,14 @@ fn mihcsme_is_kept_whole_and_its_conditions_become_the_wells() {
 fn of_several_plates_one_has_to_be_chosen() {
     let two = MIHCSME.replacen("P1", "P2", 1);
     assert!(json(&two).unwrap_err()[0].to_string().contains("P1, P2"));
-    assert!(read(two.as_bytes(), Format::Json, Some("P3")).is_err());
-    let chosen = read(two.as_bytes(), Format::Json, Some("P2")).unwrap();
+    assert!(read(two.as_bytes(), Format::Json, Some("P3"), None).is_err());
+    let chosen = read(two.as_bytes(), Format::Json, Some("P2"), None).unwrap();
     assert_eq!(names(&chosen), ["A01"]);
-    assert_eq!(names(&read(MIHCSME.as_bytes(), Format::Json, Some("barcode-7")).unwrap()).len(), 2, "one plate is the plate");
+    assert_eq!(names(&read(MIHCSME.as_bytes(), Format::Json, Some("barcode-7"), None).unwrap()).len(), 2, "one plate is the plate");
 }
 
 fn check(bytes: &[u8], format: Format) -> Result<(), TestCaseError> {
-    match read(bytes, format, Some("P1")) {
+    match read(bytes, format, Some("P1"), None) {
         Ok(map) => {
             prop_assert!(!map.plate_map.is_empty());
             for well in &map.plate_map {
