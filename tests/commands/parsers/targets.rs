@@ -43,8 +43,8 @@ pub const TARGETS: &[Target] = &[
             plan.plate_map.iter().for_each(|well| drop(black_box(well.mistakes())));
         }
     }),
-    ("plate_csv", |bytes| drop(black_box(read_plate_map(bytes, Format::Csv, None)))),
-    ("plate_json", |bytes| drop(black_box(read_plate_map(bytes, Format::Json, None)))),
+    ("plate_csv", |bytes| drop(black_box(read_plate_map(bytes, Format::Csv, None, None)))),
+    ("plate_json", |bytes| drop(black_box(read_plate_map(bytes, Format::Json, None, None)))),
     // Files of the lab.
     ("config", |bytes| {
         if let Ok(text) = std::str::from_utf8(bytes) {
