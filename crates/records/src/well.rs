@@ -105,18 +105,24 @@ impl WellStatus {
 impl WellCounts {
     /// Counts each well once. A measured well with flags counts as `flagged`, not as `succeeded`.
     pub fn of(wells: &[WellStatus]) -> Self {
-        let mut counts = Self { total: wells.len() as u32, ..Self::default() };
+        let mut counts = Self::default();
         for well in wells {
-            *match well.outcome {
-                None => &mut counts.pending,
-                Some(SpecimenOutcome::Succeeded) if well.flags.is_empty() => &mut counts.succeeded,
-                Some(SpecimenOutcome::Succeeded) => &mut counts.flagged,
-                Some(SpecimenOutcome::Failed) => &mut counts.failed,
-                Some(SpecimenOutcome::Skipped) => &mut counts.skipped,
-                Some(SpecimenOutcome::Aborted | SpecimenOutcome::Interrupted) => &mut counts.interrupted,
-            } += 1;
+            counts.add(well.outcome, !well.flags.is_empty(), 1);
         }
         counts
+    }
+
+    /// Counts `number` more wells with this outcome. `is_flagged`: they have flags.
+    pub fn add(&mut self, outcome: Option<SpecimenOutcome>, is_flagged: bool, number: u32) {
+        self.total += number;
+        *match outcome {
+            None => &mut self.pending,
+            Some(SpecimenOutcome::Succeeded) if is_flagged => &mut self.flagged,
+            Some(SpecimenOutcome::Succeeded) => &mut self.succeeded,
+            Some(SpecimenOutcome::Failed) => &mut self.failed,
+            Some(SpecimenOutcome::Skipped) => &mut self.skipped,
+            Some(SpecimenOutcome::Aborted | SpecimenOutcome::Interrupted) => &mut self.interrupted,
+        } += number;
     }
 }
 

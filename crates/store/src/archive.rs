@@ -11,44 +11,20 @@
 //! rest.
 
 use super::index;
-use super::objects::{self, Objects, Reach, is_address};
+use super::objects::{self, Objects, Reach};
 use super::pack::{self, Pack, RecordingFiles};
-use super::{RunClaim, RunRecord, Software, StoreError, disk, durable, is_own_folder, run, schema, sums};
+use super::receipt::{RECEIPT, RECEIPTS, Receipt, SCHEMA, receipts};
+use super::{RunClaim, RunRecord, Software, StoreError, disk, durable, is_own_folder, run, sums};
 use carved_files::Tree;
 use carved_records::{is_plain_name, sha256_hex};
 use nix::fcntl::{PosixFadviseAdvice, posix_fadvise};
-use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Read;
 use std::os::unix::fs::MetadataExt;
-use std::path::{Component, Path, PathBuf};
-
-const SCHEMA: &str = "carved.archive/1";
-
-/// Folder of the receipts in the run's folder. The copy contains one receipt, [`RECEIPT`].
-const RECEIPTS: &str = "archives";
-const RECEIPT: &str = "archive.json";
+use std::path::{Path, PathBuf};
 
 /// The metadata that make a run's folder an RO-Crate. They list single files, so a packed copy does not have them.
 pub const CRATE: &str = "ro-crate-metadata.json";
-
-/// The record of a copy: its files and its place.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Receipt {
-    pub schema: String,
-    pub software: Software,
-    pub run: String,
-    /// RFC 3339, UTC.
-    pub archived: String,
-    /// The copy's folder, or its address in an object store.
-    pub destination: PathBuf,
-    pub bytes: u64,
-    /// SHA-256 of each file, by its name in the run's folder.
-    pub files: BTreeMap<PathBuf, String>,
-    /// The recordings of which the copy has one file, `A01.tar` for the folder `A01`.
-    #[serde(default, skip_serializing_if = "BTreeSet::is_empty")]
-    pub packed: BTreeSet<String>,
-}
 
 /// How a copy keeps the files of a recording.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -178,7 +154,7 @@ impl Own {
     }
 
     /// Checks that a path does not lead into the run's folder or to one of its files. Checks the existing part of the path.
-    fn is_apart(&self, path: &Path) -> Result<(), StoreError> {
+    fn check_apart(&self, path: &Path) -> Result<(), StoreError> {
         let mut there = path;
         while !there.exists() {
             there = durable::folder_of(there);
@@ -191,11 +167,6 @@ impl Own {
         }
         Ok(())
     }
-}
-
-/// Whether a file name stays inside its folder.
-pub(super) fn is_below(name: &Path) -> bool {
-    name.components().all(|part| matches!(part, Component::Normal(_)))
 }
 
 impl Receipt {
@@ -233,13 +204,13 @@ impl Receipt {
         }
         for recording in &self.packed {
             let path = pack::pack_of(&self.destination.join(recording));
-            own.is_apart(&path)?;
+            own.check_apart(&path)?;
             self.verify_pack(recording, &path)?;
         }
         for (name, expected) in self.files.iter().filter(|(name, _)| !self.is_packed(name)) {
             let path = self.destination.join(name);
             let found = hash_on_disk(&path)?;
-            own.is_apart(&path)?;
+            own.check_apart(&path)?;
             sums::same(&path, expected, &found)?;
         }
         Ok(())
@@ -251,7 +222,7 @@ impl Receipt {
         for recording in &self.packed {
             let copy = pack::pack_of(&self.destination.join(recording));
             if copy.exists() {
-                own.is_apart(&copy)?;
+                own.check_apart(&copy)?;
                 self.verify_pack(recording, &copy).map_err(|error| match error {
                     StoreError::Altered { .. } | StoreError::Vanished { .. } | StoreError::Format { .. } => {
                         StoreError::Exists { path: copy }
@@ -266,7 +237,7 @@ impl Receipt {
         for (name, expected) in self.files.iter().filter(|(name, _)| !self.is_packed(name)) {
             let (path, copy) = (from.join(name), self.destination.join(name));
             if copy.exists() {
-                own.is_apart(&copy)?;
+                own.check_apart(&copy)?;
                 if hash_on_disk(&copy)? != *expected {
                     return Err(StoreError::Exists { path: copy });
                 }
@@ -278,11 +249,6 @@ impl Receipt {
             durable::write(&copy, &bytes)?;
         }
         Ok(())
-    }
-
-    /// The address of a copy in an object store.
-    fn address(&self) -> Option<&str> {
-        self.destination.to_str().filter(|destination| is_address(destination))
     }
 
     /// Calls `with` for each object of a copy: with its address, and with what verifies its bytes.
@@ -319,11 +285,6 @@ impl Receipt {
         !self.packed.is_empty() && name == Path::new(CRATE)
     }
 
-    /// Whether the copy of this file is in a pack.
-    fn is_packed(&self, name: &Path) -> bool {
-        pack::recording_of(name).is_some_and(|recording| self.packed.contains(recording))
-    }
-
     /// Reads a pack again: it must have every file of the recording, with its hash.
     fn verify_pack(&self, recording: &str, path: &Path) -> Result<(), StoreError> {
         let file = carved_files::open(path).map_err(StoreError::io("open", path))?;
@@ -354,7 +315,7 @@ pub fn archive(folder: &Path, to: &Path, packing: Packing) -> Result<Receipt, St
     let _claim = RunClaim::shared(&from)?;
     let own = Own::of(&from)?;
     // Check this first: no folder may be created inside the run.
-    own.is_apart(&to.join(&record.id))?;
+    own.check_apart(&to.join(&record.id))?;
     durable::create_folder(to)?;
     let destination = whole(to)?.join(&record.id);
     if from.starts_with(&destination) {
@@ -387,51 +348,6 @@ pub fn archive_to_objects(folder: &Path, to: &str, packing: Packing, objects: &d
 
 fn whole(path: &Path) -> Result<PathBuf, StoreError> {
     path.canonicalize().map_err(StoreError::io("find", path))
-}
-
-/// The receipts of a run, newest first.
-pub(super) fn receipts(folder: &Path) -> Result<Vec<Receipt>, StoreError> {
-    let of = folder.join(RECEIPTS);
-    let Ok(entries) = std::fs::read_dir(&of) else { return Ok(Vec::new()) };
-    // Other names, such as folders, are ignored.
-    let files = entries.flatten().map(|entry| entry.path()).filter(|path| path.extension().is_some_and(|e| e == "json"));
-    let mut found = Vec::new();
-    for path in files {
-        let receipt: Receipt = schema::read(&path, SCHEMA)?;
-        if let Some(name) = receipt.files.keys().find(|name| !is_below(name)) {
-            let found = name.display().to_string();
-            return Err(StoreError::Format { path, expected: "names of files in the run's folder", found });
-        }
-        found.push(receipt);
-    }
-    found.sort_by(|a, b| b.archived.cmp(&a.archived));
-    Ok(found)
-}
-
-/// The error for a missing raw frame. `name` is its name in the recording's folder. Says where the copy is, if a receipt of the run lists
-/// the frame.
-pub(super) fn gone(recording: &Path, name: &str) -> StoreError {
-    let path = recording.join(name);
-    let copied = || {
-        let whole = recording.canonicalize().ok()?;
-        let well = Path::new(whole.file_name()?);
-        // Unreadable receipts count as none.
-        let receipt = receipts(whole.parent()?).ok()?.into_iter().find(|receipt| receipt.files.contains_key(&well.join(name)))?;
-        let folder = receipt.destination.join(well);
-        if receipt.address().is_some() {
-            return Some(StoreError::ArchivedFrame { path: path.clone(), is_there: None, copy: folder, archived: receipt.archived });
-        }
-        let (copy, is_there) = if receipt.is_packed(&well.join(name)) {
-            let copy = pack::pack_of(&folder);
-            let is_there = Pack::open(&copy).is_ok_and(|pack| pack.names().any(|found| found == Path::new(name)));
-            (copy, is_there)
-        } else {
-            let is_there = folder.join(name).is_file();
-            (folder, is_there)
-        };
-        Some(StoreError::ArchivedFrame { path: path.clone(), is_there: Some(is_there), copy, archived: receipt.archived })
-    };
-    copied().unwrap_or(StoreError::MissingFrame { path })
 }
 
 /// Whether a prune without `all` removes this file. These are the raw frames, which no lookup needs.

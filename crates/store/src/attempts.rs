@@ -7,6 +7,7 @@
 //! ```
 
 use super::{StoreError, durable, sums};
+use carved_records::is_well;
 use std::path::Path;
 
 const MARK: &str = ".attempt-";
@@ -52,4 +53,21 @@ pub fn set_aside(run: &Path, well: &str) -> Result<Option<u32>, StoreError> {
     let number = earlier(run, well).last().map_or(1, |n| n + 1);
     durable::rename(&newest, &run.join(folder_name(well, number)))?;
     Ok(Some(number))
+}
+
+/// Seals the folder of every well of a run, including earlier attempts.
+///
+/// # Errors
+/// The last folder that could not be sealed. The others are sealed.
+pub fn seal_run(run: &Path) -> Result<(), StoreError> {
+    let mut sealed = Ok(());
+    for entry in std::fs::read_dir(run).map_err(StoreError::io("list", run))?.flatten() {
+        let name = entry.file_name().into_string().unwrap_or_default();
+        if is_well(well_of(&name))
+            && let Err(error) = sums::seal(&entry.path())
+        {
+            sealed = Err(error);
+        }
+    }
+    sealed
 }

@@ -31,6 +31,7 @@ mod pack;
 #[cfg(test)]
 mod power_loss;
 mod reader;
+mod receipt;
 mod recording;
 mod replay;
 mod run;
@@ -43,8 +44,8 @@ mod sums;
 #[cfg(any(test, feature = "testing"))]
 pub mod testing;
 
-pub use archive::{CRATE, Packing, Pruned, Receipt, RunContents, archive, archive_to_objects, cut_short, end_prune, prune, run_names};
-pub use attempts::set_aside;
+pub use archive::{CRATE, Packing, Pruned, RunContents, archive, archive_to_objects, cut_short, end_prune, prune, run_names};
+pub use attempts::{seal_run, set_aside};
 pub use budget::{Budget, bytes_per_specimen, size};
 pub use disk::DiskWatch;
 pub use error::StoreError;
@@ -55,6 +56,7 @@ pub use journal::{Journal, now};
 pub use objects::{Objects, Reach, is_address};
 pub use pack::{Pack, RecordingFiles};
 pub use reader::{SpecimenFile, StoreReader, StoredFile, StoredSpecimen};
+pub use receipt::Receipt;
 pub use recording::{MEASUREMENT, MeasurementFile, Recording, RecordingReader, RecordingWriter, RigRecord, SecondRecord, fluorescence};
 pub use replay::{ReplayWriter, Replayed};
 pub use run::RunRecord;
@@ -62,15 +64,17 @@ pub use run_claim::RunClaim;
 pub use run_files::RunFiles;
 pub use software::Software;
 pub use stored_run::{Computation, StoredRun, StoredWell, place_among_references};
-pub use sums::{seal, seal_run};
+pub use sums::seal;
 
 use carved_records::{Event, EventData, Fault, JournalRepaired, Mode, RunUnreadable, fault_table, kind};
 use index::Index;
 use lines::Lines;
-use recording::RECORDING;
 use std::fs::{File, OpenOptions};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+
+/// Name of the file that makes a folder a recording.
+const RECORDING: &str = "recording.json";
 
 /// Number of events, without views, that a start reads: about three plates of 96 wells.
 const REMEMBERED: usize = 4000;

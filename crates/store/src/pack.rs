@@ -8,7 +8,7 @@
 //! file is read at its place without unpacking the others. It is not compressed, because frames are PNG. An OME-Zarr archive (`.ozx`) would
 //! hold the pixels in another form, which these hashes do not prove, and would need the recording's other files beside it.
 
-use super::{StoreError, archive, attempts, sums};
+use super::{StoreError, attempts, sums};
 use carved_records::{is_well, sha256_hex};
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -40,7 +40,7 @@ impl RecordingFiles {
         let folder = if path.is_file() { super::durable::folder_of(path).to_owned() } else { path.to_owned() };
         let pack = pack_of(&folder);
         // Results of a replay may lie in a folder beside the pack.
-        if !folder.join(super::recording::RECORDING).exists() && pack.is_file() {
+        if !folder.join(super::RECORDING).exists() && pack.is_file() {
             return Pack::open(&pack).map(Self::Pack);
         }
         Ok(Self::Folder(folder))
@@ -222,7 +222,7 @@ fn members(path: &Path, reader: impl Read + Seek, length: u64) -> Result<BTreeMa
         if !kind.is_file() {
             return Err(wrong(format!("{} is no regular file", whole.display())));
         }
-        let name = whole.strip_prefix(&folder).ok().filter(|name| archive::is_below(name)).map(Path::to_owned);
+        let name = whole.strip_prefix(&folder).ok().filter(|name| is_below(name)).map(Path::to_owned);
         let name = name.ok_or_else(|| wrong(format!("{}, which is not in the folder {}", whole.display(), folder.display())))?;
         let (start, size) = (entry.raw_file_position(), entry.size());
         if start.checked_add(size).is_none_or(|end| end > length) {
@@ -253,4 +253,9 @@ pub fn pack<'a>(run: &Path, files: impl Iterator<Item = (&'a PathBuf, &'a String
         tar.append_data(&mut header, name, bytes.as_slice()).map_err(io("pack"))?;
     }
     tar.into_inner().map_err(StoreError::io("pack", run))
+}
+
+/// Whether a file name stays inside its folder.
+pub(super) fn is_below(name: &Path) -> bool {
+    name.components().all(|part| matches!(part, Component::Normal(_)))
 }

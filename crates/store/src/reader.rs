@@ -7,10 +7,10 @@
 
 use super::gates::{self, GateFile};
 use super::index::{self, EventsAfter, RunRow, RunsQuery};
-use super::recording::{DETECTION, MEASUREMENT, RECORDING, frame_name};
+use super::recording::{DETECTION, MEASUREMENT, frame_name};
 use super::{
-    Receipt, RecordingReader, Replayed, RunFiles, RunRecord, StoreError, archive, attempts, durable, frames, is_own_file, is_own_folder,
-    replay, run, sums,
+    RECORDING, Receipt, RecordingReader, Replayed, RunFiles, RunRecord, StoreError, attempts, durable, frames, is_own_file, is_own_folder,
+    receipt, replay, run, sums,
 };
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_records::{Event, ViewTaken, WellStatus, is_plain_name, is_well, sha256_hex};
@@ -186,7 +186,7 @@ impl StoreReader {
     /// The copies of a run that `carved archive` made, newest first. Receipts that cannot be read are logged and count as none.
     pub fn copies(&self, run: &str) -> Vec<Receipt> {
         let Some(folder) = self.run_folder(run) else { return Vec::new() };
-        archive::receipts(&folder).unwrap_or_else(|error| {
+        receipt::receipts(&folder).unwrap_or_else(|error| {
             tracing::warn!(%error, "the receipts of a run's copies are not read");
             Vec::new()
         })

@@ -16,7 +16,7 @@
 //!              SHA256SUMS              checksums of all of the above, once the recording is closed
 //! ```
 
-use super::{RecordingFiles, Software, StoreError, archive, durable, frames, schema, sums};
+use super::{RECORDING, RecordingFiles, Software, StoreError, durable, frames, receipt, schema, sums};
 use carved_core::flag::Flag;
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::geometry::{Camera, SecondOptics};
@@ -33,7 +33,6 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 pub(super) const SCHEMA: &str = "carved.recording/1";
-pub(super) const RECORDING: &str = "recording.json";
 /// The detection frame, on which the well was judged.
 pub(super) const DETECTION: &str = "frames/detect.png";
 
@@ -454,7 +453,7 @@ impl RecordingReader {
     /// A raw frame. If it was pruned, the error says where its copy is.
     fn raw(&self, name: &str, format: PixelFormat, expected: &str) -> Result<RawFrame, StoreError> {
         let path = self.files.path(name);
-        let Some(bytes) = self.files.read(name)? else { return Err(archive::gone(&self.folder, name)) };
+        let Some(bytes) = self.files.read(name)? else { return Err(receipt::gone(&self.folder, name)) };
         let frame = frames::decode_bytes(&path, &bytes, format)?;
         sums::same(&path, expected, &sha256_hex(frame.bytes()))?;
         Ok(frame)

@@ -1,8 +1,7 @@
 //! Results of a specimen that were computed again from its frames: by another method in `WELL/replays/NAME/`, or in a folder outside the
 //! run. The stored result is not changed.
 
-use super::recording::RECORDING;
-use super::{MEASUREMENT, Software, StoreError, durable, schema, sums};
+use super::{MEASUREMENT, RECORDING, Software, StoreError, durable, schema, sums};
 use carved_records::{Method, sha256_hex};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};

@@ -9,7 +9,8 @@
 //! The files are JSON as they are on disk, because tables must be readable of runs of every earlier build. A file is compared with
 //! `SHA256SUMS` before it is believed.
 
-use super::recording::{MEASUREMENT, RECORDING};
+use super::RECORDING;
+use super::recording::MEASUREMENT;
 use super::replay::Replayed;
 use super::{RecordingFiles, RunRecord, StoreError, StoreReader, attempts, recording, schema};
 use carved_core::flag::StoredFlag;

@@ -1,8 +1,8 @@
 //! `SHA256SUMS` files in the format of `sha256sum -c`.
 
-use super::{StoreError, attempts, durable, is_own_folder};
+use super::{StoreError, durable, is_own_folder};
 use carved_files::Tree;
-use carved_records::{is_well, sha256_hex};
+use carved_records::sha256_hex;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -66,23 +66,6 @@ pub fn seal(folder: &Path) -> Result<(), StoreError> {
         return Ok(());
     }
     durable::write(&sums, text(&of_recording(folder)?).as_bytes())
-}
-
-/// Seals the folder of every well of a run, including earlier attempts.
-///
-/// # Errors
-/// The last folder that could not be sealed. The others are sealed.
-pub fn seal_run(run: &Path) -> Result<(), StoreError> {
-    let mut sealed = Ok(());
-    for entry in std::fs::read_dir(run).map_err(StoreError::io("list", run))?.flatten() {
-        let name = entry.file_name().into_string().unwrap_or_default();
-        if is_well(attempts::well_of(&name))
-            && let Err(error) = seal(&entry.path())
-        {
-            sealed = Err(error);
-        }
-    }
-    sealed
 }
 
 /// One line per file, as `sha256sum` writes it.

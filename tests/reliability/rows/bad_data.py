@@ -193,7 +193,7 @@ def damages() -> dict[str, Damage]:
         "index: gone": _unlink(*_INDEX),
         "index: a folder": lambda data: None,
         "index: its log is junk": _write("index.sqlite-wal", bytes(range(256)) * 160),
-        "index: tables dropped": _sql("DROP TABLE events", "DROP TABLE wells"),
+        "index: tables dropped": _sql("DROP TABLE events", "DROP TABLE specimens"),
         "lock: a folder": _folder_instead("lock"),
         "lock: junk": _write("lock", b"\0" * 9999),
     }

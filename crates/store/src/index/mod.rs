@@ -1,4 +1,4 @@
-//! `DATA/index.sqlite`: an index of runs, wells, specimens, numbers, beads, faults and events. Lookups do not open every folder.
+//! `DATA/index.sqlite`: an index of runs, specimens, faults and events. Lookups do not open every folder.
 //!
 //! ```text
 //! run folders, events.jsonl ──── the source of truth
@@ -162,7 +162,7 @@ fn failed(what: &'static str, path: &Path) -> impl Fn(rusqlite::Error) -> StoreE
 }
 
 /// Checks that neither the database nor its log is a pipe, which `SQLite` would wait for, or a link.
-fn is_own(path: &Path) -> Result<(), StoreError> {
+fn check_own(path: &Path) -> Result<(), StoreError> {
     for path in ends(path) {
         match path.symlink_metadata() {
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => {}
@@ -178,7 +178,7 @@ fn ends(path: &Path) -> [PathBuf; 3] {
 }
 
 fn connect(path: &Path) -> Result<Connection, StoreError> {
-    is_own(path)?;
+    check_own(path)?;
     let prepare = || {
         let connection = Connection::open(path)?;
         connection.busy_timeout(BUSY)?;

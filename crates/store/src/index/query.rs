@@ -2,7 +2,7 @@
 
 use super::{BUSY, FILE, failed};
 use crate::StoreError;
-use carved_records::{Event, EventBody, EventData, Phase, ViewTaken, WellCounts, WellStatus, kind};
+use carved_records::{Event, EventBody, EventData, Phase, ViewTaken, WellCounts, kind};
 use rusqlite::{Connection, OpenFlags, OptionalExtension, Row, params};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -68,7 +68,7 @@ pub enum EventsAfter {
 
 fn ask<T>(root: &Path, what: impl FnOnce(&Connection) -> rusqlite::Result<T>) -> Result<T, StoreError> {
     let path = root.join(FILE);
-    super::is_own(&path)?;
+    super::check_own(&path)?;
     let answer = || {
         let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX;
         let connection = Connection::open_with_flags(&path, flags)?;
@@ -109,11 +109,13 @@ pub fn runs(root: &Path, query: &RunsQuery) -> Result<Vec<RunRow>, StoreError> {
         let found =
             select.query_map(params![us, id, q.plate_barcode, q.method, q.operator, q.external_id, q.mode, q.outcome, q.limit], run_row)?;
         let mut rows: Vec<RunRow> = found.collect::<Result<_, _>>()?;
-        let mut wells = c.prepare("SELECT status FROM specimens WHERE run = ? AND attempt = 0")?;
+        let mut wells = c.prepare("SELECT outcome, flags <> '[]', COUNT(*) FROM specimens WHERE run = ? AND attempt = 0 GROUP BY 1, 2")?;
         for row in &mut rows {
-            let statuses: Vec<String> = wells.query_map([&row.id], |r| r.get(0))?.collect::<Result<_, _>>()?;
-            let statuses: Vec<WellStatus> = statuses.iter().filter_map(|s| serde_json::from_str(s).ok()).collect();
-            row.wells = WellCounts::of(&statuses);
+            let mut found = wells.query([&row.id])?;
+            while let Some(group) = found.next()? {
+                let outcome = group.get::<_, Option<String>>(0)?.and_then(|word| serde_json::from_value(word.into()).ok());
+                row.wells.add(outcome, group.get(1)?, group.get(2)?);
+            }
         }
         Ok(rows)
     })

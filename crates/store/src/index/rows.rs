@@ -30,9 +30,8 @@ pub(super) fn put_run(c: &Connection, root: &Path, record: &RunRecord, anew: boo
     let (ns, bytes) = stamp(&folder.join(run::FILE));
     let plan = &record.plan;
     let started_us = record.started.parse::<jiff::Timestamp>().map_or(0, jiff::Timestamp::as_microsecond);
-    c.prepare_cached("INSERT OR REPLACE INTO runs VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")?.execute(params![
+    c.prepare_cached("INSERT OR REPLACE INTO runs VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")?.execute(params![
         record.id,
-        record.schema,
         record.software.version,
         word(&record.mode),
         plan.plate_barcode,
@@ -43,20 +42,10 @@ pub(super) fn put_run(c: &Connection, root: &Path, record: &RunRecord, anew: boo
         started_us,
         record.ended,
         word(&record.outcome),
-        record.wells.len(),
         ns,
         bytes,
     ])?;
     cells::put_run(c, record)?;
-    for (place, planned) in plan.plate_map.iter().enumerate() {
-        c.prepare_cached("INSERT OR REPLACE INTO wells VALUES (?, ?, ?, ?, ?)")?.execute(params![
-            record.id,
-            place,
-            planned.well,
-            word(&planned.specimen),
-            planned.dpf,
-        ])?;
-    }
     let of_run = OfRun::new(record);
     for status in &record.wells {
         let text = serde_json::to_string(status).unwrap_or_default();
@@ -69,20 +58,19 @@ pub(super) fn put_run(c: &Connection, root: &Path, record: &RunRecord, anew: boo
         }
         let earlier = attempts::earlier(&folder, &status.well);
         let files = Files::read(&folder.join(attempts::folder_name(&status.well, 0)));
-        put_specimen(c, &record.id, &status.well, 0, Some((status, &text)), &files)?;
+        put_specimen(c, &record.id, &status.well, 0, Some((status, &text)), &files.folder)?;
         if let Some((place, planned)) = plan.plate_map.iter().enumerate().find(|(_, planned)| planned.well == status.well) {
             cells::put_specimen(c, &of_run, place, &files.into_well(planned, status, earlier.len()))?;
         }
         for attempt in earlier {
-            let files = Files::read(&folder.join(attempts::folder_name(&status.well, attempt)));
-            put_specimen(c, &record.id, &status.well, attempt, None, &files)?;
+            put_specimen(c, &record.id, &status.well, attempt, None, &folder.join(attempts::folder_name(&status.well, attempt)))?;
         }
     }
     Ok(())
 }
 
 pub(super) fn remove_run(c: &Connection, id: &str) -> rusqlite::Result<()> {
-    for table in ["beads", "measurements", "specimens", "wells", "specimen_cells", "run_cells"] {
+    for table in ["specimens", "specimen_cells", "run_cells"] {
         c.execute(&format!("DELETE FROM {table} WHERE run = ?"), [id])?;
     }
     c.execute("DELETE FROM runs WHERE id = ?", [id]).map(|_| ())
@@ -118,60 +106,27 @@ impl Files {
     }
 }
 
-/// Writes the row of one attempt at a well. The fields of an earlier attempt come from its folder, as far as possible.
+/// Writes the row of one attempt at a well. Only the newest one has a status.
 fn put_specimen(
     c: &Connection,
     run: &str,
     well: &str,
     attempt: u32,
     status: Option<(&WellStatus, &str)>,
-    files: &Files,
+    folder: &Path,
 ) -> rusqlite::Result<()> {
-    let recording = files.recording.as_ref().unwrap_or(&Value::Null);
-    c.prepare_cached("INSERT OR REPLACE INTO specimens VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")?.execute(params![
-        run,
-        well,
-        attempt,
-        status.and_then(|(s, _)| word(&s.outcome)),
-        status.and_then(|(s, _)| s.reason.as_deref()),
-        status.map(|(s, _)| serde_json::to_string(&s.flags).unwrap_or_default()),
-        recording["started"].as_str(),
-        recording["ledger"].as_array().map_or(0, |l| l.iter().filter(|e| e["closure"] != true && e["retake"].is_null()).count()),
-        bytes_of(&files.folder),
-        status.map(|(_, text)| text),
-    ])?;
-    for table in ["measurements", "beads"] {
-        c.execute(&format!("DELETE FROM {table} WHERE run = ? AND well = ? AND attempt = ?"), params![run, well, attempt])?;
-    }
-    let Some((sha256, file)) = &files.measurement else { return Ok(()) };
-    let m = &file["measurement"];
-    c.prepare_cached("INSERT INTO measurements VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")?.execute(params![
-        run,
-        well,
-        attempt,
-        sha256,
-        file["mode"].as_str(),
-        m["estimator"].as_str(),
-        m["views"].as_u64(),
-        m["volume_um3"].as_f64(),
-        m["volume_sd_um3"].as_f64(),
-        m["area_um2"].as_f64(),
-        m["area_sd_um2"].as_f64(),
-        m["field_volume_um3"].as_f64(),
-        m["field_area_um2"].as_f64(),
-        m["length_um"].as_f64(),
-    ])?;
-    if let Some(diameter_um) = m["diameter_um"].as_f64() {
-        c.prepare_cached("INSERT INTO beads VALUES (?, ?, ?, ?, ?, ?)")?.execute(params![
+    let insert = "INSERT OR REPLACE INTO specimens VALUES (?, ?, ?, ?, ?, ?, ?)";
+    c.prepare_cached(insert)?
+        .execute(params![
             run,
             well,
             attempt,
-            diameter_um,
-            m["sphere_rms_um"].as_f64(),
-            m["aspect_ratio"].as_f64(),
-        ])?;
-    }
-    Ok(())
+            status.and_then(|(s, _)| word(&s.outcome)),
+            status.map(|(s, _)| serde_json::to_string(&s.flags).unwrap_or_default()),
+            bytes_of(folder),
+            status.map(|(_, text)| text),
+        ])
+        .map(|_| ())
 }
 
 /// A JSON file and the hash of its bytes. `None` if it is missing or invalid. A reader of the recording reports this error.
@@ -199,16 +154,7 @@ pub(super) fn put_event(c: &Connection, event: &Event, journal_bytes: u64) -> ru
     ])?;
     match &body.data {
         EventData::FaultRaised(fault) => {
-            c.prepare_cached("INSERT OR REPLACE INTO faults VALUES (?, ?, ?, ?, ?, ?, ?, ?, NULL, NULL)")?.execute(params![
-                fault.seq,
-                event.id,
-                body.run,
-                body.well,
-                fault.code,
-                fault.category,
-                fault.message,
-                body.time,
-            ])?;
+            c.prepare_cached("INSERT OR REPLACE INTO faults VALUES (?, ?, NULL, NULL)")?.execute(params![fault.seq, event.id])?;
         }
         EventData::FaultsCleared(over) => {
             for seq in &over.seq {

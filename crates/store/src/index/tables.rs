@@ -127,6 +127,23 @@ pub(super) const STEPS: &[&str] = &[
     ALTER TABLE measurements DROP COLUMN reference_area_z;
     ALTER TABLE measurements DROP COLUMN qc_passed;
 ",
+    "
+    -- Nothing reads these: the columns of specimens are in `cells`, and the text of a fault is in its event.
+    DROP TABLE wells;
+    DROP TABLE measurements;
+    DROP TABLE beads;
+    ALTER TABLE runs DROP COLUMN schema;
+    ALTER TABLE runs DROP COLUMN wells;
+    ALTER TABLE specimens DROP COLUMN reason;
+    ALTER TABLE specimens DROP COLUMN started;
+    ALTER TABLE specimens DROP COLUMN views;
+    ALTER TABLE faults DROP COLUMN run;
+    ALTER TABLE faults DROP COLUMN well;
+    ALTER TABLE faults DROP COLUMN code;
+    ALTER TABLE faults DROP COLUMN category;
+    ALTER TABLE faults DROP COLUMN message;
+    ALTER TABLE faults DROP COLUMN raised;
+",
 ];
 
 /// Migrates an index to the newest version. Each step is one transaction.

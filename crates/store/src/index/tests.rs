@@ -81,11 +81,10 @@ fn an_index_written_live_has_the_rows_of_one_made_from_the_folders() {
     let dir = tempfile::tempdir().unwrap();
     drop(live(dir.path()));
     let written = rows(dir.path());
-    for (table, expected) in [("runs", 2), ("wells", 4), ("specimens", 4), ("measurements", 2), ("beads", 1), ("faults", 3), ("events", 8)]
-    {
+    for (table, expected) in [("runs", 2), ("specimens", 4), ("specimen_cells", 4), ("faults", 3), ("events", 8)] {
         assert_eq!(count(dir.path(), table), expected, "{table}");
     }
-    assert!(written.iter().any(|row| row.starts_with("beads") && row.contains("499.5")), "{written:#?}");
+    assert!(written.iter().any(|row| row.starts_with("specimen_cells") && row.contains("499.5")), "{written:#?}");
     let found = rebuild_index(dir.path()).unwrap();
     assert_eq!((found.runs, found.open), (2, vec!["r2".to_owned()]));
     assert_eq!(rows(dir.path()), written);
@@ -145,7 +144,7 @@ fn what_the_index_missed_is_found_at_the_next_start() {
     assert_eq!(rows(dir.path()), expected);
     std::fs::remove_dir_all(dir.path().join("runs/r1")).unwrap();
     drop(Claim::on(dir.path()).and_then(Store::open).unwrap());
-    assert_eq!((count(dir.path(), "runs"), count(dir.path(), "beads"), count(dir.path(), "events")), (1, 0, 8));
+    assert_eq!((count(dir.path(), "runs"), count(dir.path(), "specimens"), count(dir.path(), "events")), (1, 2, 8));
 }
 
 #[test]
@@ -246,9 +245,10 @@ fn store_open(store: &Store) -> Vec<&str> {
     store.open.iter().map(String::as_str).collect()
 }
 
-/// The columns of a table of version 1.
+/// The columns of a table that both version 1 and the newest one have.
 fn columns(old: &Connection, table: &str) -> String {
-    let mut select = old.prepare(&format!("SELECT name FROM pragma_table_info('{table}', 'main')")).unwrap();
+    let of = |schema: &str| format!("SELECT name FROM pragma_table_info('{table}', '{schema}')");
+    let mut select = old.prepare(&format!("{} INTERSECT {}", of("main"), of("newest"))).unwrap();
     let names: Vec<String> = select.query_map([], |row| row.get(0)).unwrap().map(Result::unwrap).collect();
     names.join(", ")
 }
@@ -263,17 +263,16 @@ fn an_index_of_version_1_is_brought_up_with_all_its_rows() {
     let old = Connection::open(&path).unwrap();
     old.execute_batch(tables::STEPS[0]).unwrap();
     old.execute("ATTACH ? AS newest", [newest.to_str().unwrap()]).unwrap();
-    for table in ["runs", "wells", "events", "faults"] {
-        let columns = columns(&old, table);
-        old.execute(&format!("INSERT INTO main.{table} ({columns}) SELECT {columns} FROM newest.{table}"), []).unwrap();
-    }
-    let specimens = "run, well, outcome, reason, flags, started, views, bytes, status";
-    let measurements = "run, well, sha256, mode, estimator, views, volume_um3, volume_sd_um3, area_um2, area_sd_um2, field_volume_um3, \
-                        field_area_um2, length_um";
-    for (table, columns) in
-        [("specimens", specimens), ("measurements", measurements), ("beads", "run, well, diameter_um, sphere_rms_um, aspect_ratio")]
-    {
-        old.execute(&format!("INSERT INTO main.{table} ({columns}) SELECT {columns} FROM newest.{table}"), []).unwrap();
+    for (table, added, values) in [
+        ("runs", "schema, wells", "'carved.run/1', 2"),
+        ("specimens", "views", "1"),
+        ("events", "", ""),
+        ("faults", "raised", "'2026-01-01T00:00:00Z'"),
+    ] {
+        // Of the newest version, and those that version 1 had as well and required.
+        let shared = columns(&old, table);
+        let [added, values] = [added, values].map(|more| if more.is_empty() { String::new() } else { format!(", {more}") });
+        old.execute(&format!("INSERT INTO main.{table} ({shared}{added}) SELECT {shared}{values} FROM newest.{table}"), []).unwrap();
     }
     old.execute_batch("UPDATE main.place SET journal_bytes = (SELECT journal_bytes FROM newest.place)").unwrap();
     old.pragma_update(None, "user_version", 1).unwrap();
@@ -300,8 +299,13 @@ fn an_earlier_attempt_is_kept_beside_the_newest_and_known() {
     store.save_run(&again).unwrap();
     drop((store, journal));
     let written = rows(dir.path());
-    let beads: Vec<_> = written.iter().filter(|row| row.starts_with("beads")).collect();
-    assert!(beads.len() == 3 && beads[0].contains("502") && beads[1].contains("499.5") && beads[2].contains("501"), "{beads:?}");
+    assert_eq!(
+        (count(dir.path(), "specimens"), count(dir.path(), "specimen_cells")),
+        (6, 4),
+        "two wells of two runs, and two earlier attempts"
+    );
+    let has = |diameter: &str| written.iter().any(|row| row.starts_with("specimen_cells") && row.contains(diameter));
+    assert!(has("Real(502.0)") && !has("Real(501.0)") && !has("Real(499.5)"), "{written:#?}");
     assert_eq!(std::fs::read(dir.path().join("runs/r1/A02.attempt-1/measurement.json")).unwrap(), first);
     rebuild_index(dir.path()).unwrap();
     assert_eq!(rows(dir.path()), written);
