@@ -10,11 +10,11 @@
 //! picture that was rendered before.
 
 use anyhow::Context;
-use carved::config::{CameraDriver, Config, RotationDriver};
+use carved::config::{CameraDriver, Config};
 use carved_devices::acquisition::{AcquisitionSettings, Next, RevolutionPlan, revolve};
 use carved_devices::camera::{self, CameraSelect};
 use carved_devices::cancel::CancelToken;
-use carved_devices::rotation::{Grbl, Port, Tmcl, Zaber};
+use carved_devices::rotation::{Grbl, Port, RotationDriver, Tmcl, Zaber};
 use carved_devices::{Rig as Devices, RotationAxis};
 use carved_records::{LedgerEntry, ViewOrder};
 use hardware_sim::motion::MotionProfile;

@@ -5,7 +5,7 @@
 #[path = "common/strict.rs"]
 mod strict;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// The modules of the daemon, each with the other modules that it may use. Cargo's manifests define the dependencies between crates.
@@ -171,6 +171,68 @@ fn what_carries_out_the_decisions_of_the_driver_calls_in_one_direction() {
         // `mod.rs` waits for what comes next and passes it on.
         assert!(!is_part || name == Path::new("mod") || !names(&code(&file), "driver_state"), "{} is a part", file.display());
     }
+}
+
+/// Rooms whose modules must not use each other in a circle, each with its path in the crate.
+const WITHOUT_CIRCLES: &[(&str, &str)] = &[
+    ("crates/store/src", ""),
+    ("src/http", "http::"),
+    ("src/session", "session::"),
+    ("src/report", "report::"),
+    ("src/config", "config::"),
+];
+
+#[test]
+fn modules_of_a_room_do_not_use_each_other_in_a_circle() {
+    for (room, path) in WITHOUT_CIRCLES {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join(room);
+        let mut files = Vec::new();
+        sources(&root, &mut files);
+        let mut uses: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+        for file in &files {
+            let below = file.strip_prefix(&root).unwrap().with_extension("");
+            let parts: Vec<_> = below.iter().map(|part| part.to_string_lossy().into_owned()).collect();
+            let is_of_tests = parts.iter().any(|part| ["tests", "testing", "power_loss"].contains(&part.as_str()));
+            if is_of_tests || ["mod", "lib"].contains(&parts[0].as_str()) {
+                continue;
+            }
+            let depth = parts.len() - usize::from(parts.last().is_some_and(|last| last == "mod"));
+            let prefixes = [format!("crate::{path}"), "super::".repeat(depth)];
+            uses.entry(parts[0].clone()).or_default().extend(prefixes.iter().flat_map(|prefix| behind(prefix, &code(file))));
+        }
+        // A module that uses no other one, or that no other one uses, is in no circle. What is left without all of these is.
+        loop {
+            let (known, before) = (uses.clone(), uses.len());
+            for (module, others) in &mut uses {
+                others.retain(|other| other != module && known.contains_key(other));
+            }
+            uses.retain(|module, others| !others.is_empty() && known.iter().any(|(user, used)| user != module && used.contains(module)));
+            if uses.len() == before {
+                break;
+            }
+        }
+        assert!(uses.is_empty(), "{room}: these modules use each other in a circle: {uses:#?}");
+    }
+}
+
+/// The names that directly follow a path, alone or in a list of braces.
+fn behind(prefix: &str, code: &str) -> BTreeSet<String> {
+    let name = |text: &str| text.trim_start().chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect::<String>();
+    let mut found = BTreeSet::new();
+    for (at, _) in code.match_indices(prefix).filter(|(at, _)| !code[..*at].ends_with("super::")) {
+        let rest = &code[at + prefix.len()..];
+        let Some(list) = rest.strip_prefix('{') else {
+            found.insert(name(rest));
+            continue;
+        };
+        let mut depth = 0;
+        let ends = |c: char| {
+            depth += i32::from(c == '{') - i32::from(c == '}');
+            depth < 0 || depth == 0 && c == ','
+        };
+        found.extend(list.split(';').next().unwrap_or_default().split(ends).map(name));
+    }
+    found
 }
 
 /// Whether the code names this module in a path.

@@ -244,7 +244,7 @@ impl SpecimenStatus {
         }
     }
 
-    pub fn tell(&mut self, known: LiveEstimate) {
+    pub fn set_estimate(&mut self, known: LiveEstimate) {
         let LiveEstimate { volume_um3, volume_sd_um3, volume_views, converged } = known;
         (self.volume_um3, self.volume_sd_um3, self.volume_views, self.converged) = (volume_um3, volume_sd_um3, volume_views, converged);
         self.volume_wait = self.volume_wait.filter(|_| volume_um3.is_none());

@@ -3,7 +3,7 @@
 #[cfg(feature = "s3")]
 mod s3;
 
-use super::told;
+use super::with_causes;
 use anyhow::{bail, ensure};
 use carved_store::{self, CRATE, Objects, Packing, Pruned, StoreError};
 use std::path::{Path, PathBuf};
@@ -78,7 +78,7 @@ pub fn archive(args: &ArchiveArgs) -> anyhow::Result<()> {
                     );
                 }
             }
-            Err(error) => refused.push(told(&error.into())),
+            Err(error) => refused.push(with_causes(&error.into())),
         }
     }
     ensure!(refused.is_empty(), "{} of {} run(s) not archived:\n{}", refused.len(), args.runs.len(), refused.join("\n"));
@@ -134,7 +134,7 @@ impl Pruning<'_> {
             Ok(pruned) => pruned,
             Err(error) => {
                 let passed_over = !self.named && matches!(error, StoreError::NeverArchived { .. } | StoreError::Unended { .. });
-                let line = format!("{run}: left alone: {}", told(&error.into()));
+                let line = format!("{run}: left alone: {}", with_causes(&error.into()));
                 if passed_over {
                     self.passed_over.push(line);
                 } else {
@@ -154,7 +154,7 @@ impl Pruning<'_> {
         }
         // The files are removed in any case. The next start of the daemon updates its index.
         if let Some(error) = pruned.index {
-            say!("{run}: {}", told(&error.into()));
+            say!("{run}: {}", with_causes(&error.into()));
         }
         Ok(())
     }

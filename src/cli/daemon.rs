@@ -94,7 +94,7 @@ impl Daemon {
                 .context("cannot start the driver")?
         };
         let served = runtime.block_on(async {
-            let told = tokio::spawn(tell_systemd(handle.clone(), heartbeat.clone()));
+            let informs = tokio::spawn(tell_systemd(handle.clone(), heartbeat.clone()));
             let session = handle.clone();
             let mut serving = tokio::spawn(async move {
                 // Clients wait in the backlog of the listener. On a disk that hangs they get a status that says `starting`.
@@ -135,7 +135,7 @@ impl Daemon {
                 std::process::exit(1);
             });
             systemd::stopping();
-            told.abort();
+            informs.abort();
             // All receivers are gone only if the server has failed, and its own result reports that.
             let _nobody = stop_in.send(Some(departure));
             client.abort();

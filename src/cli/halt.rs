@@ -1,7 +1,8 @@
 //! `carved halt`: stops the motors and switches the outputs off where no daemon does it, such as after its process was killed.
 
 use super::serve::open_axis;
-use crate::config::{Config, RotationDriver};
+use crate::config::Config;
+use carved_devices::rotation::RotationDriver;
 use carved_store::Claim;
 use std::path::PathBuf;
 

@@ -11,7 +11,7 @@ mod outside;
 
 use super::folders;
 use super::stored::{self, Stored};
-use super::told;
+use super::with_causes;
 use anyhow::{Context, ensure};
 use carved_core::pipeline::SegmentedFrame;
 use carved_core::surface::Mesh;
@@ -87,7 +87,7 @@ fn lines(args: &Args) -> anyhow::Result<()> {
                 line
             }
             Err(e) => {
-                let error = told(&e);
+                let error = with_causes(&e);
                 // Many errors name their file already.
                 let name = path.display().to_string();
                 failures.push(if error.contains(&name) { error.clone() } else { format!("{name}: {error}") });

@@ -131,11 +131,11 @@ const LOG: &str = "Environment:
               as in CARVED_LOG=info,carved_devices=debug. Any other value is named in a warning, and info is used";
 
 /// The error and its causes, each once: many errors already contain the text of their cause.
-pub fn told(error: &anyhow::Error) -> String {
-    error.chain().map(ToString::to_string).fold(String::new(), |told, cause| match told.as_str() {
+pub fn with_causes(error: &anyhow::Error) -> String {
+    error.chain().map(ToString::to_string).fold(String::new(), |text, cause| match text.as_str() {
         "" => cause,
-        said if said.contains(&cause) => told,
-        _ => format!("{told}: {cause}"),
+        known if known.contains(&cause) => text,
+        _ => format!("{text}: {cause}"),
     })
 }
 
@@ -159,7 +159,7 @@ pub fn main() -> ExitCode {
         Ok(code) => code,
         Err(error) if error.is::<PipeClosed>() => ExitCode::from(PIPE_CLOSED),
         Err(error) => {
-            note!("carved: {}", told(&error));
+            note!("carved: {}", with_causes(&error));
             ExitCode::FAILURE
         }
     }

@@ -6,7 +6,7 @@
 //! ```
 
 use super::stored::{self, Stored};
-use super::{measure, told};
+use super::{measure, with_causes};
 use crate::config::Config;
 use crate::session::numbers::{self, MESH};
 use crate::session::replays;
@@ -66,7 +66,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             }
             Err(error) => {
                 say!("{name}: not computed");
-                wrong.push(format!("{name}: {}", told(&error)));
+                wrong.push(format!("{name}: {}", with_causes(&error)));
             }
         }
     }
@@ -118,7 +118,7 @@ fn by(folder: &Path, name: &str, method: &Method) -> anyhow::Result<String> {
     let reader = RecordingReader::open(folder)?;
     let (mesh, file) = measure::compute(&reader, method)?;
     let found =
-        if numbers::keep_beside(&reader, name, method, &mesh, &file)? { "written" } else { "identical, bit for bit, to what is there" };
+        if numbers::write_beside(&reader, name, method, &mesh, &file)? { "written" } else { "identical, bit for bit, to what is there" };
     let folder = ReplayWriter::new(reader.folder(), name);
     let m = &file.record.measurement;
     Ok(format!("{}: {found} (volume {:.4e} um^3, area {:.4e} um^2)", folder.folder().display(), m.volume_um3, m.area_um2))

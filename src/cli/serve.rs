@@ -2,11 +2,12 @@
 
 use super::daemon::Daemon;
 use super::segment::input;
-use super::told;
-use crate::config::{CameraDriver, Config, RotationDriver, SamplerDriver};
+use super::with_causes;
+use crate::config::{CameraDriver, Config, SamplerDriver};
 use crate::http;
 use crate::session::{Departure, Instrument};
 use anyhow::Context;
+use carved_devices::rotation::RotationDriver;
 use carved_devices::sampler::{LoaderInterlock, LoaderSampler, Sampler, TriggerSampler};
 use carved_devices::{Camera, DeviceError, Lasting, Rig, RotationAxis, camera, rotation, views};
 use carved_records::Mode;
@@ -53,7 +54,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
 pub fn open(config: &Config, interlock: &LoaderInterlock) -> anyhow::Result<(Rig, Box<dyn Sampler>)> {
     match (&config.rotation, &config.camera) {
         (RotationDriver::Folder(settings), CameraDriver::Folder(kind)) => {
-            let decode = |path: &Path| input::read(path, false).map(|read| read.frame).map_err(|error| told(&error));
+            let decode = |path: &Path| input::read(path, false).map(|read| read.frame).map_err(|error| with_causes(&error));
             Ok(views::open(settings.clone(), *kind, Box::new(decode))?)
         }
         _ => with_sampler(open_rig(config)?, config.sampler, interlock),
@@ -81,16 +82,11 @@ pub fn with_sampler(rig: Rig, driver: SamplerDriver, interlock: &LoaderInterlock
 
 /// Opens the controller that turns the capillary. Nothing moves.
 pub fn open_axis(config: &Config) -> Result<Box<dyn RotationAxis>, DeviceError> {
-    let rotation: Box<dyn RotationAxis> = match &config.rotation {
-        RotationDriver::Grbl(settings) => Box::new(rotation::Grbl::with_translation(settings.clone(), config.translation)?),
-        RotationDriver::VastBridge(settings) => Box::new(rotation::VastBridge::open(settings.clone(), config.steps_per_revolution)?),
-        RotationDriver::Relay(settings) => Box::new(rotation::Relay::open(settings.clone(), config.steps_per_revolution)?),
-        RotationDriver::Tmcl(settings) => Box::new(rotation::Tmcl::open(settings.clone())?),
-        RotationDriver::Zaber(settings) => Box::new(rotation::Zaber::open(settings.clone())?),
-        RotationDriver::Folder(_) => {
-            return Err(DeviceError::NotBuilt { device: "rotation axis", driver: "folder", remedy: NO_DEVICES });
-        }
-    };
+    let rotation = config.rotation.open(config.steps_per_revolution, config.translation).ok_or(DeviceError::NotBuilt {
+        device: "rotation axis",
+        driver: "folder",
+        remedy: NO_DEVICES,
+    })??;
     rotation::one_sided(rotation, config.backlash_steps)
 }
 

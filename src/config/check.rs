@@ -1,7 +1,7 @@
 //! Checks a raw configuration once. All breaches are listed. The checked values need no further checks.
 
 use super::plausible::implausible;
-use super::raw::{CalibrationConfig, CameraDriver, Drivers, Raw, RawOptics, RawSecondOptics, RotationDriver, SamplerDriver};
+use super::raw::{CalibrationConfig, CameraDriver, Drivers, Raw, RawOptics, RawSecondOptics, SamplerDriver};
 use super::references::{self, ReferencesError};
 use super::{HttpSettings, NotifySettings};
 use carved_core::frame::{PixelFormat, RawFrame};
@@ -11,7 +11,7 @@ use carved_core::profile::{EmptyCapillary, Picture};
 use carved_core::range::{OutOfRange, Ranged};
 use carved_core::units::StepsPerRevolution;
 use carved_devices::acquisition::{AcquisitionSettings, RevolutionPlan};
-use carved_devices::rotation::{GrblPin, TranslationSettings};
+use carved_devices::rotation::{GrblPin, RotationDriver, TranslationSettings};
 use carved_records::{InstrumentIdentity, Method, ViewOrder};
 use carved_store::frames;
 use std::collections::BTreeMap;

@@ -20,5 +20,5 @@ mod tests;
 pub use check::{Config, ConfigError, SecondCamera, StoreConfig};
 pub use http::{Guard, HttpSettings, HttpSettingsError};
 pub use notify::{NotifyFormat, NotifySettings, NotifySettingsError, Receiver};
-pub use raw::{CalibrationConfig, CameraDriver, RotationDriver, SamplerDriver};
+pub use raw::{CalibrationConfig, CameraDriver, SamplerDriver};
 pub use schema::{Key, keys, reference_page, schema};

@@ -6,7 +6,7 @@
 //! ```
 //! A range limits a single number. These rules know the instrument: a camera that looks at a capillary.
 
-use super::raw::{CameraDriver, Drivers, Raw, RotationDriver};
+use super::raw::{CameraDriver, Drivers, Raw};
 use carved_devices::camera::{AravisSettings, Trigger};
 use carved_devices::rotation::Port;
 use std::path::Path;
@@ -73,23 +73,16 @@ pub(super) fn implausible(raw: &Raw, drivers: &Drivers, in_range: impl Fn(&str) 
             found.camera(table, camera, raw.acquisition.grab_deadline_ms);
         }
     }
-    let (port, baud) = match &drivers.rotation {
-        RotationDriver::Grbl(s) => (Some(&s.port), Some(s.baud)),
-        RotationDriver::VastBridge(s) => (Some(&s.port), Some(s.baud)),
-        RotationDriver::Tmcl(s) => (Some(&s.port), Some(s.baud)),
-        RotationDriver::Zaber(s) => (Some(&s.port), Some(s.baud)),
-        RotationDriver::Relay(_) | RotationDriver::Folder(_) => (None, None),
-    };
-    if matches!(drivers.rotation, RotationDriver::VastBridge(_) | RotationDriver::Relay(_))
-        && <[u32; 2]>::from(raw.rig.steps_per_revolution) != [500, 1]
-    {
+    let serial = drivers.rotation.serial();
+    let fixed = drivers.rotation.entry().and_then(|entry| entry.fixed_steps);
+    if fixed.is_some_and(|fixed| fixed != <[u32; 2]>::from(raw.rig.steps_per_revolution)) {
         found.doubts.push(
             "rig.steps_per_revolution is not [500, 1]: VAST's motors make 500 steps of 0.72 deg in a turn. Other values give wrong angles"
                 .into(),
         );
     }
-    found.port(port);
-    found.baud(baud.filter(|_| in_range("rotation")));
+    found.port(serial.map(|(port, _)| port));
+    found.baud(serial.map(|(_, baud)| baud).filter(|_| in_range("rotation")));
     found
 }
 

@@ -12,11 +12,9 @@ use carved_core::frame::PixelFormat;
 use carved_core::range::{OutOfRange, Range, Ranged, in_schema, outside_in};
 use carved_core::ranges;
 use carved_core::units::StepsPerRevolution;
-use carved_devices::DeviceError;
 use carved_devices::acquisition::AcquisitionSettings;
 use carved_devices::camera::AravisSettings;
-use carved_devices::outputs::{self, OutputStatus};
-use carved_devices::rotation::{GrblSettings, RelaySettings, TmclSettings, TranslationSettings, VastBridgeSettings, ZaberSettings};
+use carved_devices::rotation::{RotationDriver, TranslationSettings};
 use carved_devices::sampler::TriggerSettings;
 use carved_devices::views::{FolderSettings, PictureKind};
 use carved_records::Method;
@@ -344,23 +342,14 @@ pub(super) struct Drivers {
 impl Drivers {
     /// Every number that is out of its range, with the full path of its key.
     pub fn outside(&self) -> Vec<OutOfRange> {
-        let rotation = match &self.rotation {
-            RotationDriver::Grbl(settings) => settings.outside(),
-            RotationDriver::VastBridge(settings) => settings.outside(),
-            RotationDriver::Relay(settings) => settings.outside(),
-            RotationDriver::Tmcl(settings) => settings.outside(),
-            RotationDriver::Zaber(settings) => settings.outside(),
-            RotationDriver::Folder(settings) => return outside_in("views", settings).collect(),
-        };
         let camera = self.camera.aravis().into_iter().flat_map(|camera| outside_in("camera", camera));
         let second = self.camera_second.iter().filter_map(CameraDriver::aravis).flat_map(|second| outside_in("camera_second", second));
         let sampler = match &self.sampler {
             SamplerDriver::Loader {} | SamplerDriver::Folder {} => Vec::new(),
             SamplerDriver::Trigger(settings) => settings.outside(),
         };
-        let rotation = rotation.into_iter().map(|breach| breach.below("rotation"));
         let sampler = sampler.into_iter().map(|breach| breach.below("sampler"));
-        rotation.chain(camera).chain(second).chain(sampler).collect()
+        self.rotation.outside().into_iter().chain(camera).chain(second).chain(sampler).collect()
     }
 }
 
@@ -388,53 +377,6 @@ fn read_driver<T: DeserializeOwned>(name: &str, table: &toml::Table) -> Result<T
 pub(super) enum ViewsDriver {
     /// A folder into which the other program stores a picture per view.
     Folder(FolderSettings),
-}
-
-/// Which controller turns the capillary.
-#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-#[schemars(tag = "driver")]
-pub enum RotationDriver {
-    /// Grbl 1.1 or grblHAL.
-    Grbl(GrblSettings),
-    /// A stock VAST behind a trigger bridge.
-    VastBridge(VastBridgeSettings),
-    /// A stock VAST behind a relay: a program beside VAST's own library.
-    Relay(RelaySettings),
-    /// A Trinamic module with TMCL firmware, two of whose motors hold the capillary at both ends.
-    Tmcl(TmclSettings),
-    /// A Zaber controller with the ASCII protocol.
-    Zaber(ZaberSettings),
-    /// Another program, by `[views]`.
-    #[serde(skip)]
-    Folder(FolderSettings),
-}
-
-impl RotationDriver {
-    /// The outputs of the controller, with unknown states.
-    pub fn outputs(&self) -> Vec<OutputStatus> {
-        match self {
-            Self::Grbl(settings) => outputs::unknown(&settings.outputs),
-            Self::Tmcl(settings) => outputs::unknown(&settings.outputs),
-            Self::Zaber(settings) => outputs::unknown(&settings.outputs),
-            Self::VastBridge(_) | Self::Relay(_) | Self::Folder(_) => Vec::new(),
-        }
-    }
-
-    /// Checks the settings of the driver.
-    ///
-    /// # Errors
-    /// The first setting that the controller does not support.
-    pub(super) fn check(&self, per_revolution: StepsPerRevolution) -> Result<(), DeviceError> {
-        match self {
-            Self::Grbl(settings) => settings.check(),
-            Self::VastBridge(settings) => settings.check(per_revolution),
-            Self::Relay(settings) => settings.check(),
-            Self::Tmcl(settings) => settings.check(),
-            Self::Zaber(settings) => settings.check(),
-            Self::Folder(settings) => settings.check(),
-        }
-    }
 }
 
 /// Which camera, and how it is reached.

@@ -11,7 +11,7 @@
 use super::AppState;
 use super::access::changes_something;
 use super::body::{self, Body};
-use super::problem::Problem;
+use super::problem::{LeaseStatus, Problem};
 use axum::Json;
 use axum::extract::{MatchedPath, Request, State};
 use axum::http::{HeaderMap, StatusCode};
@@ -58,13 +58,6 @@ pub(super) struct Lease {
     /// Goes with every command, as the header `Carved-Lease`.
     token: String,
     expires_in_s: f64,
-}
-
-/// Who commands now. Both `null`: nobody does, every client may.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, ToSchema)]
-pub(super) struct LeaseStatus {
-    pub holder: Option<String>,
-    pub expires_in_s: Option<f64>,
 }
 
 struct Held {

@@ -1,6 +1,5 @@
 //! Every error of the server: `application/problem+json` (RFC 9457) with the scheduler's reaction.
 
-use super::lease::LeaseStatus;
 use crate::api::{Mistake, SchedulerAction, State, Status};
 use crate::session::Refusal;
 use axum::Json;
@@ -12,6 +11,13 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 pub(super) const CONTENT_TYPE: &str = "application/problem+json";
+
+/// Who commands now. Both `null`: nobody does, every client may.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, ToSchema)]
+pub(super) struct LeaseStatus {
+    pub holder: Option<String>,
+    pub expires_in_s: Option<f64>,
+}
 
 /// What went wrong, for a program (`code`, `scheduler_action`) and for a person (`title`, `detail`).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]

@@ -15,7 +15,7 @@ use carved_records::plate_map::Mistake;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-/// The command was taken; the status from this revision on shows what became of it.
+/// The command was accepted. The status shows its effect from this revision on.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 pub(super) struct Acknowledged {
     run: String,
@@ -38,18 +38,18 @@ fn acknowledged(app: &AppState, run: String) -> Json<Acknowledged> {
     Json(Acknowledged { run, revision: app.session.status().revision })
 }
 
-/// Registers a run under the client's own name for it, and starts it.
+/// Registers a run under a name that the client chooses, and starts it.
 ///
-/// The answer comes after the plan is on disk. The same plan again answers 200 and changes nothing.
+/// The answer is sent once the plan is on disk. A repeated request with the same plan is answered with 200 and changes nothing.
 #[utoipa::path(
     put, path = "/v1/runs/{run_id}", tag = "commands", request_body = RunPlan,
     params(("run_id" = String, Path, description = "1 to 64 letters, digits, '-', '_' or '.', the first not a '.'")),
     responses(
         (status = 201, description = "The run is on disk and will start", body = Acknowledged, headers(("Location" = String))),
-        (status = 200, description = "This very run had been taken before", body = Acknowledged),
-        (status = 409, description = "Another plan has this name, or the state does not accept it", body = Problem, content_type = "application/problem+json"),
-        (status = 503, description = "The store, a device or the daemon cannot take it now", body = Problem, content_type = "application/problem+json"),
-        (status = 507, description = "The disk is full, or the plate will not fit on it", body = Problem, content_type = "application/problem+json"),
+        (status = 200, description = "The run was accepted before with the same plan", body = Acknowledged),
+        (status = 409, description = "A run with another plan has this name, or no run can start in the present state", body = Problem, content_type = "application/problem+json"),
+        (status = 503, description = "The disk, a device or the daemon cannot start a run now", body = Problem, content_type = "application/problem+json"),
+        (status = 507, description = "The disk is full, or has no room for this plate", body = Problem, content_type = "application/problem+json"),
     )
 )]
 pub(super) async fn put(
@@ -84,9 +84,9 @@ async fn steer(
     Ok(acknowledged(app, id))
 }
 
-/// Holds a run once the specimen under way is done.
+/// Holds a run after the current specimen.
 ///
-/// Answered at once; the state goes by Holding to Held. A repeat answers 200.
+/// The answer is sent at once. The state is Holding until the specimen is done, and then Held. A repeated request is answered with 200.
 #[utoipa::path(
     post, path = "/v1/runs/{run_id}/hold", tag = "commands", params(("run_id" = String, Path)),
     responses(
@@ -101,13 +101,13 @@ pub(super) async fn hold(
     steer(&app, path, &headers, Towards::Hold).await
 }
 
-/// Lets a held run go on at the well where it is.
+/// Continues a held run at its current well.
 ///
-/// Refused while the fault that held it stands. A repeat answers 200.
+/// The request is refused while the fault that held the run is open. A repeated request is answered with 200.
 #[utoipa::path(
     post, path = "/v1/runs/{run_id}/unhold", tag = "commands", params(("run_id" = String, Path)),
     responses(
-        (status = 200, description = "The run continues, or had continued", body = Acknowledged),
+        (status = 200, description = "The run continues, or continued already", body = Acknowledged),
     )
 )]
 pub(super) async fn unhold(
@@ -118,13 +118,13 @@ pub(super) async fn unhold(
     steer(&app, path, &headers, Towards::Unhold).await
 }
 
-/// Ends a run once the specimen under way is done.
+/// Ends a run after the current specimen.
 ///
-/// Answered at once; the wells that are left end as aborted. A repeat answers 200.
+/// The answer is sent at once. The remaining wells end with the outcome `aborted`. A repeated request is answered with 200.
 #[utoipa::path(
     post, path = "/v1/runs/{run_id}/stop", tag = "commands", params(("run_id" = String, Path)),
     responses(
-        (status = 200, description = "The run ends, or had been stopped", body = Acknowledged),
+        (status = 200, description = "The run will end, or was stopped already", body = Acknowledged),
     )
 )]
 pub(super) async fn stop(
@@ -135,14 +135,14 @@ pub(super) async fn stop(
     steer(&app, path, &headers, Towards::Stop).await
 }
 
-/// Ends a run; motors stop before anything else happens.
+/// Aborts a run. The motors are stopped first.
 ///
-/// Acknowledged at once; the run ends when its record is closed: at most 60 s later, and the method's `deadlines_s.measure` for each
-/// specimen that was let go and has no numbers yet. A repeat answers 200.
+/// The answer is sent at once. The run ends when its record is closed. This takes at most 60 s, and in addition the method's
+/// `deadlines_s.measure` for each specimen that was released and has no numbers yet. A repeated request is answered with 200.
 #[utoipa::path(
     post, path = "/v1/runs/{run_id}/abort", tag = "commands", params(("run_id" = String, Path)),
     responses(
-        (status = 200, description = "The run ends, or had ended", body = Acknowledged),
+        (status = 200, description = "The run will end, or has ended", body = Acknowledged),
     )
 )]
 pub(super) async fn abort(
@@ -153,17 +153,18 @@ pub(super) async fn abort(
     steer(&app, path, &headers, Towards::Abort).await
 }
 
-/// The loader says that the specimen of this well is in the capillary, or has been taken out.
+/// The loader reports that the specimen of this well is in the capillary, or that it was taken out.
 ///
-/// What it was asked for is taken whatever has become of the run since: held, it stays inside and is used when the run continues; ended, it
-/// is known to be inside until it is said to be out. A repeat answers 200.
+/// The report of a specimen that carved requested is accepted also if the run was held or has ended since the request. In a held run the
+/// specimen stays in the capillary and is measured when the run continues. After the end of the run, carved treats it as inside until the
+/// loader reports that it is out. A repeated request is answered with 200.
 #[utoipa::path(
     put, path = "/v1/runs/{run_id}/wells/{well}", tag = "commands", request_body = WellLoaded,
     params(("run_id" = String, Path), ("well" = String, Path, description = "`A01` to `AF48`")),
     responses(
-        (status = 200, description = "The word is taken, or was before", body = Acknowledged),
+        (status = 200, description = "The report is accepted, or was accepted before", body = Acknowledged),
         (status = 404, description = "No such run", body = Problem, content_type = "application/problem+json"),
-        (status = 409, description = "Nobody asked for this well, or another is inside: `detail` has the word that is waited for", body = Problem, content_type = "application/problem+json"),
+        (status = 409, description = "carved did not request this well, or another specimen is inside: `detail` states the report that carved expects", body = Problem, content_type = "application/problem+json"),
     )
 )]
 pub(super) async fn loaded(

@@ -62,7 +62,7 @@ impl Sender {
                 return self.queue.delivered();
             };
             tracing::warn!(receiver = %self.agent.shown(), notice = %notice.id, %error, "a notice was not delivered");
-            self.queue.failed(self.told(&error));
+            self.queue.failed(self.message_of(&error));
             let asked = error.retry_after().map_or(Duration::ZERO, |asked| asked.min(LONGEST_RETRY_AFTER));
             if error.is_final() || notice.age() > TOO_OLD || !self.queue.pause(jittered(pause).max(asked)) {
                 tracing::error!(receiver = %self.agent.shown(), notice = %notice.id, "a notice is given up");
@@ -76,14 +76,14 @@ impl Sender {
     fn probe(&self, was_away: bool) -> bool {
         let away = self.agent.probe().err();
         match &away {
-            Some(error) => self.queue.set_trouble(Some(self.told(error))),
+            Some(error) => self.queue.set_trouble(Some(self.message_of(error))),
             None if was_away => self.queue.set_trouble(None),
             None => {}
         }
         away.is_some()
     }
 
-    fn told(&self, error: &Undelivered) -> String {
+    fn message_of(&self, error: &Undelivered) -> String {
         format!(
             "Notices do not reach {}: {error}. Check the receiver and the network, then run `carved notify test --config FILE`.",
             self.agent.shown()

@@ -7,7 +7,7 @@
 use super::chart::{Bead, Series};
 use super::methods::Methods;
 use super::plots::{self, Names};
-use super::specimen::Specimen;
+use super::specimen::{MILLION, Specimen};
 use crate::tables::statistics::{Flagged, QuantityStatistics, Statistics, WellGroup};
 use base64::Engine;
 use carved_core::flag::StoredFlag;
@@ -19,8 +19,6 @@ use carved_store::{RunRecord, Software, StoreError, StoredRun};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use std::collections::BTreeMap;
 
-/// Unit of volumes and areas in the report: 10^6 um^3 and 10^6 um^2.
-pub(super) const MILLION: f64 = 1e6;
 /// Groups in one plot. More do not fit on a page.
 const ROWS: usize = 32;
 

@@ -9,6 +9,9 @@ use carved_records::{PlannedWell, SpecimenKind, SpecimenOutcome};
 use carved_store::{StoreError, StoredRun, place_among_references};
 use rayon::prelude::*;
 
+/// Unit of volumes and areas in the report: 10^6 um^3 and 10^6 um^2.
+pub(super) const MILLION: f64 = 1e6;
+
 /// One planned well.
 #[derive(Debug, Clone)]
 pub struct Specimen {
@@ -80,6 +83,6 @@ impl Specimen {
 
     /// The volume for the plot of the plate, in 10^6 um^3.
     pub fn on_plate(&self) -> WellNumber {
-        WellNumber { value: self.volume_um3.map(|v| v / super::html::MILLION), flagged: !self.flags.is_empty() }
+        WellNumber { value: self.volume_um3.map(|v| v / MILLION), flagged: !self.flags.is_empty() }
     }
 }

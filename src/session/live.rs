@@ -1,19 +1,15 @@
 //! The newest view and the finished model, encoded for the page.
 
-use super::{Live, numbers};
+use super::Live;
 use crate::export;
 use carved_core::pipeline::SegmentedFrame;
 use carved_core::profile::{Mask, Picture};
 use carved_core::surface::Mesh;
-use carved_store::{RecordingReader, StoreError};
 use std::sync::Arc;
 
 /// Allowed error of the page's model: less than a fifth of a pixel, of the camera and of the page. It reduces a larva of 374 000 triangles
 /// (9.0 MB) to 21 000 (0.5 MB).
 const MODEL_ERROR_UM: f64 = 1.0;
-
-/// Allowed error of the model with colours. Its corners are closer together than those of the other one, because only they have colours.
-const COLOURED_ERROR_UM: f64 = 0.1;
 
 /// The pictures of one view. A picture that cannot be encoded is `None` and logged. The run continues.
 pub fn of_view(seen: &SegmentedFrame, mesh: &Mesh) -> Live {
@@ -28,26 +24,6 @@ pub fn of_view(seen: &SegmentedFrame, mesh: &Mesh) -> Live {
 /// The finished surface as GLB, with as few triangles as its error allows.
 pub fn model(mesh: &Mesh) -> Option<Arc<Vec<u8>>> {
     glb(&export::decimate(mesh, MODEL_ERROR_UM).mesh)
-}
-
-/// The surface of a measured specimen as GLB, with the colours of its frames. `None` without a surface or without numbers.
-///
-/// # Errors
-/// A file is missing, altered, or no such file.
-pub fn coloured(reader: &RecordingReader) -> Result<Option<Vec<u8>>, StoreError> {
-    let Some((numbers, ply)) = reader.closed_numbers().zip(reader.file(numbers::MESH)?) else { return Ok(None) };
-    let path = reader.folder().join(numbers::MESH);
-    let mesh = export::read_ply(&ply).map_err(|error| StoreError::Format {
-        path: path.clone(),
-        expected: "the surface of a specimen",
-        found: error.to_string(),
-    })?;
-    let mesh = export::decimate(&mesh, COLOURED_ERROR_UM).mesh;
-    let colours = numbers::colours(reader, &numbers, &mesh)?;
-    let mut out = Vec::new();
-    export::write_glb(&mesh, Some(&colours), &serde_json::json!({"unit": "um"}), export::Stand::AsMesh, &mut out)
-        .map_err(StoreError::io("encode", &path))?;
-    Ok(Some(out))
 }
 
 fn glb(mesh: &Mesh) -> Option<Arc<Vec<u8>>> {

@@ -12,6 +12,7 @@ mod gate;
 mod halt;
 mod handle;
 mod heartbeat;
+mod instrument;
 pub mod live;
 pub mod numbers;
 mod offer;
@@ -28,8 +29,8 @@ pub use driver::{Departure, Driver, DriverError};
 pub use halt::Halt;
 pub use handle::{Accepted, Command, EventLog, Live, Missed, Publisher, Refusal, SessionHandle, Shown, Towards, channel};
 pub use heartbeat::Heartbeat;
+pub use instrument::Instrument;
 pub use tally::Tally;
-pub use worker::Instrument;
 
 use crate::api::{
     CameraStatus, Check, HardwareStatus, Hold, OutputStatus, Pending, Plate, RotationStatus, RunStatus, SpecimenStatus, State, Status,

@@ -14,11 +14,14 @@ use carved_store::{MEASUREMENT, MeasurementFile, RecordingReader, RecordingWrite
 use std::path::Path;
 use std::sync::Arc;
 
+/// Allowed error of the model with colours. Its corners are closer together than those of the other one, because only they have colours.
+const COLOURED_ERROR_UM: f64 = 0.1;
+
 /// Writes the files of a measured specimen. Returns the model for the page.
 ///
 /// # Errors
 /// A file cannot be written.
-pub fn keep(writer: &mut RecordingWriter, mesh: &Mesh, file: &MeasurementFile) -> Result<Option<Arc<Vec<u8>>>, StoreError> {
+pub fn write(writer: &mut RecordingWriter, mesh: &Mesh, file: &MeasurementFile) -> Result<Option<Arc<Vec<u8>>>, StoreError> {
     writer.add_file(MESH, &ply(mesh, file.mode)?)?;
     let model = live::model(mesh);
     if let Some(glb) = &model {
@@ -47,7 +50,13 @@ pub fn ply(mesh: &Mesh, mode: Mode) -> Result<Vec<u8>, StoreError> {
 ///
 /// # Errors
 /// Results of another method, or other numbers, have this name. A file cannot be written.
-pub fn keep_beside(reader: &RecordingReader, name: &str, method: &Method, mesh: &Mesh, file: &MeasurementFile) -> Result<bool, StoreError> {
+pub fn write_beside(
+    reader: &RecordingReader,
+    name: &str,
+    method: &Method,
+    mesh: &Mesh,
+    file: &MeasurementFile,
+) -> Result<bool, StoreError> {
     let writer = ReplayWriter::new(reader.folder(), name);
     let numbers = durable::json_text(Path::new(MEASUREMENT), file)?;
     if writer.is_there(method, &numbers)? {
@@ -75,9 +84,29 @@ pub fn colours(reader: &RecordingReader, file: &MeasurementFile, mesh: &Mesh) ->
     Ok(colours.finish().into_iter().map(|colour| colour.unwrap_or([128.0; 3])).collect())
 }
 
+/// The surface of a measured specimen as GLB, with the colours of its frames. `None` without a surface or without numbers.
+///
+/// # Errors
+/// A file is missing, altered, or no such file.
+pub fn coloured(reader: &RecordingReader) -> Result<Option<Vec<u8>>, StoreError> {
+    let Some((numbers, ply)) = reader.closed_numbers().zip(reader.file(MESH)?) else { return Ok(None) };
+    let path = reader.folder().join(MESH);
+    let mesh = export::read_ply(&ply).map_err(|error| StoreError::Format {
+        path: path.clone(),
+        expected: "the surface of a specimen",
+        found: error.to_string(),
+    })?;
+    let mesh = export::decimate(&mesh, COLOURED_ERROR_UM).mesh;
+    let colours = colours(reader, &numbers, &mesh)?;
+    let mut out = Vec::new();
+    export::write_glb(&mesh, Some(&colours), &serde_json::json!({"unit": "um"}), export::Stand::AsMesh, &mut out)
+        .map_err(StoreError::io("encode", &path))?;
+    Ok(Some(out))
+}
+
 /// Ends a well with its numbers. Views that do not show one turning specimen give no number: the well fails with the reason, and its files keep what
 /// was computed.
-pub fn tell(result: &mut WellStatus, file: &MeasurementFile, views_planned: u32) {
+pub fn end_well(result: &mut WellStatus, file: &MeasurementFile, views_planned: u32) {
     let m = &file.record.measurement;
     result.flags.clone_from(&file.record.flags);
     result.end(SpecimenOutcome::Succeeded, None);

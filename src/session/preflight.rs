@@ -5,7 +5,7 @@
 //! driver: checks(plan, DeviceReport, Known) ──► [code, passed, blocks, detail, what to do]
 //! ```
 
-use super::worker::Instrument;
+use super::Instrument;
 use super::{Check, gate};
 use crate::api::NoticesStatus;
 use crate::config::Config;

@@ -2,7 +2,7 @@
 //! replay --method` does the same from the command line, with the same files.
 //!
 //! ```text
-//! begin ─► thread "replays" ── well by well: frames ─ recording::compute ─ numbers::keep_beside ─► RUN/WELL/replays/NAME/
+//! begin ─► thread "replays" ── well by well: frames ─ recording::compute ─ numbers::write_beside ─► RUN/WELL/replays/NAME/
 //!              │                              │
 //!              └─ threads of its own, of the  └─ before each frame: waits while a run is under way, ends when the daemon ends
 //!                 lowest priority
@@ -185,7 +185,7 @@ impl Replays {
         let reader = RecordingReader::open(folder)?;
         let entries = recording::views(&reader, method)?;
         let Computed { mesh, file, .. } = recording::compute(&reader, method, &entries, |_, _| runtime.block_on(self.rest()))?;
-        numbers::keep_beside(&reader, name, method, &mesh, &file)?;
+        numbers::write_beside(&reader, name, method, &mesh, &file)?;
         Ok(())
     }
 

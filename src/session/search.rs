@@ -6,7 +6,7 @@
 //!   └──────────────────── next heartbeat ◄── the instrument comes back ──────────────┘
 //! ```
 
-use super::worker::Instrument;
+use super::Instrument;
 use carved_devices::DeviceError;
 use carved_devices::outputs::{self, OutputStatus};
 use std::time::Duration;

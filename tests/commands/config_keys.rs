@@ -2,6 +2,7 @@
 
 use crate::common::run;
 use carved::config::{Config, Key, keys, reference_page, schema};
+use carved_devices::rotation::DRIVERS;
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -120,7 +121,7 @@ fn is_not_read(said: &str, path: &str) -> bool {
 
 #[test]
 fn every_sound_base_of_these_tests_is_accepted() {
-    for rotation in ["grbl", "tmcl", "zaber", "vast_bridge", "relay", "folder"] {
+    for rotation in DRIVERS.iter().map(|entry| entry.name).chain(["folder"]) {
         Config::parse(&toml::to_string(&whole(rotation)).unwrap(), Path::new("whole.toml")).unwrap();
     }
 }

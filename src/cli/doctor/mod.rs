@@ -14,7 +14,7 @@ mod cameras;
 mod computer;
 pub mod holders;
 
-use carved_devices::rotation::{Port, UsbAdapter, identify, serial_ports};
+use carved_devices::rotation::{Port, UsbAdapter, identify, protocols, serial_ports};
 use serialport::{SerialPortInfo, SerialPortType, UsbPortInfo};
 use std::path::PathBuf;
 
@@ -93,7 +93,7 @@ fn answer(port: &SerialPortInfo, baud: u32) -> String {
             advice::of(&answer, &configured, baud)
         }
         Ok(None) => {
-            format!("nobody answers at {baud} baud: no Grbl, grblHAL, Zaber ASCII, VAST bridge or TMCL module 1; --baud asks at another")
+            format!("nobody answers at {baud} baud: no {}; --baud asks at another", protocols())
         }
         Err(error) => error.to_string(),
     }

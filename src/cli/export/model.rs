@@ -91,7 +91,7 @@ pub fn stl(args: &StlArgs) -> anyhow::Result<()> {
     let mut bytes = Vec::new();
     write_stl(&mesh, &words, &mut bytes)?;
     write(&args.out, &bytes)?;
-    told(&args.out, &mesh, args.unit);
+    print_summary(&args.out, &mesh, args.unit);
     Ok(())
 }
 
@@ -118,11 +118,11 @@ pub fn glb(args: &GlbArgs) -> anyhow::Result<()> {
     let mut bytes = Vec::new();
     write_glb(&mesh, colours.as_deref(), &extras, Stand::Upright, &mut bytes)?;
     write(&args.out, &bytes)?;
-    told(&args.out, &mesh, args.unit);
+    print_summary(&args.out, &mesh, args.unit);
     Ok(())
 }
 
-fn told(out: &Path, mesh: &Mesh, unit: Unit) {
+fn print_summary(out: &Path, mesh: &Mesh, unit: Unit) {
     note!("carved: {}: {} triangles, in {}", out.display(), mesh.triangles.len(), unit.symbol());
 }
 

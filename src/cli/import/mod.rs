@@ -202,7 +202,7 @@ fn one_turn(args: &Args) -> anyhow::Result<()> {
     let recording = recording(rig, "imported", specimen, kind, &imported)?;
     write::write(&out, recording, &imported)?;
     let [steps, _] = imported.turn.steps_per_revolution.into();
-    let told = json!({
+    let report = json!({
         "recording": out,
         "views": imported.turn.asd,
         "closure": imported.turn.stops.iter().any(|s| s.closure),
@@ -213,7 +213,7 @@ fn one_turn(args: &Args) -> anyhow::Result<()> {
         "steps_per_revolution": steps,
         "angle_error_deg": imported.turn.error_deg,
     });
-    say!("{told}");
+    say!("{report}");
     Ok(())
 }
 

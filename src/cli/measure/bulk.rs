@@ -10,7 +10,7 @@
 
 use super::super::folders::HoldsRuns;
 use super::super::signals::{INTERRUPTED, Signals};
-use super::super::{replay, told};
+use super::super::{replay, with_causes};
 use super::{compute_with, each, outside};
 use anyhow::{Context, ensure};
 use carved_records::{Method, sha256_hex};
@@ -148,7 +148,7 @@ pub fn run(paths: &[PathBuf], out: &Path, options: &Options) -> anyhow::Result<E
             Ok(Done::LeftOut) => left_out += 1,
             Err((_, error)) if error.is::<NotWritten>() => return Err(error),
             Err((path, error)) => {
-                let said = told(&error);
+                let said = with_causes(&error);
                 failures.push(if said.contains(&path) { said } else { format!("{path}: {said}") });
             }
         }
@@ -190,7 +190,7 @@ fn named(paths: &[PathBuf]) -> anyhow::Result<(BTreeMap<String, PathBuf>, Vec<St
             // The wrong list, not a recording that fails: no shard may succeed.
             Err(error) if error.is::<HoldsRuns>() => return Err(error),
             Err(error) => {
-                failures.push(told(&error));
+                failures.push(with_causes(&error));
                 continue;
             }
         };

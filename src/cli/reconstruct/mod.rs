@@ -14,7 +14,7 @@ mod output;
 pub(super) mod views;
 
 use crate::cli::output::PIPE_CLOSED;
-use crate::cli::told;
+use crate::cli::with_causes;
 use anyhow::Context;
 use carved_core::flag::Flag;
 use carved_core::geometry::BoxUm;
@@ -114,7 +114,7 @@ pub fn run(args: &Args) -> ExitCode {
         Ok(report) => say(&report, ExitCode::SUCCESS),
         Err(error) => {
             let flags: Vec<Flag> = refusal(&error).map(Refusal::flag).into_iter().collect();
-            let error = told(&error);
+            let error = with_causes(&error);
             note!("carved: {error}");
             say(&serde_json::json!({"flags": flags, "error": error}), ExitCode::from(REFUSED))
         }

@@ -113,11 +113,11 @@ impl Client {
         let until = Instant::now() + self.patience;
         let mut pause = FIRST_PAUSE;
         loop {
-            let (failure, told) = match self.once(method, path, body) {
+            let (failure, retry_after) = match self.once(method, path, body) {
                 Err(why) => (Failure::Unreachable { url: self.url.clone(), why }, None),
                 Ok(mut answer) => {
                     let status = answer.status();
-                    let told = answer
+                    let retry_after = answer
                         .headers()
                         .get("retry-after")
                         .and_then(|v| v.to_str().ok())
@@ -128,13 +128,13 @@ impl Client {
                         Err(why) => (Failure::Unreachable { url: self.url.clone(), why }, None),
                         Ok(text) => match judge(&self.url, status, &text) {
                             Ok(value) => return Ok((status, value)),
-                            Err(failure) if matches!(status.as_u16(), 408 | 429 | 500 | 502 | 503 | 504) => (failure, told),
+                            Err(failure) if matches!(status.as_u16(), 408 | 429 | 500 | 502 | 503 | 504) => (failure, retry_after),
                             Err(failure) => return Err(failure),
                         },
                     }
                 }
             };
-            let wait = told.unwrap_or(pause);
+            let wait = retry_after.unwrap_or(pause);
             // A daemon may name a time that no clock of this computer reaches.
             if wait > until.saturating_duration_since(Instant::now()) {
                 return Err(failure);

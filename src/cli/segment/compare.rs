@@ -124,7 +124,7 @@ pub(super) fn write(rows: &[Row], out: &Path) -> anyhow::Result<()> {
 }
 
 /// The lines for the user: one per picture, and the summary.
-pub(super) fn told(rows: &[Row]) -> Vec<String> {
+pub(super) fn lines(rows: &[Row]) -> Vec<String> {
     let width = rows.iter().map(|row| row.picture.chars().count()).max().unwrap_or(0).max("picture".len());
     let mut lines = vec![format!(
         "{:width$}  {:>6}  {:>8}  {:>8}  {:>8}  {:>8}  {:>9}  {:>5}  {:>10}  {:>5}",

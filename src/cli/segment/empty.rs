@@ -28,7 +28,7 @@ impl Empty {
         Ok(Self { reference, sha256: input.sha256.clone(), kind: input.kind() })
     }
 
-    pub fn is_of_the_kind_of(&self, input: &Input) -> Result<(), OtherKind> {
+    pub fn check_kind_of(&self, input: &Input) -> Result<(), OtherKind> {
         let found = input.kind();
         if found == self.kind { Ok(()) } else { Err(OtherKind { found, expected: self.kind }) }
     }

@@ -98,13 +98,13 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         .map(|names| {
             let report = one(names, &settings, args.bayer, empty.as_ref(), &segmenters);
             let written = report.write(names);
-            let told = match &written {
-                Ok(()) => report.told(names),
+            let summary = match &written {
+                Ok(()) => report.summary(names),
                 Err(e) => format!("not written: {e}"),
             };
             let count = done.fetch_add(1, Ordering::Relaxed) + 1;
             // Progress on stderr may have no reader any more. Only the results count.
-            let _ = writeln!(std::io::stderr(), "[{count}/{}] {}: {told}", args.images.len(), names.image.display());
+            let _ = writeln!(std::io::stderr(), "[{count}/{}] {}: {summary}", args.images.len(), names.image.display());
             let compared = annotations.as_ref().map(|annotations| compare::row(&names.image, report.profile(), annotations));
             Outcome { failed: report.failed(), written: written.is_ok(), compared }
         })
@@ -114,12 +114,12 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         let rows: Vec<compare::Row> = outcomes.into_iter().filter_map(|outcome| outcome.compared).collect();
         // The table is kept without a reader of the output, and printed without room on the disk.
         let written = compare::write(&rows, &args.out);
-        for line in compare::told(&rows) {
+        for line in compare::lines(&rows) {
             say!("{line}");
         }
         written?;
     }
-    failures.told().map_or(Ok(()), |why| bail!("{why}"))
+    failures.summary().map_or(Ok(()), |why| bail!("{why}"))
 }
 
 /// What became of a picture.
@@ -151,9 +151,9 @@ impl Failures {
     }
 
     /// The message at the end. `None` if all pictures succeeded.
-    fn told(&self) -> Option<String> {
+    fn summary(&self) -> Option<String> {
         let Self { of, failed, unwritten, uncompared } = self;
-        let told = [
+        let kinds = [
             (failed, format!("{failed} of {of} pictures have no profile; the lines above and their JSON files say why")),
             (unwritten, format!("the results of {unwritten} of {of} pictures could not be written; the lines above say why")),
             (
@@ -161,8 +161,8 @@ impl Failures {
                 format!("{uncompared} of {of} pictures have no annotation that can be used; the table and {} say why", compare::TABLE),
             ),
         ];
-        let told: Vec<String> = told.into_iter().filter(|(count, _)| **count > 0).map(|(_, why)| why).collect();
-        (!told.is_empty()).then(|| told.join(". And "))
+        let counted: Vec<String> = kinds.into_iter().filter(|(count, _)| **count > 0).map(|(_, why)| why).collect();
+        (!counted.is_empty()).then(|| counted.join(". And "))
     }
 }
 
@@ -171,7 +171,7 @@ fn one<'a>(names: &Names, settings: &'a SegmentSettings, bayer: bool, empty: Opt
     match input::read(&names.image, bayer) {
         Err(e) => report.fail(format!("{e:#}")),
         Ok(input) => {
-            if let Err(e) = empty.map_or(Ok(()), |e| e.is_of_the_kind_of(&input)) {
+            if let Err(e) = empty.map_or(Ok(()), |e| e.check_kind_of(&input)) {
                 report.fail(e.to_string());
             } else {
                 let picture = Picture::from_frame(&input.frame);

@@ -205,7 +205,7 @@ impl<'a> Report<'a> {
     }
 
     /// A line of text for the user about a picture whose results were written.
-    pub fn told(&self, names: &Names) -> String {
+    pub fn summary(&self, names: &Names) -> String {
         match (&self.error, &self.profile) {
             (Some(error), _) => error.clone(),
             (None, Some(p)) => {

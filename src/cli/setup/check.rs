@@ -9,7 +9,7 @@ use super::question::Question;
 use super::rig::{RealBench, Stopper};
 use super::terminal::Answers;
 use super::wording::question;
-use crate::config::{Config, RotationDriver};
+use crate::config::Config;
 use anyhow::{Context, bail, ensure};
 use std::path::PathBuf;
 
@@ -38,7 +38,7 @@ struct Verdict {
 pub fn run(args: &Args, stopper: &Stopper) -> anyhow::Result<()> {
     let config = Config::load(&args.config)?;
     ensure!(
-        !matches!(config.rotation, RotationDriver::VastBridge(_) | RotationDriver::Folder(_)),
+        config.rotation.entry().is_some_and(|entry| entry.setup.is_ok()),
         "this rig follows the list of VAST's own program, which turns once per specimen. Measure a plate with one bead instead, and look at \
          diameter_um and closure.iou of its measurement"
     );

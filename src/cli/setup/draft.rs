@@ -1,16 +1,5 @@
 //! The text of a configuration: a shipped file, with its comments, in which values are replaced.
 
-/// The shipped configuration of a driver. `None` for a driver that cannot be set up here.
-pub fn shipped(driver: &str) -> Option<&'static str> {
-    Some(match driver {
-        "grbl" => include_str!("../../../config/vast-grbl.toml"),
-        "zaber" => include_str!("../../../config/vast-zaber.toml"),
-        "tmcl" => include_str!("../../../config/vast-tmcl.toml"),
-        "relay" => include_str!("../../../config/vast-relay.toml"),
-        _ => return None,
-    })
-}
-
 /// Lines of TOML in tables.
 pub struct Draft(Vec<String>);
 

@@ -2,20 +2,11 @@
 
 use super::bench::Listed;
 use super::state::State;
+use crate::cli::simulate::controller::{Make, emulated, relay};
 use anyhow::Context;
 use hardware_sim::scene::{Camera, Contents, Placement, Scene, SceneSettings, Specimen};
-use hardware_sim::{Controller, Rig, RigSettings, ShaftSettings, relay, tmcl, zaber};
+use hardware_sim::{Rig, RigSettings, ShaftSettings};
 use std::sync::Arc;
-
-/// The controller of the emulated rig.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-pub enum Make {
-    Grbl,
-    Tmcl,
-    Zaber,
-    /// A stock VAST behind a relay.
-    Relay,
-}
 
 /// Diameter of the bead, um.
 const BEAD_UM: f64 = 500.0;
@@ -30,8 +21,7 @@ const ROLL_RAD: f64 = 0.006;
 pub struct EmulatedRig {
     rig: Rig,
     scene: Arc<Scene>,
-    make: Make,
-    steps: u32,
+    steps: f64,
 }
 
 impl EmulatedRig {
@@ -44,20 +34,20 @@ impl EmulatedRig {
         let k = 1.0 / UM_PER_PX;
         let camera = Camera { kx_px_per_um: k, ky_px_per_um: k, uy_px: AXIS_ROW_PX, gamma_rad: ROLL_RAD, ..Camera::default() };
         let scene = Arc::new(Scene::new(SceneSettings { camera, ..SceneSettings::default() }));
-        let (controller, steps) = match make {
-            Make::Grbl | Make::Relay => (Controller::default(), 500),
-            Make::Tmcl => (Controller::Tmcl(tmcl::Settings::default()), 6400),
-            Make::Zaber => (Controller::Zaber(zaber::Settings::default()), 6400),
-        };
+        let config = make.shipped()?;
+        if let Some(Err(why)) = config.rotation.entry().map(|entry| entry.setup.as_ref()) {
+            anyhow::bail!("this controller cannot be set up: {why}");
+        }
+        let [steps, turns] = config.steps_per_revolution.into();
         let settings = RigSettings {
-            shaft: ShaftSettings { steps_per_revolution: (steps, 1), ..ShaftSettings::default() },
+            shaft: ShaftSettings { steps_per_revolution: (steps, turns), ..ShaftSettings::default() },
             time_scale,
-            controller,
-            relay: (make == Make::Relay).then(relay::Settings::default),
+            controller: emulated(&config)?,
+            relay: relay(&config.rotation),
             ..RigSettings::default()
         };
         let rig = Rig::start(settings, scene.clone()).context("the emulated rig did not start")?;
-        Ok(Self { rig, scene, make, steps })
+        Ok(Self { rig, scene, steps: f64::from(steps) / f64::from(turns) })
     }
 
     /// What the person has to know, as it would be read from labels and certificates.
@@ -71,10 +61,8 @@ impl EmulatedRig {
 
     /// The port of its controller.
     pub fn port(&self) -> Listed {
-        let name = match (self.make, self.rig.relay_address()) {
-            (Make::Relay, Some(address)) => address.to_string(),
-            _ => self.rig.serial_path().to_string_lossy().into_owned(),
-        };
+        let serial = || self.rig.serial_path().to_string_lossy().into_owned();
+        let name = self.rig.relay_address().map_or_else(serial, |address| address.to_string());
         Listed { label: format!("{name} (emulated)"), name }
     }
 

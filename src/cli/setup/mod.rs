@@ -30,6 +30,8 @@ mod tests;
 mod wording;
 
 use super::signals::{INTERRUPTED, Signals};
+#[cfg(feature = "simulate")]
+use crate::cli::simulate::controller::Make;
 use anyhow::Context;
 use carved_store::durable;
 use dialogue::Person;
@@ -82,8 +84,8 @@ struct Emulation {
     #[arg(long)]
     simulate: bool,
     /// The controller of the emulated rig
-    #[arg(long, value_enum, default_value_t = emulated::Make::Grbl, requires = "simulate")]
-    controller: emulated::Make,
+    #[arg(long, value_enum, default_value_t = Make::Grbl, requires = "simulate")]
+    controller: Make,
     /// Speed-up of the emulated rig over real time
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, requires = "simulate")]
     time_scale: f64,

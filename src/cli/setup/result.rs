@@ -1,10 +1,11 @@
 //! What a set-up ends with: the configuration, and the summary for the person.
 
-use super::draft::{Draft, shipped};
+use super::draft::Draft;
 use super::judgement::out_of_focus;
 use super::question::steps;
 use super::state::State;
 use super::wording::NO_LIGHT;
+use carved_devices::rotation::entry;
 use std::f64::consts::PI;
 
 /// Time that a light gets to become steady, ms: a LED and its driver need less than a tenth of this.
@@ -13,7 +14,7 @@ const LIGHT_SETTLE_MS: u32 = 100;
 /// The configuration, as far as it is known.
 pub fn configuration(s: &State) -> String {
     let driver = s.controller.as_ref().map_or("grbl", |c| c.driver.as_str());
-    let mut draft = Draft::of(shipped(driver).unwrap_or_default());
+    let mut draft = Draft::of(entry(driver).map_or("", |entry| entry.example.text));
     let mut set = |table: &str, key: &str, value: Option<String>| {
         if let Some(value) = value {
             draft.set(table, key, &value);

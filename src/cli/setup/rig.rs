@@ -4,10 +4,10 @@ use super::bench::{Action, Bead, Bench, Controller, Empty, FoundExposure, Listed
 use super::period::orbit;
 use super::question::ratio_f64;
 use crate::cli::camera::{average, exposure, light as camera_light};
-use crate::cli::doctor::{self, advice};
+use crate::cli::doctor;
 use crate::cli::serve::{self, NO_DEVICES};
-use crate::cli::told;
-use crate::config::{CameraDriver, Config, RotationDriver};
+use crate::cli::with_causes;
+use crate::config::{CameraDriver, Config};
 use crate::session::live;
 use anyhow::{Context, bail, ensure};
 use carved_core::frame::RawFrame;
@@ -17,7 +17,7 @@ use carved_core::units::StepsPerRevolution;
 use carved_devices::acquisition::{Next, RevolutionPlan, revolve};
 use carved_devices::cancel::CancelToken;
 use carved_devices::outputs::{views_off, views_on};
-use carved_devices::rotation::{Answer, Port, identify, serial_ports};
+use carved_devices::rotation::{Port, entry, identify, protocols, serial_ports};
 use carved_devices::{Rig, RotationAxis, StopHandle, camera};
 use carved_records::{LedgerEntry, Method, ViewOrder};
 use carved_store::{durable, frames};
@@ -134,10 +134,8 @@ impl RealBench {
                 camera.frame_timeout_ms = RENDERED_MS;
             }
             config.acquisition.grab_deadline_ms = 3 * RENDERED_MS;
-            // Both motors start one after the other. At this speed-up the same delay gives a larger skew.
-            if let RotationDriver::Tmcl(axis) = &mut config.rotation {
-                axis.max_skew_steps = (f64::from(axis.max_skew_steps) * rig.time_scale.max(1.0)).ceil() as u32;
-            }
+            #[cfg(feature = "simulate")]
+            crate::cli::simulate::controller::hasten(&mut config.rotation, rig.time_scale);
         }
         Ok(config)
     }
@@ -190,7 +188,7 @@ impl RealBench {
             Ok(found) => Ok(FoundExposure { exposure_us: found.exposure_us, top: found.top, follows: true }),
             Err(error) => {
                 let top = exposure::top(first);
-                ensure!(USABLE_TOP.contains(&top), "{}", told(&error));
+                ensure!(USABLE_TOP.contains(&top), "{}", with_causes(&error));
                 Ok(FoundExposure { exposure_us: settings.exposure_us, top, follows: false })
             }
         }
@@ -326,11 +324,11 @@ impl RealBench {
 
 impl Bench for RealBench {
     fn perform(&mut self, request: &Request) -> Result<Outcome, String> {
-        self.outcome(request).map_err(|error| told(&error))
+        self.outcome(request).map_err(|error| with_causes(&error))
     }
 
     fn check(&self, draft: &str) -> Result<Vec<String>, String> {
-        Config::parse(draft, &self.file).map(|config| config.doubts).map_err(|error| told(&error.into()))
+        Config::parse(draft, &self.file).map(|config| config.doubts).map_err(|error| with_causes(&error.into()))
     }
 
     fn exists(&self) -> bool {
@@ -420,27 +418,21 @@ fn controller(named: &str) -> anyhow::Result<Controller> {
     ensure!(holders.is_empty(), "{named} is held by {}: end that program, then choose the port again", holders.join(", "));
     let answer = identify(&Port::Path(named.into()), BAUD)?.with_context(|| {
         format!(
-            "Nobody answers at {named} with {BAUD} baud: no Grbl, grblHAL, Zaber or TMCL. Check the port and the controller's power. For another \
-             rate, and to see all ports, use carved doctor --baud"
+            "Nobody answers at {named} with {BAUD} baud: no {}. Check the port and the controller's power. For another rate, and to see all \
+             ports, use carved doctor --baud",
+            protocols()
         )
     })?;
-    let mut keys = vec![("port".to_owned(), quoted(named))];
-    let plain = |driver: &str, name: String| (driver.to_owned(), name, None, None);
-    let (driver, name, homes, remark) = match &answer {
-        Answer::Grbl { is_driven: false, version, .. } => bail!("{named} is {version}: {}", advice::NOT_DRIVEN),
-        Answer::Grbl { is_hal, version, settings, .. } => {
-            keys.extend(advice::of_grbl(settings).into_iter().map(|line| (line.key.to_owned(), line.value)));
-            let homes = settings.get(&22).map(|on| *on as u32 & 1 == 1);
-            ("grbl".to_owned(), version.clone(), homes, advice::idle(*is_hal, settings))
-        }
-        Answer::Zaber { status } => plain("zaber", format!("Zaber, @{status}")),
-        Answer::Tmcl { module, version } => plain("tmcl", format!("Trinamic {module}, firmware {version}")),
-        Answer::VastBridge { .. } => bail!(
-            "{named} is the trigger bridge of a stock VAST, which only steps through VAST's own list. Set it up by docs/vast.md, or choose another \
-             port"
-        ),
-    };
-    Ok(Controller { driver, name, keys, homes, remark })
+    if let Some(refusal) = answer.refusal {
+        bail!("{named} is {}: {refusal}", answer.name);
+    }
+    if let Some(Err(why)) = entry(answer.driver).map(|entry| entry.setup.as_ref()) {
+        bail!("{named} is {}: {why}", answer.name);
+    }
+    let homes = answer.keys.iter().find(|key| key.name == "reference").map(|key| key.value == "\"home\"");
+    let port = ("port".to_owned(), quoted(named));
+    let keys = std::iter::once(port).chain(answer.keys.into_iter().map(|key| (key.name.to_owned(), key.value))).collect();
+    Ok(Controller { driver: answer.driver.to_owned(), name: answer.name, keys, homes, remark: answer.remark })
 }
 
 /// Reads a stored state. `None` if there is none.

@@ -297,7 +297,7 @@ pub fn run(args: &Args, listen: SocketAddr, stopper: &Stopper) -> anyhow::Result
     let done = talk(args, stopper, &mut page);
     let ended = match &done {
         Ok(summary) => Ended { is_done: true, text: summary.clone() },
-        Err(error) => Ended { is_done: false, text: crate::cli::told(error) },
+        Err(error) => Ended { is_done: false, text: crate::cli::with_causes(error) },
     };
     page.change(|view| {
         (view.question, view.doing, view.taken, view.ended) = (None, None, None, Some(ended));

@@ -2,6 +2,7 @@
 
 use super::bench::{Bead, Controller, Empty, FoundExposure, Listed, Turn, Written};
 use carved_core::calibration::rig::bead_extents;
+use carved_devices::rotation::{Setup, entry};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -68,8 +69,13 @@ impl State {
         self.answered(id)?.parse().ok()
     }
 
+    /// What the driver of the controller states for a set-up. `None` until the controller is known.
+    pub fn controller_setup(&self) -> Option<&'static Setup> {
+        entry(&self.controller.as_ref()?.driver)?.setup.as_ref().ok()
+    }
+
     pub fn can_home(&self) -> bool {
-        self.controller.as_ref().is_some_and(|c| ["grbl", "zaber", "tmcl"].contains(&c.driver.as_str()))
+        self.controller_setup().is_some_and(|setup| setup.can_home)
     }
 
     /// Deviation of a measured diameter from the stated one, %.

@@ -7,7 +7,7 @@ use super::period::Orbit;
 use super::question::Question;
 use super::state::State;
 use super::wording::question;
-use crate::cli::told;
+use crate::cli::with_causes;
 use crate::config::Config;
 use std::collections::{BTreeMap, VecDeque};
 use std::path::Path;
@@ -99,7 +99,7 @@ impl Bench for FakeBench {
     /// The real rules, without the picture of the empty capillary, which is not on a disk.
     fn check(&self, draft: &str) -> Result<Vec<String>, String> {
         let draft: String = draft.lines().filter(|line| !line.starts_with("empty_capillary")).map(|line| format!("{line}\n")).collect();
-        Config::parse(&draft, Path::new("rig.toml")).map(|config| config.doubts).map_err(|error| told(&error.into()))
+        Config::parse(&draft, Path::new("rig.toml")).map(|config| config.doubts).map_err(|error| with_causes(&error.into()))
     }
 
     fn exists(&self) -> bool {

@@ -44,7 +44,7 @@ fn words(s: &State, id: &str) -> (String, Kind, Option<String>) {
         "steps" => (
             "Motor steps of one turn of the capillary: motor steps x microsteps x gear, such as 500, 200 x 16 or 200 x 32 x 5/2.".into(),
             Kind::Steps,
-            some(if s.controller.as_ref().is_some_and(|c| ["zaber", "tmcl"].contains(&c.driver.as_str())) { "6400" } else { "500" }),
+            some(s.controller_setup().map_or("500", |setup| setup.usual_steps)),
         ),
         "reference" => (
             "Where step 0 is.".into(),
@@ -82,19 +82,8 @@ fn words(s: &State, id: &str) -> (String, Kind, Option<String>) {
 
 /// The outputs of the controller at which a light can be.
 fn light_pins(s: &State) -> Vec<Choice> {
-    let numbered = |pins: std::ops::RangeInclusive<u32>, label: &str| {
-        pins.map(|pin| Choice::new(pin.to_string(), format!("{label} {pin}"))).collect::<Vec<_>>()
-    };
     let mut options = vec![Choice::new(NO_LIGHT, "None: the light is always on, or something else switches it")];
-    options.extend(match s.controller.as_ref().map(|c| c.driver.as_str()) {
-        Some("tmcl") => numbered(0..=7, "OUT"),
-        Some("zaber") => numbered(1..=4, "Digital output"),
-        _ => vec![
-            Choice::new("flood_coolant", "Flood coolant, M8"),
-            Choice::new("mist_coolant", "Mist coolant, M7"),
-            Choice::new("spindle", "Spindle, M3"),
-        ],
-    });
+    options.extend(s.controller_setup().into_iter().flat_map(|setup| setup.lights).map(|(pin, label)| Choice::new(*pin, *label)));
     options
 }
 

@@ -1,10 +1,10 @@
 //! The controller that turns the emulated capillary, configured as in the shipped file of such an instrument.
 
-use crate::config::{Config, RotationDriver};
+use crate::config::Config;
 use anyhow::Context;
 use carved_core::units::Sense;
 use carved_devices::cancel::CancelToken;
-use carved_devices::rotation::{AxisLetter, Port, TranslationSettings};
+use carved_devices::rotation::{AxisLetter, Entry, Example, RotationDriver, TranslationSettings, entry};
 use carved_devices::sampler::{Expected, Loaded, Sampler};
 use carved_devices::{DeviceError, RotationAxis};
 use hardware_sim::{Controller, Rig, SlideSettings, bridge, grbl, relay, tmcl, zaber};
@@ -27,38 +27,55 @@ pub enum Make {
 }
 
 impl Make {
-    fn shipped(self) -> Option<(&'static str, &'static str)> {
-        match self {
-            // The built-in configuration has this controller already; the other has none.
-            Self::Grbl | Self::Folder => None,
-            Self::Tmcl => Some(("config/vast-tmcl.toml (built in)", include_str!("../../../config/vast-tmcl.toml"))),
-            Self::Zaber => Some(("config/vast-zaber.toml (built in)", include_str!("../../../config/vast-zaber.toml"))),
-            Self::VastBridge => Some(("config/vast-bridge.toml (built in)", include_str!("../../../config/vast-bridge.toml"))),
-            Self::Relay => Some(("config/vast-relay.toml (built in)", include_str!("../../../config/vast-relay.toml"))),
-        }
+    /// The driver. `None` where another program turns the capillary.
+    fn entry(self) -> Option<&'static Entry> {
+        entry(match self {
+            Self::Grbl => "grbl",
+            Self::Tmcl => "tmcl",
+            Self::Zaber => "zaber",
+            Self::VastBridge => "vast_bridge",
+            Self::Relay => "relay",
+            Self::Folder => return None,
+        })
     }
 
-    /// Replaces the configured controller and motor steps by these.
+    /// The shipped configuration of such an instrument.
+    ///
+    /// # Errors
+    /// There is none.
+    pub fn shipped(self) -> anyhow::Result<Config> {
+        let Example { file, text } = &self.entry().context("another program has the capillary")?.example;
+        Ok(Config::parse(text, &Path::new("config").join(file))?)
+    }
+
+    /// Replaces the configured controller and motor steps by its own.
     pub fn configure(self, config: &mut Config, time_scale: f64) -> anyhow::Result<()> {
-        let Some((name, text)) = self.shipped() else { return Ok(()) };
-        let shipped = Config::parse(text, Path::new(name))?;
+        // The built-in configuration has the controller Grbl already.
+        if matches!(self, Self::Grbl | Self::Folder) {
+            return Ok(());
+        }
+        let shipped = self.shipped()?;
         config.rotation = shipped.rotation;
         config.translation = shipped.translation;
         config.steps_per_revolution = shipped.steps_per_revolution;
         config.backlash_steps = shipped.backlash_steps;
         match &mut config.rotation {
-            // Both motors start one after the other. At this speed-up the same delay gives a larger skew.
-            RotationDriver::Tmcl(settings) => {
-                settings.max_skew_steps = (f64::from(settings.max_skew_steps) * time_scale.max(1.0)).ceil() as u32;
-            }
             RotationDriver::VastBridge(settings) => {
                 settings.list = config.store.data_dir.join("external.txt");
                 settings.speed_deg_per_s = bridge::Settings::reading(settings.list.clone()).speed_deg_per_s * time_scale;
             }
             RotationDriver::Relay(settings) => settings.speed_deg_per_s = relay::Settings::default().speed_deg_per_s * time_scale,
-            RotationDriver::Grbl(_) | RotationDriver::Zaber(_) | RotationDriver::Folder(_) => {}
+            rotation => hasten(rotation, time_scale),
         }
         Ok(())
+    }
+}
+
+/// Permits what a driver must permit at this speed-up: both motors of a pair start one after the other, and the same delay gives a larger
+/// skew.
+pub fn hasten(rotation: &mut RotationDriver, time_scale: f64) {
+    if let RotationDriver::Tmcl(settings) = rotation {
+        settings.max_skew_steps = (f64::from(settings.max_skew_steps) * time_scale.max(1.0)).ceil() as u32;
     }
 }
 
@@ -107,18 +124,12 @@ fn with_second_axis(mut settings: grbl::Settings) -> anyhow::Result<grbl::Settin
     Ok(settings)
 }
 
-/// Fills in the port of the emulated controller.
+/// Fills in the port or the address of the emulated controller.
 pub fn connect(rotation: &mut RotationDriver, rig: &Rig) -> anyhow::Result<()> {
-    let name = rig.serial_path().to_string_lossy().into_owned();
-    let port = Port::Path(name);
-    match rotation {
-        RotationDriver::Grbl(settings) => settings.port = port,
-        RotationDriver::Tmcl(settings) => settings.port = port,
-        RotationDriver::Zaber(settings) => settings.port = port,
-        RotationDriver::VastBridge(settings) => settings.port = port,
-        RotationDriver::Folder(_) => {}
-        RotationDriver::Relay(settings) => settings.address = rig.relay_address().context("the emulated rig has no relay")?.to_string(),
-    }
+    rotation.connect_to(match rotation {
+        RotationDriver::Relay(_) => rig.relay_address().context("the emulated rig has no relay")?.to_string(),
+        _ => rig.serial_path().to_string_lossy().into_owned(),
+    });
     Ok(())
 }
 

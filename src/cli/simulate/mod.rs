@@ -6,7 +6,7 @@
 //! ```
 
 mod cables;
-mod controller;
+pub mod controller;
 mod folder;
 mod holds;
 mod job;

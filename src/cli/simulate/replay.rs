@@ -2,12 +2,13 @@
 
 use super::{Before, Content, Job};
 use crate::cli::measure;
-use crate::config::{CameraDriver, Config, RotationDriver};
+use crate::config::{CameraDriver, Config};
 use anyhow::Context;
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::units::Steps;
 use carved_devices::acquisition::RevolutionPlan;
 use carved_devices::cancel::CancelToken;
+use carved_devices::rotation::RotationDriver;
 use carved_devices::sampler::{Expected, Loaded, Sampler};
 use carved_devices::{DeviceError, RotationAxis};
 use carved_records::RunPlan;

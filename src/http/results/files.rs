@@ -4,7 +4,7 @@ use super::{Attempt, read, unknown_specimen};
 use crate::http::conditional;
 use crate::http::problem::Problem;
 use crate::http::{App, AppState};
-use crate::session::live;
+use crate::session::numbers;
 use axum::extract::rejection::{PathRejection, QueryRejection};
 use axum::extract::{Path, Query, State};
 use axum::http::{HeaderMap, StatusCode, header};
@@ -163,7 +163,7 @@ pub(in crate::http) async fn coloured(State(app): State<AppState>, path: Named, 
     if answer.status() == StatusCode::NOT_MODIFIED {
         return Ok(answer);
     }
-    let glb = read(&app, move |_| live::coloured(&reader)).await?.ok_or_else(|| unknown_specimen(&run, &well))?;
+    let glb = read(&app, move |_| numbers::coloured(&reader)).await?.ok_or_else(|| unknown_specimen(&run, &well))?;
     let full = || ([(header::CONTENT_TYPE, "model/gltf-binary"), (header::CACHE_CONTROL, "no-cache")], glb).into_response();
     Ok(conditional::answer(&headers, &tag, full))
 }

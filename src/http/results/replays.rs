@@ -89,7 +89,7 @@ fn replayed(planned: &PlannedWell, found: Replayed) -> Option<ReplayedWell> {
         .inspect_err(|error| tracing::warn!(%error, well = planned.well, "the numbers of another method are not read"))
         .ok()?;
     let mut result = carved_records::WellStatus::pending(planned);
-    numbers::tell(&mut result, &file, method.asd);
+    numbers::end_well(&mut result, &file, method.asd);
     Some(ReplayedWell {
         name: method_name?,
         replayed: replayed?,

@@ -49,8 +49,8 @@ pub(super) fn try_the_store(d: &mut DriverState) {
         return;
     }
     let written = match &d.run {
-        Some(run) => d.outbox.promise_with(run.record(), EventData::StoreRegained),
-        None => d.outbox.promise(None, None, EventData::StoreRegained),
+        Some(run) => d.outbox.commit_with(run.record(), EventData::StoreRegained),
+        None => d.outbox.commit(None, None, EventData::StoreRegained),
     };
     if let Err(error) = written {
         tracing::warn!(%error, "the disk does not take writes yet");

@@ -53,7 +53,7 @@ pub(super) fn steer_ended(id: &str, towards: Towards, stored: Option<RunRecord>,
 ///
 /// # Errors
 /// States the rule for names.
-pub(super) fn is_named_well(id: &str) -> Result<(), Refusal> {
+pub(super) fn check_run_name(id: &str) -> Result<(), Refusal> {
     if is_plain_name(id) {
         return Ok(());
     }
@@ -70,7 +70,7 @@ pub(super) fn unknown_method(plan: &RunPlan) -> Refusal {
 ///
 /// # Errors
 /// Names the states that accept a run.
-pub(super) fn is_startable(has_run: bool, state: State) -> Result<(), Refusal> {
+pub(super) fn check_startable(has_run: bool, state: State) -> Result<(), Refusal> {
     if !has_run && STARTABLE.contains(&state) { Ok(()) } else { Err(Refusal::WrongState { state, accepted_in: STARTABLE.to_vec() }) }
 }
 
@@ -78,7 +78,7 @@ pub(super) fn is_startable(has_run: bool, state: State) -> Result<(), Refusal> {
 ///
 /// # Errors
 /// Names the plate that is expected.
-pub(super) fn is_of_this_plate(plan: &RunPlan, plate: &PlateHandover) -> Result<(), Refusal> {
+pub(super) fn check_plate(plan: &RunPlan, plate: &PlateHandover) -> Result<(), Refusal> {
     if let Some(open) = plate.open() {
         return Err(Refusal::HandoffOpen { barcode: open.barcode.clone() });
     }

@@ -8,9 +8,10 @@
 //! ```
 //! `finish` and `end_run` wait for the numbers of specimens that were released.
 
+use super::super::Instrument;
 use super::super::handle::Refusal;
 use super::super::state::Trigger;
-use super::super::worker::{self, Instrument, RunContext, RunEnd, RunError};
+use super::super::worker::{self, RunContext, RunEnd, RunError};
 use super::super::{State, gate};
 use super::driver_state::DriverState;
 use super::interrupt::{Course, Fate, interruptions, set_aside};
@@ -31,7 +32,7 @@ pub(super) fn shut_down(d: &mut DriverState, departure: Departure) {
     if d.run.is_some() {
         d.event(None, EventData::DaemonStopping(DaemonStopping { ends_run: departure == Departure::EndsRun }));
     }
-    d.go(Trigger::ShutDown);
+    d.transition(Trigger::ShutDown);
     if d.has_idle_run() {
         end_run(d);
     }
@@ -54,7 +55,7 @@ pub(super) fn start(d: &mut DriverState, id: &str, plan: RunPlan, method: Method
     });
     // Write what waits for the disk first.
     d.outbox.flush()?;
-    if let Err(refused) = d.outbox.promise_with(&record, accepted) {
+    if let Err(refused) = d.outbox.commit_with(&record, accepted) {
         // The run is not accepted. If the same request comes again, it must not be answered as known.
         if let Err(error) = d.outbox.store().forget_run(id) {
             tracing::error!(%error, "a run that was refused is still on disk");
@@ -66,7 +67,7 @@ pub(super) fn start(d: &mut DriverState, id: &str, plan: RunPlan, method: Method
     d.run = Some(RunInProgress::new(record));
     launch(d);
     d.calibration = calibration;
-    d.go_with(Trigger::Start, |s| {
+    d.transition_with(Trigger::Start, |s| {
         s.run = Some(status);
         s.specimen = None;
     });
@@ -114,13 +115,13 @@ pub(super) fn hold(d: &mut DriverState, state: State) -> Result<(), Refusal> {
     if d.is_held_by_operator() {
         return Ok(());
     }
-    d.promise(None, EventData::RunHoldRequested)?;
+    d.commit(None, EventData::RunHoldRequested)?;
     if matches!(state, State::Holding | State::Held) {
         d.publish(|_| ());
         return Ok(());
     }
     d.ask(Request::Hold);
-    d.go(Trigger::Hold);
+    d.transition(Trigger::Hold);
     if d.has_idle_run() {
         rest(d, false);
     }
@@ -128,9 +129,9 @@ pub(super) fn hold(d: &mut DriverState, state: State) -> Result<(), Refusal> {
 }
 
 pub(super) fn stop(d: &mut DriverState) -> Result<(), Refusal> {
-    d.promise(None, EventData::RunStopRequested)?;
+    d.commit(None, EventData::RunStopRequested)?;
     d.ask(Request::Stop);
-    d.go(Trigger::Stop);
+    d.transition(Trigger::Stop);
     if d.has_idle_run() {
         end_run(d);
     }
@@ -140,7 +141,7 @@ pub(super) fn stop(d: &mut DriverState) -> Result<(), Refusal> {
 /// Aborts the run even if the disk fails. The event is written as soon as possible.
 pub(super) fn abort(d: &mut DriverState) {
     d.ask(Request::Abort);
-    d.go(Trigger::Abort);
+    d.transition(Trigger::Abort);
     d.event(None, EventData::RunAbortRequested);
     if d.has_idle_run() {
         end_run(d);
@@ -149,15 +150,15 @@ pub(super) fn abort(d: &mut DriverState) {
 
 /// Continues a held run, once the causes of the hold are over.
 pub(super) fn unhold(d: &mut DriverState, by: ResumedBy) -> Result<(), Refusal> {
-    d.nothing_stands_in_the_way()?;
+    d.nothing_check_faults()?;
     let Some(run) = &mut d.run else { return Ok(()) };
     if d.devices.at_rest().is_none() {
         return Err(Refusal::Busy);
     }
-    d.outbox.promise_with(run.record(), EventData::RunResumed(RunResumed { by }))?;
+    d.outbox.commit_with(run.record(), EventData::RunResumed(RunResumed { by }))?;
     run.set_may_go_on(false);
     let status = run_status(run.record());
-    d.go_with(Trigger::Unhold, |s| s.run = Some(status));
+    d.transition_with(Trigger::Unhold, |s| s.run = Some(status));
     proceed(d);
     Ok(())
 }
@@ -169,8 +170,8 @@ pub(super) fn proceed(d: &mut DriverState) {
     let Some(run) = &d.run else { return };
     let must_leave_first = d.must_leave_first().is_some();
     if must_leave_first && d.loader.fills_capillary() {
-        d.go(Trigger::WaitForLoader);
-    } else if d.devices.at_rest().is_none() || d.nothing_stands_in_the_way().is_err() || d.waits_for_operator() {
+        d.transition(Trigger::WaitForLoader);
+    } else if d.devices.at_rest().is_none() || d.nothing_check_faults().is_err() || d.waits_for_operator() {
         // A device was lost, or a fault was found, while the run waited for the loader. Nothing moves before somebody continues the run,
         // or before the cause is over.
         rest(d, true);
@@ -288,14 +289,14 @@ pub(super) fn taken_for_good(d: &mut DriverState, run: Option<&str>, well: &str)
     let reason = "the specimen was removed, and this sampler cannot bring it again";
     let lacks_numbers = d.accepted().iter().any(|accepted| accepted.well == well);
     let Some(current) = d.run.as_mut().filter(|_| !lacks_numbers) else {
-        return Ok(d.outbox.promise(run, Some(well), EventData::WellUnloaded)?);
+        return Ok(d.outbox.commit(run, Some(well), EventData::WellUnloaded)?);
     };
     let before = current.record().clone();
     let views = views_stored(d.outbox.store(), &before.id, well);
     let is_given_up = current.give_up(well, reason, views);
     let (record, policy) = (current.record().clone(), before.method.policy.interrupted);
     // The record first: a start after a crash between the two must not take the next specimen for this one.
-    if let Err(refused) = d.outbox.promise_of_well(&record, well, EventData::WellUnloaded) {
+    if let Err(refused) = d.outbox.commit_of_well(&record, well, EventData::WellUnloaded) {
         if let Some(current) = &mut d.run {
             current.restore(before.clone());
         }
@@ -327,7 +328,7 @@ fn rest(d: &mut DriverState, by_fault: bool) {
         return end_run(d);
     }
     if state != State::Holding {
-        d.go(Trigger::Hold);
+        d.transition(Trigger::Hold);
     }
     let Some(run) = &mut d.run else { return };
     run.rests();
@@ -337,12 +338,12 @@ fn rest(d: &mut DriverState, by_fault: bool) {
     let by = if by_fault { HeldBy::Fault } else { HeldBy::Operator };
     d.save(record);
     let held = RunHeld { by, code: Some(cause.code), cause: Some(cause.words) };
-    d.event_shown(None, EventData::RunHeld(held), |d| d.go_with(Trigger::Rested, |s| s.run = Some(status)));
+    d.event_shown(None, EventData::RunHeld(held), |d| d.transition_with(Trigger::Rested, |s| s.run = Some(status)));
 }
 
 /// Completes a run after its last well, once the missing numbers are computed.
 fn finish(d: &mut DriverState) {
-    d.go(Trigger::WellsDone);
+    d.transition(Trigger::WellsDone);
     missing::recover(d);
     if !is_delayed(d, Continuation::Finish) {
         close(d);
@@ -371,13 +372,13 @@ fn close(d: &mut DriverState) {
     let Some(run) = &d.run else { return };
     let record = run.finished();
     d.close_folder(&record.id);
-    if let Err(error) = d.outbox.promise_with(&record, ended(&record)) {
-        d.keep(Err(error));
+    if let Err(error) = d.outbox.commit_with(&record, ended(&record)) {
+        d.handle_write_error(Err(error));
         return rest(d, true);
     }
     d.forget_run();
-    let change = d.over(&record);
-    d.go_with(Trigger::Recorded, change);
+    let change = d.end_of_run(&record);
+    d.transition_with(Trigger::Recorded, change);
 }
 
 /// Ends a run that was stopped or aborted, or that ends with the daemon.
@@ -389,10 +390,10 @@ pub(super) fn end_now(d: &mut DriverState) {
     d.save(record.clone());
     d.event(None, ended(&record));
     d.forget_run();
-    let change = d.over(&record);
+    let change = d.end_of_run(&record);
     match asked {
-        Request::Abort => d.go_with(Trigger::MotorsStopped, change),
-        Request::Stop | Request::ShutDown if !d.life.is_stopping() => d.go_with(Trigger::Joined, change),
+        Request::Abort => d.transition_with(Trigger::MotorsStopped, change),
+        Request::Stop | Request::ShutDown if !d.life.is_stopping() => d.transition_with(Trigger::Joined, change),
         // The daemon ends later, when all threads are joined.
         _ => d.publish(change),
     }
@@ -414,7 +415,7 @@ pub(super) fn recovered(d: &mut DriverState, made: Made) {
         }
         // As in a live run that cannot write its numbers: the run is held, and they are computed when it continues.
         Err(error) => {
-            d.keep(Err(error));
+            d.handle_write_error(Err(error));
             match missing::take_continuation(d) {
                 Some(Continuation::Finish) => rest(d, true),
                 Some(Continuation::End) => end_now(d),

@@ -7,11 +7,11 @@
 //! ```
 
 use super::super::Check;
+use super::super::Instrument;
 use super::super::halt::Halt;
 use super::super::handle::Refusal;
 use super::super::preflight::{self, DeviceReport};
 use super::super::search::{self, DevicesFound, Search};
-use super::super::worker::Instrument;
 use carved_devices::cancel::CancelToken;
 use carved_devices::views::ViewsError;
 use carved_devices::{DeviceError, Link};

@@ -88,7 +88,7 @@ impl DriverState {
 
     /// Writes the daemon's last event, and tries once more to write what is not on disk.
     pub fn final_report(&mut self) -> Result<(), StoreError> {
-        let stopped = self.promise(None, EventData::DaemonStopped);
+        let stopped = self.commit(None, EventData::DaemonStopped);
         if self.outbox.waiting() > 0 {
             tracing::error!(waiting = self.outbox.waiting(), "the daemon ends with events and records that the disk did not take");
         }
@@ -145,7 +145,7 @@ impl DriverState {
     pub fn abort_left_run(&mut self) {
         let is_left = self.life == Life::Stopping(Departure::LeavesRun);
         if let Some(run) = self.past_run.as_ref().filter(|run| is_left && run.outcome.is_none()) {
-            self.outbox.happened(Some(&run.id), None, EventData::RunAbortRequested);
+            self.outbox.record(Some(&run.id), None, EventData::RunAbortRequested);
             self.write();
         }
     }
@@ -161,8 +161,8 @@ impl DriverState {
         self.publish(|s| show_left(s, self.specimens(), views_planned));
     }
 
-    pub fn nothing_stands_in_the_way(&self) -> Result<(), Refusal> {
-        faults::stands_in_the_way(&self.state().faults, self.devices.lost())
+    pub fn nothing_check_faults(&self) -> Result<(), Refusal> {
+        faults::check_faults(&self.state().faults, self.devices.lost())
     }
 
     /// The wells of the current run of which only the numbers are missing.
@@ -189,12 +189,12 @@ impl DriverState {
     }
 
     /// Makes a transition of the state table. Every state on the way is published as a revision of its own.
-    pub fn go(&mut self, trigger: Trigger) {
-        self.go_with(trigger, |_| ());
+    pub fn transition(&mut self, trigger: Trigger) {
+        self.transition_with(trigger, |_| ());
     }
 
-    /// As `go`, with a change that is published in the same revision as the first state.
-    pub fn go_with(&mut self, trigger: Trigger, change: impl FnOnce(&mut Status)) {
+    /// As `transition`, with a change that is published in the same revision as the first state.
+    pub fn transition_with(&mut self, trigger: Trigger, change: impl FnOnce(&mut Status)) {
         let from = self.machine();
         let Some(path) = state::next(from, trigger) else {
             tracing::error!(?from, ?trigger, "no such transition");
@@ -254,14 +254,14 @@ impl DriverState {
     /// Shows an event before it is written: if the disk hangs, clients must still see a fault or a state.
     pub fn event_shown(&mut self, well: Option<&str>, data: EventData, show: impl FnOnce(&mut Self)) {
         let run = self.run.as_ref().map(|run| run.record().id.as_str());
-        self.outbox.happened(run, well, data);
+        self.outbox.record(run, well, data);
         show(self);
         self.write();
     }
 
     pub fn write(&mut self) {
         let written = self.outbox.flush();
-        self.keep(written);
+        self.handle_write_error(written);
     }
 
     /// Writes a run's record, after all earlier events.
@@ -271,14 +271,14 @@ impl DriverState {
     }
 
     /// Writes the event of a command. If the disk refuses it, the command has no effect.
-    pub fn promise(&mut self, well: Option<&str>, data: EventData) -> Result<(), StoreError> {
+    pub fn commit(&mut self, well: Option<&str>, data: EventData) -> Result<(), StoreError> {
         let run = self.run.as_ref().map(|run| run.record().id.as_str());
-        self.outbox.promise(run, well, data)
+        self.outbox.commit(run, well, data)
     }
 
     /// Handles a failed write: it holds the run. The motors stop first, then the fault is raised. What could not be written is shown all
     /// the same, and the plate is not removable.
-    pub fn keep(&mut self, written: Result<(), StoreError>) {
+    pub fn handle_write_error(&mut self, written: Result<(), StoreError>) {
         let Err(error) = written else { return };
         tracing::error!(%error, "not stored");
         self.publisher.log().tally().store_refused();
@@ -291,7 +291,7 @@ impl DriverState {
             self.raise(&error.into());
         }
         if works && HOLDABLE.contains(&self.machine()) {
-            self.go(Trigger::Hold);
+            self.transition(Trigger::Hold);
         }
     }
 
@@ -389,7 +389,7 @@ impl DriverState {
     }
 
     /// The end of a run and everything that follows from it, as one change of the status.
-    pub fn over(&mut self, record: &RunRecord) -> impl FnOnce(&mut Status) + use<> {
+    pub fn end_of_run(&mut self, record: &RunRecord) -> impl FnOnce(&mut Status) + use<> {
         self.calibration = gate::calibration(&self.config, self.mode);
         let (status, specimens, views_planned) = (run_status(record), self.specimens().clone(), record.method.asd);
         self.past_run = Some(record.clone());

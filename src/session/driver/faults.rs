@@ -8,7 +8,7 @@ use carved_records::{Device, FaultAcknowledged, HoldCause, OpenFaults, fault_tab
 ///
 /// # Errors
 /// Names the lost device, or else the oldest fault that needs an operator.
-pub(super) fn stands_in_the_way(faults: &OpenFaults, lost: Option<Device>) -> Result<(), Refusal> {
+pub(super) fn check_faults(faults: &OpenFaults, lost: Option<Device>) -> Result<(), Refusal> {
     if let Some(lost) = lost {
         return Err(Refusal::DeviceLost { why: lost.way_out().to_owned() });
     }
@@ -70,12 +70,12 @@ mod tests {
     #[test]
     fn a_lost_device_comes_before_a_fault_and_a_full_disk_is_named_as_the_disk() {
         let stop = open(&[&fault_table::EMERGENCY_STOP]);
-        assert!(matches!(stands_in_the_way(&stop, Some(Device::Camera)), Err(Refusal::DeviceLost { .. })));
-        assert!(matches!(stands_in_the_way(&stop, None), Err(Refusal::FaultStands { seq: 1, .. })));
+        assert!(matches!(check_faults(&stop, Some(Device::Camera)), Err(Refusal::DeviceLost { .. })));
+        assert!(matches!(check_faults(&stop, None), Err(Refusal::FaultStands { seq: 1, .. })));
         let full = open(&[&fault_table::DISK_FULL]);
         assert!(matches!(of_the_disk(&full), Some(Refusal::Store { full: true, .. })));
         assert!(matches!(of_the_disk(&open(&[&fault_table::STORE_FAILED])), Some(Refusal::Store { full: false, .. })));
-        assert_eq!((of_the_disk(&stop), stands_in_the_way(&OpenFaults::default(), None)), (None, Ok(())));
+        assert_eq!((of_the_disk(&stop), check_faults(&OpenFaults::default(), None)), (None, Ok(())));
     }
 
     #[test]

@@ -63,10 +63,10 @@ mod start;
 #[cfg(test)]
 mod tests;
 
+use super::Instrument;
 use super::handle::{Command, Publisher};
 use super::heartbeat::{self, Heartbeat};
 use super::state::Trigger;
-use super::worker::Instrument;
 use super::{Plate, State, Status, search};
 use crate::api::InstrumentIdentity;
 use crate::config::Config;
@@ -177,7 +177,7 @@ impl Driver {
             if d.life.is_stopping() && d.is_at_rest() {
                 let reported = d.final_report();
                 requests::take_last(&mut d, &mut mailbox, at_rest()).await;
-                d.go(Trigger::Joined);
+                d.transition(Trigger::Joined);
                 return Ok(reported?);
             }
             tokio::select! {

@@ -1,11 +1,11 @@
 //! The driver's state, and the queue of events and records that are not on disk yet.
 //!
 //! ```text
-//! happened, save ──► state ──► waiting ──► flush ──► journal, run.json ──► readers of the event log
+//! record, save ────► state ──► waiting ──► flush ──► journal, run.json ──► readers of the event log
 //!                                 ▲           │
 //!                                 └───────────┘ the disk refuses: a fault, and no run; tried again with the next write, with each
 //!                                               heartbeat, and once more before the daemon ends
-//! promise ──► flush ──► journal ──► state, event log; if the disk refuses, the command is refused and has no effect
+//! commit ───► flush ──► journal ──► state, event log; if the disk refuses, the command is refused and has no effect
 //! ```
 //! Nothing else changes the state. A start that reads the journal therefore gets the same state.
 
@@ -58,7 +58,7 @@ impl Outbox {
     }
 
     /// Applies an event that has happened, and queues it for the disk.
-    pub fn happened(&mut self, run: Option<&str>, well: Option<&str>, data: EventData) {
+    pub fn record(&mut self, run: Option<&str>, well: Option<&str>, data: EventData) {
         let body = carved_store::now(run, well, data);
         self.state.apply(&body);
         self.waiting.push_back(Unwritten::Event(Box::new(body)));
@@ -88,7 +88,7 @@ impl Outbox {
     ///
     /// # Errors
     /// The disk refused the write, and the event has no effect.
-    pub fn promise(&mut self, run: Option<&str>, well: Option<&str>, data: EventData) -> Result<(), StoreError> {
+    pub fn commit(&mut self, run: Option<&str>, well: Option<&str>, data: EventData) -> Result<(), StoreError> {
         self.flush()?;
         let event = self.journal.write(&carved_store::now(run, well, data))?;
         self.state.apply(&event.body);
@@ -96,23 +96,23 @@ impl Outbox {
         Ok(())
     }
 
-    /// As `promise`, for an event of a run. The run's record is written before the event.
+    /// As `commit`, for an event of a run. The run's record is written before the event.
     ///
     /// # Errors
     /// The disk refused the write, and the event has no effect.
-    pub fn promise_with(&mut self, record: &RunRecord, data: EventData) -> Result<(), StoreError> {
-        self.promise_of(record, None, data)
+    pub fn commit_with(&mut self, record: &RunRecord, data: EventData) -> Result<(), StoreError> {
+        self.commit_of(record, None, data)
     }
 
-    /// As `promise_with`, for an event of a well.
-    pub fn promise_of_well(&mut self, record: &RunRecord, well: &str, data: EventData) -> Result<(), StoreError> {
-        self.promise_of(record, Some(well), data)
+    /// As `commit_with`, for an event of a well.
+    pub fn commit_of_well(&mut self, record: &RunRecord, well: &str, data: EventData) -> Result<(), StoreError> {
+        self.commit_of(record, Some(well), data)
     }
 
-    fn promise_of(&mut self, record: &RunRecord, well: Option<&str>, data: EventData) -> Result<(), StoreError> {
+    fn commit_of(&mut self, record: &RunRecord, well: Option<&str>, data: EventData) -> Result<(), StoreError> {
         self.flush()?;
         self.store.save_run(record)?;
-        self.promise(Some(&record.id), well, data)
+        self.commit(Some(&record.id), well, data)
     }
 
     /// Syncs the journal again, to see how fast the disk is. An error is that of the next write.

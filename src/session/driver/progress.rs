@@ -26,7 +26,7 @@ fn specimen<'a>(s: &'a mut Status, well: &str) -> Option<&'a mut SpecimenStatus>
 pub(super) fn show_view(s: &mut Status, well: &str, view: &View) {
     let Some(specimen) = specimen(s, well) else { return };
     specimen.volume_wait = view.wait;
-    specimen.tell(view.estimate);
+    specimen.set_estimate(view.estimate);
     VolumeEstimate::take(&mut specimen.estimates, view.estimate);
     if let Some(hull_volume_um3) = view.hull_volume_um3 {
         specimen.view += 1;
@@ -40,7 +40,7 @@ pub(super) fn show_view(s: &mut Status, well: &str, view: &View) {
 /// Shows the numbers of a specimen, unless the status shows another specimen by now.
 pub(super) fn show_estimate(s: &mut Status, well: &str, estimate: LiveEstimate) {
     if let Some(specimen) = specimen(s, well) {
-        specimen.tell(estimate);
+        specimen.set_estimate(estimate);
     }
 }
 

@@ -48,13 +48,13 @@ impl StoredNumbers {
         let mut found = Self { result: WellStatus::pending(planned), numbers: None, times: WellTimes::default(), closed: false, reader };
         let asd = found.reader.recording().method.asd;
         if let Some(file) = found.reader.closed_numbers() {
-            numbers::tell(&mut found.result, &file, asd);
+            numbers::end_well(&mut found.result, &file, asd);
             return Ok(Self { closed: true, ..found });
         }
         let entries: Vec<&LedgerEntry> = found.reader.recording().ledger.counted().collect();
         match compute(&found.reader, &found.reader.recording().method, &entries, |_, _| Ok(())) {
             Ok(Computed { mesh, file, .. }) => {
-                numbers::tell(&mut found.result, &file, asd);
+                numbers::end_well(&mut found.result, &file, asd);
                 found.numbers = Some(Box::new((mesh, file)));
             }
             Err(error) => found.result.end(SpecimenOutcome::Failed, Some(&error.to_string())),
@@ -72,7 +72,7 @@ impl StoredNumbers {
         if !closed {
             let mut writer = RecordingWriter::resume(&reader);
             if let Some((mesh, file)) = made.as_deref() {
-                numbers::keep(&mut writer, mesh, file)?;
+                numbers::write(&mut writer, mesh, file)?;
             }
             worker::add_timings(&mut writer, &times)?;
             writer.close()?;

@@ -82,7 +82,7 @@ fn forget_pictures(d: &DriverState, well: &str) {
 
 fn ready(d: &mut DriverState) {
     if matches!(d.machine(), State::Starting | State::Unholding) {
-        d.go_with(Trigger::Ready, |s| {
+        d.transition_with(Trigger::Ready, |s| {
             s.hardware.camera.connected = true;
             s.hardware.rotation.connected = true;
         });
@@ -101,7 +101,7 @@ fn waits_for_loader(d: &mut DriverState, well: &str) {
     }
     d.event_shown(Some(well), EventData::WellAwaited, |d| {
         if d.machine() == State::Execute {
-            d.go(Trigger::WaitForLoader);
+            d.transition(Trigger::WaitForLoader);
         } else {
             d.publish(|_| ());
         }

@@ -18,7 +18,7 @@ use tokio::sync::{mpsc, oneshot};
 
 pub(super) fn acknowledge(d: &mut DriverState, seq: u64) -> Result<(), Refusal> {
     if let Some((known, ends)) = faults::acknowledge(&d.state().faults, seq)? {
-        d.promise(None, EventData::FaultAcknowledged(known))?;
+        d.commit(None, EventData::FaultAcknowledged(known))?;
         if ends {
             d.publish(|_| ());
         }
@@ -47,8 +47,8 @@ pub(super) fn emergency_pressed(d: &mut DriverState) {
         course::abort(d);
     } else if d.run.is_none() && state != State::Aborted {
         d.abort_left_run();
-        d.go(Trigger::Abort);
-        d.go(Trigger::MotorsStopped);
+        d.transition(Trigger::Abort);
+        d.transition(Trigger::MotorsStopped);
     }
 }
 
@@ -85,7 +85,7 @@ pub(super) fn command(d: &mut DriverState, command: Command) {
 }
 
 fn put_run(d: &mut DriverState, id: &str, plan: RunPlan) -> Result<Accepted, Refusal> {
-    commands::is_named_well(id)?;
+    commands::check_run_name(id)?;
     let store = d.outbox.store();
     if let Some(known) = store.run(id).map_err(Refusal::from)? {
         return if known.plan == plan { Ok(Accepted::Same) } else { Err(Refusal::OtherPlan { id: id.to_owned() }) };
@@ -95,12 +95,12 @@ fn put_run(d: &mut DriverState, id: &str, plan: RunPlan) -> Result<Accepted, Ref
     }
     plan.check(&d.config.methods).map_err(Refusal::InvalidPlan)?;
     gate::refuses(&d.config, d.mode, &plan).map_or(Ok(()), |mistake| Err(Refusal::InvalidPlan(vec![mistake])))?;
-    commands::is_startable(d.run.is_some(), d.machine())?;
-    d.nothing_stands_in_the_way()?;
+    commands::check_startable(d.run.is_some(), d.machine())?;
+    d.nothing_check_faults()?;
     if let Some(left) = d.loader.keeps_run_out(d.specimens()) {
         return Err(capillary_full(d.newest_run().map(|newest| newest.id.as_str()), left));
     }
-    commands::is_of_this_plate(&plan, &d.state().plate)?;
+    commands::check_plate(&plan, &d.state().plate)?;
     let method = d.config.methods.get(&plan.method).cloned().ok_or_else(|| commands::unknown_method(&plan))?;
     if d.devices.at_rest().is_none() {
         return Err(Refusal::Busy);
@@ -144,15 +144,15 @@ fn run_of_event<'a>(d: &DriverState, run: &'a str) -> Option<&'a str> {
 fn loaded(d: &mut DriverState, run: &str, well: &str) -> Result<(), Refusal> {
     let Report::News { in_place_of } = loader_message(d, run, well).loaded()? else { return Ok(()) };
     let loaded = WellLoaded { in_place_of: in_place_of.map(str::to_owned) };
-    d.outbox.promise(run_of_event(d, run), Some(well), EventData::WellLoaded(loaded))?;
+    d.outbox.commit(run_of_event(d, run), Some(well), EventData::WellLoaded(loaded))?;
     match (d.work(), d.machine()) {
         (Work::InProgress, State::Suspended) => {
             d.loader.say_loaded(well);
-            d.go(Trigger::Loaded);
+            d.transition(Trigger::Loaded);
         }
         // The run waited for the specimen before it to be taken out. The loader has exchanged both.
         (Work::Paused, State::Suspended) => {
-            d.go(Trigger::Loaded);
+            d.transition(Trigger::Loaded);
             course::proceed(d);
         }
         // In a held run it waits for the continuation, and is not brought again. In a run that ends it stays inside.
@@ -168,14 +168,14 @@ fn unloaded(d: &mut DriverState, run: &str, well: &str) -> Result<(), Refusal> {
     }
     let is_first = d.must_leave_first() == Some(well);
     if d.works() || d.loader.brings_again() {
-        d.outbox.promise(run_of_event(d, run), Some(well), EventData::WellUnloaded)?;
+        d.outbox.commit(run_of_event(d, run), Some(well), EventData::WellUnloaded)?;
     } else {
         course::taken_for_good(d, run_of_event(d, run).map(str::to_owned).as_deref(), well)?;
     }
     let at_rest = d.run.is_none();
     let change = |s: &mut Status| drop(s.specimen.take_if(|_| at_rest));
     if is_first && d.work() == Work::Paused && d.machine() == State::Suspended {
-        d.go_with(Trigger::Loaded, change);
+        d.transition_with(Trigger::Loaded, change);
         course::proceed(d);
     } else {
         d.publish(change);
@@ -196,7 +196,7 @@ fn surroundings(d: &DriverState) -> Surroundings<'_> {
 /// Announces that a plate will be moved. Returns what must happen first.
 pub(super) fn handoff(d: &mut DriverState, plate: Handoff) -> Result<HandoffNeeds, Refusal> {
     if surroundings(d).announce(&d.state().plate, &plate)? {
-        d.promise(None, EventData::PlateAnnounced(plate.clone()))?;
+        d.commit(None, EventData::PlateAnnounced(plate.clone()))?;
         d.publish(|_| ());
     }
     Ok(HandoffNeeds { intent: plate.intent, needs: surroundings(d).needs(), barcode: plate.barcode })
@@ -204,7 +204,7 @@ pub(super) fn handoff(d: &mut DriverState, plate: Handoff) -> Result<HandoffNeed
 
 pub(super) fn end_handoff(d: &mut DriverState, end: HandoffEnd) -> Result<(), Refusal> {
     let Some(data) = surroundings(d).end(&d.state().plate, end)? else { return Ok(()) };
-    d.promise(None, data)?;
+    d.commit(None, data)?;
     d.publish(|_| ());
     Ok(())
 }
@@ -212,7 +212,7 @@ pub(super) fn end_handoff(d: &mut DriverState, end: HandoffEnd) -> Result<(), Re
 /// Checks everything that a run of this plan needs. The check uses the instrument, so it is refused during a run.
 pub(super) fn preflight(d: &mut DriverState, plan: RunPlan, answer: oneshot::Sender<Result<Vec<api::Check>, Refusal>>) {
     let sound = plan.check(&d.config.methods).map_err(Refusal::InvalidPlan);
-    let accepted = sound.and_then(|()| commands::is_startable(d.run.is_some(), d.machine()));
+    let accepted = sound.and_then(|()| commands::check_startable(d.run.is_some(), d.machine()));
     if let Err(refusal) = accepted {
         return reply(answer, Err(refusal));
     }

@@ -51,7 +51,7 @@ fn open_runs(d: &mut DriverState) -> Option<RunRecord> {
     let open = match d.outbox.store().open_runs() {
         Ok(open) => open,
         Err(error) => {
-            d.keep(Err(error));
+            d.handle_write_error(Err(error));
             return None;
         }
     };
@@ -59,7 +59,7 @@ fn open_runs(d: &mut DriverState) -> Option<RunRecord> {
     for run in unaccepted {
         // A repeat of the request must not be answered as known.
         let forgotten = d.outbox.store().forget_run(&run.id);
-        d.keep(forgotten);
+        d.handle_write_error(forgotten);
     }
     let (newest, others) = start::newest_of(open, d.mode);
     for mut run in others {
@@ -68,7 +68,7 @@ fn open_runs(d: &mut DriverState) -> Option<RunRecord> {
         let id = run.id.clone();
         d.save(run);
         let interrupted = RunInterrupted { found: "at start".into(), loaded_by: None };
-        d.outbox.happened(Some(&id), None, EventData::RunInterrupted(interrupted));
+        d.outbox.record(Some(&id), None, EventData::RunInterrupted(interrupted));
         d.write();
     }
     newest
@@ -80,7 +80,7 @@ fn show_again(d: &mut DriverState, record: &RunRecord) {
     let run = start::run_after(&record.id, &events);
     let state = start::rests_in(record.outcome, run.end_request());
     d.outbox.recall(run);
-    let change = d.over(record);
+    let change = d.end_of_run(record);
     d.restore(state, change);
 }
 
@@ -100,7 +100,7 @@ fn take_up(d: &mut DriverState, record: RunRecord, run: RunState) {
         run.set_may_go_on(end_request.is_none() && resume::is_automatic(run, known));
     }
     let specimens = d.specimens().clone();
-    d.go_with(Trigger::TakeUp, |s: &mut Status| {
+    d.transition_with(Trigger::TakeUp, |s: &mut Status| {
         s.run = Some(status);
         show_left(s, &specimens, asd);
     });
@@ -112,7 +112,7 @@ fn take_up(d: &mut DriverState, record: RunRecord, run: RunState) {
     missing::recover(d);
     match end_request {
         Some(end) => {
-            d.go(if end == EndRequest::Abort { Trigger::Abort } else { Trigger::Stop });
+            d.transition(if end == EndRequest::Abort { Trigger::Abort } else { Trigger::Stop });
             course::end_run(d);
         }
         None => course::resume_by_itself(d),

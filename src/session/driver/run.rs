@@ -7,9 +7,10 @@
 //! ```
 //! The state of a run that follows from its events is in [`RunState`](carved_records::RunState).
 
+use super::super::Instrument;
 use super::super::gate;
 use super::super::halt::Halt;
-use super::super::worker::{self, Instrument, Progress, RunContext, RunEnd, RunError};
+use super::super::worker::{self, Progress, RunContext, RunEnd, RunError};
 use super::recovery::{Made, Numbers};
 use carved_devices::StopHandle;
 use carved_devices::cancel::CancelToken;

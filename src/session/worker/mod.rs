@@ -23,7 +23,7 @@ pub use retry::keeps_specimen;
 pub use science::CLOSING;
 pub use watch::Overrun;
 
-use super::{Live, OutputStatus, RotationStatus, TranslationStatus, placing};
+use super::{Instrument, Live, OutputStatus, RotationStatus, TranslationStatus, placing};
 use crate::api::VolumeWait;
 use crate::config::Config;
 use carved_core::pipeline::{Pipeline, PipelineError};
@@ -32,8 +32,8 @@ use carved_core::quality::TurnFinding;
 use carved_devices::acquisition::{AcquisitionError, RevolutionPlan};
 use carved_devices::cancel::CancelToken;
 use carved_devices::outputs;
-use carved_devices::sampler::{Expected, NextWell, Sampler, Upcoming};
-use carved_devices::{Camera, DeviceError, Position, Rig, StreamCounters};
+use carved_devices::sampler::{Expected, NextWell, Upcoming};
+use carved_devices::{DeviceError, Position, Rig, StreamCounters};
 use carved_records::{
     InstrumentIdentity, LedgerEntry, Light, LiveEstimate, Method, Mode, Phase, PicturesOfWells, PlannedWell, SamePictures, SpecimenKind,
     SpecimenOutcome, WellStatus, WellTimes, is_well,
@@ -45,14 +45,6 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use tokio::sync::mpsc::Sender;
-
-/// The devices and the sampler.
-pub struct Instrument {
-    pub rig: Rig,
-    /// A second camera. It is triggered for each view after the first camera.
-    pub second: Option<Box<dyn Camera>>,
-    pub sampler: Box<dyn Sampler>,
-}
 
 /// Progress messages of the worker. Only the driver changes status and journal.
 pub enum Progress {
@@ -237,7 +229,7 @@ impl Worker {
         if let Some(second) = &mut self.instrument.second {
             second.arm().map_err(RunError::Second)?;
         }
-        self.context.tell(Progress::Ready);
+        self.context.report(Progress::Ready);
         // A daemon that was killed may have left a light on.
         outputs::views_off(self.instrument.rig.rotation.as_mut());
         if let Some(well) = self.context.eject_first.clone() {
@@ -329,7 +321,7 @@ impl RunContext {
         self.pictures.lock().unwrap_or_else(PoisonError::into_inner).take(entry, well)
     }
 
-    fn tell(&self, progress: Progress) {
+    fn report(&self, progress: Progress) {
         // Without a driver nothing else can end this run.
         if self.progress.blocking_send(progress).is_err() {
             self.cancel.cancel();
@@ -337,7 +329,7 @@ impl RunContext {
     }
 
     fn phase(&self, well: &str, phase: Phase, in_capillary: bool) {
-        self.tell(Progress::Phase { well: well.to_owned(), phase, in_capillary });
+        self.report(Progress::Phase { well: well.to_owned(), phase, in_capillary });
     }
 
     /// Waits until the numbers of the last accepted specimen are on disk, up to the deadline of the phase.
@@ -356,7 +348,7 @@ impl RunContext {
             Position::Referenced { steps, .. } => (true, Some(steps)),
             Position::Unknown | Position::Suspect { .. } => (false, None),
         };
-        self.tell(Progress::Hardware {
+        self.report(Progress::Hardware {
             rotation: RotationStatus {
                 identity: Some(rig.rotation.identity().to_owned()),
                 connected: !rig.rotation.stop_handle().link().is_lost(),
@@ -397,7 +389,7 @@ impl RunContext {
         for planned in wells {
             let mut result = WellStatus::pending(planned);
             result.end(SpecimenOutcome::Skipped, Some(skip::NO_PICTURES));
-            self.tell(Progress::WellDone { result, seconds: 0.0, times: WellTimes::default() });
+            self.report(Progress::WellDone { result, seconds: 0.0, times: WellTimes::default() });
         }
     }
 

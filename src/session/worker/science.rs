@@ -152,7 +152,7 @@ impl Science {
                 let mut result = WellStatus::pending(&self.planned);
                 result.end(SpecimenOutcome::Failed, Some(&overrun.to_string()));
                 let seconds = began.elapsed().as_secs_f64();
-                self.context.tell(Progress::WellDone { result, seconds, times: WellTimes::default() });
+                self.context.report(Progress::WellDone { result, seconds, times: WellTimes::default() });
                 return Ok(());
             }
             if self.alive.recv_timeout(closing) == Err(RecvTimeoutError::Timeout) {

@@ -12,12 +12,12 @@ use super::clock::{StageClock, TIMINGS, Timings};
 use super::estimator::LiveEstimator;
 use super::optics::Blind;
 use super::{OpticsFault, Progress, RunContext, RunError, optics_fault};
-use crate::config::RotationDriver;
 use crate::session::{live, numbers};
 use carved_core::frame::RawFrame;
 use carved_core::pipeline::{Pipeline, PipelineError, SpecimenRecord, TurnVerdict};
 use carved_core::reconstruction::is_seen_around;
 use carved_core::surface::Mesh;
+use carved_devices::rotation::RotationDriver;
 use carved_records::{LedgerEntry, Light, Phase, PlannedWell, SpecimenOutcome, WellStatus, WellTimes};
 use carved_store::{self, MeasurementFile, RecordingWriter};
 use std::sync::Arc;
@@ -243,7 +243,7 @@ impl Specimen {
         let (well, estimate) = (self.planned.well.clone(), estimator.known());
         let wait = estimator.wait(is_seen_around(writer.recording().ledger.carved().map(|entry| entry.omega)));
         let live = stages.live.time(|| live::of_view(&seen, &pipeline.live_mesh()));
-        self.context.tell(Progress::View { well, index, closure, achieved_steps, hull_volume_um3, estimate, wait, light, live });
+        self.context.report(Progress::View { well, index, closure, achieved_steps, hull_volume_um3, estimate, wait, light, live });
         Ok(Ok(waiting))
     }
 
@@ -272,7 +272,7 @@ impl Specimen {
             Ok((mesh, record)) => {
                 let blur_px = record.blur_px();
                 written(&context, &mut writer, &mesh, record, &seconds, &mut result).map(|glb| {
-                    context.tell(Progress::Measured { well: planned.well, glb, end: estimator.end(&result), blur_px });
+                    context.report(Progress::Measured { well: planned.well, glb, end: estimator.end(&result), blur_px });
                 })
             }
             Err(e) => {
@@ -293,7 +293,7 @@ impl Specimen {
         timed?;
         closed?;
         if decision.is_to_write() {
-            context.tell(Progress::WellDone { result, seconds, times });
+            context.report(Progress::WellDone { result, seconds, times });
         }
         Ok(Ended::Told)
     }
@@ -313,7 +313,7 @@ fn written(
         carved_store::fluorescence(mesh, &record.measurement, &s.optics, seconds.iter().map(|(entry, frame)| (entry, frame)))
     });
     let file = MeasurementFile { fluorescence, ..MeasurementFile::new(writer.recording(), &context.config.references, record) };
-    let glb = numbers::keep(writer, mesh, &file)?;
-    numbers::tell(result, &file, context.method.asd);
+    let glb = numbers::write(writer, mesh, &file)?;
+    numbers::end_well(result, &file, context.method.asd);
     Ok(glb)
 }

@@ -27,7 +27,7 @@ use std::time::Instant;
 /// Maximum number of moves that bring a specimen into view. After them it is measured as it lies.
 const PLACINGS: u32 = 2;
 /// Reasons to skip a well that leave the capillary without a specimen.
-const NOBODY: [&str; 3] = ["empty", "bubble", "debris"];
+const WITHOUT_SPECIMEN: [&str; 3] = ["empty", "bubble", "debris"];
 
 /// The verdict on a well from its detection frame.
 enum Judged {
@@ -77,20 +77,20 @@ impl Worker {
             }
         };
         let mut result = WellStatus::pending(planned);
-        let somebody = match &end {
+        let has_specimen = match &end {
             WellEnd::Skipped(reason) => {
                 result.end(SpecimenOutcome::Skipped, Some(reason));
-                !NOBODY.contains(reason)
+                !WITHOUT_SPECIMEN.contains(reason)
             }
             WellEnd::Failed(reason) => {
                 result.end(SpecimenOutcome::Failed, Some(reason));
                 true
             }
         };
-        let out = self.take_out(planned, somebody, &mut times);
+        let out = self.take_out(planned, has_specimen, &mut times);
         self.context.hardware(&mut self.instrument);
         // The result is valid even if the specimen could not be taken out. The well is not begun again.
-        self.context.tell(Progress::WellDone { result, seconds: began.elapsed().as_secs_f64(), times });
+        self.context.report(Progress::WellDone { result, seconds: began.elapsed().as_secs_f64(), times });
         out.map(ControlFlow::Continue)
     }
 
@@ -111,7 +111,7 @@ impl Worker {
                 axis.announce(stops)?;
             }
             if sampler.waits_for_loader() {
-                context.tell(Progress::WaitingForLoader { well: well.to_owned() });
+                context.report(Progress::WaitingForLoader { well: well.to_owned() });
             }
             let there = if is_inside { sampler.go_on(axis, expected, cancel) } else { sampler.load(axis, expected, cancel) };
             there.map_err(RunError::from)
@@ -137,7 +137,7 @@ impl Worker {
                 done => return done,
             };
             tracing::warn!(well = %planned.well, attempt = times.attempts, why, "the specimen is tried again");
-            self.context.tell(Progress::TriedAgain { well: planned.well.clone(), attempt: times.attempts, why });
+            self.context.report(Progress::TriedAgain { well: planned.well.clone(), attempt: times.attempts, why });
         }
     }
 
@@ -250,7 +250,7 @@ impl Worker {
         };
         let found = seen.profile.as_ref().ok().map(|p| p.detection);
         let live = Live { frame_jpg: live::jpeg(&seen.picture), ..Live::default() };
-        self.context.tell(Progress::Detected { well: planned.well.clone(), found, live });
+        self.context.report(Progress::Detected { well: planned.well.clone(), found, live });
         if let Some(fault) = OpticsFault::of_judged(&Light::of(&frame), &seen, pipeline, &self.context.method, self.context.config.bore_um)
         {
             return Err(optics_fault(planned, fault));
@@ -302,13 +302,13 @@ impl Worker {
     }
 
     /// Empties and washes the capillary, as far as the sampler does so.
-    fn take_out(&mut self, planned: &PlannedWell, somebody: bool, times: &mut WellTimes) -> Result<(), RunError> {
+    fn take_out(&mut self, planned: &PlannedWell, has_specimen: bool, times: &mut WellTimes) -> Result<(), RunError> {
         let well = planned.well.as_str();
         if let Err(error) = self.instrument.rig.rotation.let_go(&self.context.cancel) {
             // The specimen is measured. The next reference shows whether the axis still works.
             tracing::warn!(%error, well, "the rotation axis did not let the specimen go");
         }
-        self.eject(well, somebody, times)
+        self.eject(well, has_specimen, times)
     }
 
     /// Ejects a specimen whose well was interrupted, if a sampler is driven.
@@ -317,10 +317,10 @@ impl Worker {
     }
 
     /// Ejects the specimen, then washes if a sampler is driven. A loader does both by itself.
-    pub fn eject(&mut self, well: &str, somebody: bool, times: &mut WellTimes) -> Result<(), RunError> {
+    pub fn eject(&mut self, well: &str, has_specimen: bool, times: &mut WellTimes) -> Result<(), RunError> {
         let Self { context, instrument: Instrument { rig, sampler, .. } } = self;
         let stop = rig.rotation.stop_handle();
-        context.phase(well, Phase::Eject, somebody);
+        context.phase(well, Phase::Eject, has_specimen);
         let began = Instant::now();
         let ended = within(Phase::Eject, context.allowed(Phase::Eject), &context.cancel, &stop, |cancel| {
             sampler.eject(rig.rotation.as_mut(), well, cancel).map_err(RunError::from)

@@ -23,6 +23,14 @@ fn corpus(name: &str) -> Vec<(PathBuf, Vec<u8>)> {
     files
 }
 
+/// What a controller sends comes from outside.
+#[test]
+fn every_driver_of_a_controller_has_its_parser_here() {
+    for entry in carved_devices::rotation::DRIVERS {
+        assert!(TARGETS.iter().any(|(name, _)| *name == entry.name), "{} is not in targets.rs", entry.name);
+    }
+}
+
 #[test]
 fn no_parser_panics_on_its_corpus_or_on_mutations_of_it() {
     let mut panics = Vec::new();

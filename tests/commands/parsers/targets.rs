@@ -30,7 +30,7 @@ pub const TARGETS: &[Target] = &[
     ("grbl", |bytes| drop(black_box(controllers::grbl(bytes)))),
     ("tmcl", |bytes| drop(black_box(controllers::tmcl(bytes)))),
     ("zaber", |bytes| drop(black_box(controllers::zaber(bytes)))),
-    ("bridge", |bytes| drop(black_box(controllers::bridge(bytes)))),
+    ("vast_bridge", |bytes| drop(black_box(controllers::bridge(bytes)))),
     ("relay", |bytes| drop(black_box(controllers::relay(bytes)))),
     ("camera_control", |bytes| {
         black_box(answer_of_camera(bytes));

@@ -6,8 +6,10 @@
 //! (backlash)   ├─ VastBridge ─┼─ Link (bytes, lines, deadlines, the latched stop) ── Transport (tty, TCP)
 //!              └─ Relay ──────┘
 //! ```
+//! `driver` is the registry of the makes. Each make is a folder with its settings, its driver and its entry in the registry.
 
 mod bridge;
+mod driver;
 mod grbl;
 mod identify;
 mod knowledge;
@@ -26,8 +28,9 @@ mod transport;
 mod zaber;
 
 pub use bridge::{VastBridge, VastBridgeSettings};
+pub use driver::{DRIVERS, Entry, Example, RotationDriver, Setup, entry};
 pub use grbl::{AxisLetter, Dialect, Grbl, GrblPin, GrblSettings, TranslationSettings};
-pub use identify::{Answer, identify};
+pub use identify::{Answer, identify, protocols};
 pub use one_sided::{OneSided, one_sided};
 pub use port::{Port, UsbAdapter, list as serial_ports};
 pub use reference::Reference;

@@ -152,7 +152,7 @@ impl Reader {
             };
             match (mark, marker) {
                 (0xff, 0xff) => at += 1,
-                (0xff, END) => return self.is_final(),
+                (0xff, END) => return self.check_final(),
                 (0xff, 0x01 | 0xd0..=0xd8) => at += 2,
                 (0xff, 0x02..) => {
                     let length = bytes.get(at + 2..at + 4).map_or(0, |l| usize::from(u16::from_be_bytes([l[0], l[1]])));
@@ -198,7 +198,7 @@ impl Reader {
         Ok(())
     }
 
-    fn is_final(&self) -> Result<(), DecodeError> {
+    fn check_final(&self) -> Result<(), DecodeError> {
         let frame = self.frame.as_ref().ok_or_else(|| incomplete("it ends before its picture"))?;
         let is_whole = frame.components.iter().all(|component| component.lowest.iter().all(|low| *low == Some(0)));
         if is_whole { Ok(()) } else { Err(incomplete("its last scans are missing")) }

@@ -122,13 +122,13 @@ pub(super) fn of(bytes: &[u8], formats: Formats) -> Result<Vec<Page>, DecodeErro
         pages.retain(|page| !page.is_reduced);
     }
     if let Some((Some(text), samples)) = said {
-        is_as_said(&text, samples, pages.len())?;
+        check_description(&text, samples, pages.len())?;
     }
     Ok(pages)
 }
 
 /// Fiji and OME say in the first page what the pages are. Fiji stores a large stack as one page and the rest behind it.
-fn is_as_said(text: &str, samples: u32, pages: usize) -> Result<(), DecodeError> {
+fn check_description(text: &str, samples: u32, pages: usize) -> Result<(), DecodeError> {
     let number = |begin: &str| -> Option<usize> {
         let rest = &text[text.find(begin)? + begin.len()..];
         rest[..rest.find(|c: char| !c.is_ascii_digit()).unwrap_or(rest.len())].parse().ok()

@@ -11,7 +11,7 @@
 use super::plan::Plan;
 use super::sort::{Labelled, Plate, WellPictures, first_of};
 use crate::cli::import::frames;
-use crate::cli::told;
+use crate::cli::with_causes;
 use carved_records::{PlannedWell, SpecimenKind};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -51,12 +51,14 @@ fn well(planned: &PlannedWell, pictures: Option<&WellPictures>, plan: &Plan) -> 
     let ordered = pictures.in_order(&plan.views);
     let turn = ordered.as_ref().map(|views| plan.turn(&views.iter().map(|(view, _)| *view).collect::<Vec<_>>()));
     match turn {
-        Err(error) => said.push(format!("will fail: {}", told(error))),
-        Ok(Err(error)) => said.push(format!("will fail: {}", told(&error))),
+        Err(error) => said.push(format!("will fail: {}", with_causes(error))),
+        Ok(Err(error)) => said.push(format!("will fail: {}", with_causes(&error))),
         Ok(Ok(_)) => {}
     }
-    let unread: Vec<String> =
-        paths.iter().filter_map(|path| frames::size(path).err().map(|e| format!("{}: {}", frames::file_name(path), told(&e)))).collect();
+    let unread: Vec<String> = paths
+        .iter()
+        .filter_map(|path| frames::size(path).err().map(|e| format!("{}: {}", frames::file_name(path), with_causes(&e))))
+        .collect();
     if !unread.is_empty() {
         said.push(format!("will fail: {}", first_of(&unread)));
     }

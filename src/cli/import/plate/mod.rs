@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!  FRAMES ── tree ── names ── sort ── wells, views ──┐
-//!  --angles, --even, --cameras ── angle per view ────┼─ --dry-run: told
+//!  --angles, --even, --cameras ── angle per view ────┼─ --dry-run: printed
 //!  --plate-map ── plan ──────────────────────────────┴─ per well: look, write, measure ── run.json ── in place, indexed
 //! ```
 //! A well whose pictures cannot be used or measured is `failed` in the run with the reason; the others go on. The run is made beside its
@@ -208,7 +208,7 @@ fn one_run(args: &super::Args, barcode: &str, id: &str, fish: Option<u32>) -> an
     part.put(&out)?;
     followed(&out, id);
     let count = |outcome| record.wells.iter().filter(|w| w.outcome == Some(outcome)).count();
-    let told = json!({
+    let report = json!({
         "run": out,
         "outcome": outcome,
         "wells": record.wells.len(),
@@ -216,7 +216,7 @@ fn one_run(args: &super::Args, barcode: &str, id: &str, fish: Option<u32>) -> an
         "failed": count(SpecimenOutcome::Failed),
         "skipped": count(SpecimenOutcome::Skipped),
     });
-    say!("{told}");
+    say!("{report}");
     Ok(code_of(outcome))
 }
 

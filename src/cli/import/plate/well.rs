@@ -6,7 +6,7 @@ use crate::cli::import::frames::Source;
 use crate::cli::import::rig::Sources;
 use crate::cli::import::write::{self, Failure};
 use crate::cli::import::{Args, Imported, frames, recording};
-use crate::cli::told;
+use crate::cli::with_causes;
 use crate::session::numbers;
 use anyhow::Context;
 use carved_core::frame::RawFrame;
@@ -104,7 +104,7 @@ impl Well<'_> {
                 if self.folder.is_dir() {
                     std::fs::remove_dir_all(&self.folder).with_context(|| format!("{}: cannot be removed", self.folder.display()))?;
                 }
-                let why = told(&error);
+                let why = with_causes(&error);
                 note!("carved: {}: {why}", self.planned.well);
                 status.end(SpecimenOutcome::Failed, Some(&why));
                 return Ok(status);
@@ -128,8 +128,8 @@ impl Well<'_> {
         }
         match numbers {
             Ok(Computed { mesh, file, .. }) => {
-                numbers::keep(&mut writer, &mesh, &file)?;
-                numbers::tell(&mut status, &file, self.plan.method.asd);
+                numbers::write(&mut writer, &mesh, &file)?;
+                numbers::end_well(&mut status, &file, self.plan.method.asd);
             }
             Err(NumbersError::Store(error)) => return Err(error.into()),
             Err(error) => {

@@ -168,7 +168,7 @@ pub fn started_with(root: &Path, instrument: Instrument, wells: &[&str]) -> Benc
 
 fn at_it(mut b: Bench, wells: &[&str]) -> Bench {
     b.put_run(&plan(wells)).unwrap();
-    b.tell(Progress::Ready);
+    b.report(Progress::Ready);
     b
 }
 
@@ -200,14 +200,14 @@ impl Bench {
     }
 
     /// Sends progress as the worker does. Returns `false` if the run is cancelled.
-    pub fn tell(&mut self, progress: Progress) -> bool {
+    pub fn report(&mut self, progress: Progress) -> bool {
         reports::progress(&mut self.d, progress);
         self.d.run.as_mut().and_then(|run| run.work_mut().as_ref()).is_some_and(|work| !work.is_cancelled())
     }
 
     pub fn phase(&mut self, well: &str, phase: Phase, in_capillary: bool) -> bool {
         self.inside = in_capillary.then(|| well.to_owned());
-        self.tell(Progress::Phase { well: well.into(), phase, in_capillary })
+        self.report(Progress::Phase { well: well.into(), phase, in_capillary })
     }
 
     /// Reports that the numbers of a well are on disk.
@@ -215,7 +215,7 @@ impl Bench {
         let record = self.d.run.as_ref().unwrap().record();
         let mut result = record.wells.iter().find(|w| w.well == well).unwrap().clone();
         result.end(SpecimenOutcome::Succeeded, None);
-        self.tell(Progress::WellDone { result, seconds: 1.0, times: WellTimes::default() })
+        self.report(Progress::WellDone { result, seconds: 1.0, times: WellTimes::default() })
     }
 
     /// A heartbeat and the device check that it begins. Commands wait for the check.

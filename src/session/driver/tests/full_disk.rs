@@ -48,7 +48,7 @@ fn bring(b: &mut Bench, well: &str) -> bool {
         return false;
     }
     if b.d.loader.fills_capillary() {
-        if !b.tell(Progress::WaitingForLoader { well: well.into() }) {
+        if !b.report(Progress::WaitingForLoader { well: well.into() }) {
             return false;
         }
         say(b, well, true);
@@ -69,7 +69,7 @@ fn take_out(b: &mut Bench, well: &str) -> bool {
 
 /// The progress of a worker for the wells that are left. Returns `false` if the run is cancelled meanwhile.
 fn work(b: &mut Bench) -> bool {
-    if !b.tell(Progress::Ready) {
+    if !b.report(Progress::Ready) {
         return false;
     }
     if let Some(well) = b.inside.clone()
@@ -239,7 +239,7 @@ fn a_stop_on_a_full_disk_stays_a_stop() {
                 let mut b = bench(dir.path(), loaded_from_outside);
                 disk_trace::fill(at, witness(dir.path(), &b.handle));
                 accept(&mut b, &when);
-                let began = b.tell(Progress::Ready) && bring(&mut b, "A01");
+                let began = b.report(Progress::Ready) && bring(&mut b, "A01");
                 let mut stopped = b.steer(Towards::Stop);
                 if stopped.is_err() && began {
                     // The stop was refused, and the worker is still active. The stop is requested again.

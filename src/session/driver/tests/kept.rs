@@ -78,7 +78,7 @@ fn what_the_instrument_could_not_see_stays_inside_and_the_run_goes_on_with_it() 
                 is_kept(&b, &when);
                 b.steer(Towards::Unhold).unwrap();
                 assert!(b.works(), "{when}: {:?}", b.status().state);
-                b.tell(Progress::Ready);
+                b.report(Progress::Ready);
                 if outside {
                     b.asks_for("A02");
                     assert!(b.d.loader.interlock().has_loaded("A02"), "{when}: the worker waits for a word that was said");
@@ -109,7 +109,7 @@ fn a_kept_specimen_that_is_said_to_be_out_is_brought_again() {
         let seq = b.status().faults[0].seq;
         requests::acknowledge(&mut b.d, seq).unwrap();
         b.steer(Towards::Unhold).unwrap();
-        b.tell(Progress::Ready);
+        b.report(Progress::Ready);
         b.asks_for("A02");
         assert_eq!((b.status().state, b.needs()), (State::Suspended, IN[1].to_owned()));
     });
@@ -139,7 +139,7 @@ fn a_kept_specimen_is_not_forgotten_with_its_run() {
                 with_camera.rig.camera = Box::new(FakeCamera::default());
                 b.d.devices.give_back(with_camera);
                 b.put("r2").unwrap();
-                b.tell(Progress::Ready);
+                b.report(Progress::Ready);
                 // The larva inside is not used as A02 of the new plate. It is ejected first.
                 assert_eq!((b.d.specimens().inside(), b.d.specimens().continued_with()), (Some("A02"), None));
                 b.ends(RunEnd::Paused).await;
@@ -201,7 +201,7 @@ fn goes_on_once_it_is_out(b: &mut Bench, outside: bool) {
         b.loaded("A02", false).unwrap();
     }
     assert!(b.works(), "a loader: {outside}, {:?}", b.status().state);
-    b.tell(Progress::Ready);
+    b.report(Progress::Ready);
 }
 
 const SUCCEEDED: Option<SpecimenOutcome> = Some(SpecimenOutcome::Succeeded);
@@ -224,7 +224,7 @@ fn a_kept_specimen_that_is_out_ends_its_well_where_the_sampler_brings_none_twice
         assert_eq!(b.interruptions(), [true, false]);
         b.goes_on();
         assert!(b.works(), "{:?}", b.status().state);
-        b.tell(Progress::Ready);
+        b.report(Progress::Ready);
         b.phase("A03", Phase::Load, false);
         assert_eq!((b.d.specimens().continued_with(), b.status().run.unwrap().wells.pending), (None, 1));
         b.phase("A03", Phase::Position, true);

@@ -36,7 +36,7 @@ fn a_specimen_that_could_not_be_taken_out_is_not_forgotten_with_its_numbers() {
             let dir = scratch();
             let mut b = bench(dir.path(), false);
             assert_eq!(b.put_run(&plan(wells)), Ok(Accepted::Created));
-            b.tell(Progress::Ready);
+            b.report(Progress::Ready);
             for (phase, inside) in [(Phase::Load, false), (Phase::Measure, true), (Phase::Eject, true)] {
                 b.phase("A01", phase, inside);
             }
@@ -65,7 +65,7 @@ fn a_specimen_that_could_not_be_taken_out_is_not_forgotten_with_its_numbers() {
 /// A run of A01 and A02 that this error has interrupted after the loader had brought A01.
 async fn cut_short(root: &Path, error: DeviceError) -> Bench {
     let mut b = started(root, true, &["A01", "A02"]);
-    b.tell(Progress::WaitingForLoader { well: "A01".into() });
+    b.report(Progress::WaitingForLoader { well: "A01".into() });
     b.loaded("A01", true).unwrap();
     b.phase("A01", Phase::Position, true);
     b.ends(RunEnd::Failed(RunError::Device(error))).await;
@@ -248,7 +248,7 @@ fn an_emergency_stop_that_comes_while_a_run_is_launched_ends_it_and_latches() {
         // The client disconnected before its command was in the mailbox.
         drop(b.d.publisher.halt().stop());
         b.put_run(&plan(&["A01"])).unwrap();
-        assert!(!b.tell(Progress::Ready), "a worker that was launched under the stop is not cancelled");
+        assert!(!b.report(Progress::Ready), "a worker that was launched under the stop is not cancelled");
         b.d.publisher.halt().pressed().await;
         requests::emergency_pressed(&mut b.d);
         b.ends(RunEnd::Cancelled).await;
@@ -366,7 +366,7 @@ fn an_emergency_stop_while_the_work_of_a_daemon_that_ends_is_stopped_aborts_the_
         requests::emergency_pressed(&mut b.d);
         b.ends(RunEnd::Cancelled).await;
         assert_eq!((b.status().state, count(&journalled(dir.path()), "run.ended")), (State::Aborted, 1));
-        b.d.go(Trigger::Joined);
+        b.d.transition(Trigger::Joined);
         assert_eq!(b.status().state, State::Aborted);
         drop(b);
         let status = bench(dir.path(), true).status();
@@ -403,8 +403,8 @@ fn a_start_after_thousands_of_views_knows_the_plate_the_run_and_what_stands() {
         assert!(matches!(overtaken, Refusal::HandoffOpen { .. }), "{overtaken}");
         requests::end_handoff(&mut b.d, HandoffEnd::Completed).unwrap();
         b.put_run(&plan(&["A01", "A02", "A03"])).unwrap();
-        b.tell(Progress::Ready);
-        b.tell(Progress::WaitingForLoader { well: "A01".into() });
+        b.report(Progress::Ready);
+        b.report(Progress::WaitingForLoader { well: "A01".into() });
         b.loaded("A01", true).unwrap();
         b.phase("A01", Phase::Load, false);
         b.phase("A01", Phase::Measure, true);
@@ -430,7 +430,7 @@ fn what_comes_with_a_step_that_the_table_lacks_is_told_all_the_same() {
     on_this_thread(async {
         let dir = scratch();
         let mut b = bench(dir.path(), false);
-        b.d.go_with(Trigger::Recorded, |s| s.hardware.disk_free_bytes = Some(7));
+        b.d.transition_with(Trigger::Recorded, |s| s.hardware.disk_free_bytes = Some(7));
         assert_eq!((b.status().state, b.status().hardware.disk_free_bytes), (State::Idle, Some(7)));
     });
 }
@@ -441,7 +441,7 @@ fn a_full_disk_is_told_from_one_that_fails() {
         for (kind, full) in [(std::io::ErrorKind::StorageFull, true), (std::io::ErrorKind::PermissionDenied, false)] {
             let dir = scratch();
             let mut b = bench(dir.path(), false);
-            b.d.keep(Err(StoreError::Io { what: "write", path: "/data".into(), source: kind.into() }));
+            b.d.handle_write_error(Err(StoreError::Io { what: "write", path: "/data".into(), source: kind.into() }));
             let refused = b.put_run(&plan(&["A01"])).unwrap_err();
             assert!(matches!(refused, Refusal::Store { full: found, .. } if found == full), "{RUN}: {refused:?}");
         }

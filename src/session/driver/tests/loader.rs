@@ -34,7 +34,7 @@ impl Bench {
 
     pub(super) fn asks_for(&mut self, well: &str) {
         self.phase(well, Phase::Load, false);
-        self.tell(Progress::WaitingForLoader { well: well.into() });
+        self.report(Progress::WaitingForLoader { well: well.into() });
     }
 
     pub(super) fn measures(&mut self, well: &str) {
@@ -71,7 +71,7 @@ fn a_specimen_is_inside_until_the_loader_says_otherwise_or_brings_the_next() {
         assert_eq!((b.status().state, b.needs()), (State::Suspended, out("A01")), "a crash does not take it out");
         assert_eq!(b.wanted(), [Some("A01".into()), None]);
         b.loaded("A01", false).unwrap();
-        b.tell(Progress::Ready);
+        b.report(Progress::Ready);
         b.asks_for("A02");
         assert_eq!(b.needs(), IN[1]);
         b.measures("A02");
@@ -306,7 +306,7 @@ fn the_plate_of_an_aborted_run_can_be_taken_from_a_driven_sampler() {
             requests::handoff(&mut b.d, Handoff { intent: HandoffIntent::Load, barcode: "P-1".into() }).unwrap();
             requests::end_handoff(&mut b.d, HandoffEnd::Completed).unwrap();
             b.put_run(&plan(&["A01", "A02"])).unwrap();
-            b.tell(Progress::Ready);
+            b.report(Progress::Ready);
             b.phase("A01", Phase::Position, true);
             b.ends(RunEnd::Failed(DeviceError::NoFrame { waited_ms: 1, attempts: 1, last: "nothing came".into() }.into())).await;
             let hold = b.status().run.unwrap().hold.unwrap();

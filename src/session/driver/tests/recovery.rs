@@ -98,7 +98,7 @@ fn a_disk_that_failed_meanwhile_is_no_attempt() {
             drop(bench(dir.path(), true));
         }
         let mut b = bench(dir.path(), true);
-        b.d.keep(Err(StoreError::Vanished { path: "a disk".into() }));
+        b.d.handle_write_error(Err(StoreError::Vanished { path: "a disk".into() }));
         b.ends(RunEnd::Cancelled).await;
         b.beat().await;
         drop(b);

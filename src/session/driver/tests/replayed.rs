@@ -139,22 +139,22 @@ pub(super) async fn takes(b: &mut Bench, axis_answers: &AtomicBool, step: &Step)
     };
     match *step {
         Step::Put => drop(b.put_run(&plan(&WELLS))),
-        Step::Ready if b.works() => drop(b.tell(Progress::Ready)),
+        Step::Ready if b.works() => drop(b.report(Progress::Ready)),
         Step::Awaits(well) if b.works() && open(b, well) && b.d.loader.fills_capillary() => {
-            b.tell(Progress::WaitingForLoader { well: WELLS[well].into() });
+            b.report(Progress::WaitingForLoader { well: WELLS[well].into() });
         }
         Step::Enters(well, phase, inside) if b.works() => drop(b.phase(WELLS[well], PHASES[phase], inside)),
         Step::Detected(well, judged) if b.works() => {
             let found = judged.then(a_larva);
-            b.tell(Progress::Detected { well: WELLS[well].into(), found, live: Live::default() });
+            b.report(Progress::Detected { well: WELLS[well].into(), found, live: Live::default() });
         }
         Step::TriedAgain(well) if b.works() => {
-            b.tell(Progress::TriedAgain { well: WELLS[well].into(), attempt: 1, why: "it moved".into() });
+            b.report(Progress::TriedAgain { well: WELLS[well].into(), attempt: 1, why: "it moved".into() });
         }
         Step::View(well) if b.works() => {
             let (well, live) = (WELLS[well].to_owned(), Live::default());
             let estimate = LiveEstimate::default();
-            b.tell(Progress::View {
+            b.report(Progress::View {
                 well,
                 index: 0,
                 closure: false,
@@ -171,11 +171,11 @@ pub(super) async fn takes(b: &mut Bench, axis_answers: &AtomicBool, step: &Step)
             drop(accepts(b, well));
         }
         Step::Measured(well) if b.works() => {
-            b.tell(Progress::Measured { well: WELLS[well].into(), glb: None, end: LiveEstimate::default(), blur_px: None });
+            b.report(Progress::Measured { well: WELLS[well].into(), glb: None, end: LiveEstimate::default(), blur_px: None });
         }
         Step::Hardware if b.works() => {
             let (rotation, counters) = (RotationStatus::default(), StreamCounters::default());
-            b.tell(Progress::Hardware { rotation, translation: None, outputs: Vec::new(), counters, second: None });
+            b.report(Progress::Hardware { rotation, translation: None, outputs: Vec::new(), counters, second: None });
         }
         Step::Done(well) if b.works() && open(b, well) => drop(b.done(WELLS[well])),
         Step::Recovered => drop(recovers(b).await),
@@ -198,7 +198,7 @@ pub(super) async fn takes(b: &mut Bench, axis_answers: &AtomicBool, step: &Step)
             _ => requests::end_handoff(&mut b.d, HandoffEnd::Aborted),
         }),
         Step::Fault(which) => match error(which) {
-            RunError::Store(refused) => b.d.keep(Err(refused)),
+            RunError::Store(refused) => b.d.handle_write_error(Err(refused)),
             error => b.d.raise(&error),
         },
         Step::AxisAnswers(answers) => axis_answers.store(answers, Ordering::SeqCst),
@@ -322,7 +322,7 @@ fn check(sampling: Sampling, steps: &[Step]) {
                 Step::DiskFails(_) | Step::DiskHasRoom if is_dying => {}
                 _ => takes(&mut b, &axis_answers, step).await,
             }
-            let may_work = b.d.nothing_stands_in_the_way().is_ok() && !b.d.waits_for_operator();
+            let may_work = b.d.nothing_check_faults().is_ok() && !b.d.waits_for_operator();
             assert!(worked || !b.works() || may_work, "work begins under a fault, {when}");
             let dies = is_dying && disk_trace::was_full();
             if dies || matches!(step, Step::Crash | Step::ShutDown(_)) {

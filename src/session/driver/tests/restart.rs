@@ -201,7 +201,7 @@ fn a_hold_whose_cause_is_over_names_it_and_the_next_action() {
             assert!(hold.next_action.unwrap().contains("power and network cable"), "while it is away");
             checks::searched(&mut b.d, DevicesFound { rotation: Ok(()), camera: Ok(()), outputs: Vec::new() });
             assert_eq!(b.works(), times < 4, "{times}: {:?}", b.status().state);
-            b.tell(Progress::Ready);
+            b.report(Progress::Ready);
         }
         for restarted in [false, true] {
             if restarted {
@@ -250,7 +250,7 @@ fn an_operators_hold_and_an_acknowledged_fault_are_named_too() {
         b.ends(RunEnd::Paused).await;
         assert_eq!(b.status().run.unwrap().hold.unwrap().code, "operator");
         b.steer(Towards::Unhold).unwrap();
-        b.tell(Progress::Ready);
+        b.report(Progress::Ready);
         b.ends(RunEnd::Failed(RunError::SpecimenThread)).await;
         let seq = b.status().faults[0].seq;
         requests::acknowledge(&mut b.d, seq).unwrap();

@@ -14,7 +14,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 impl Bench {
     /// Reports a view of a well. Returns `false` if the run is cancelled.
     fn view(&mut self, well: &str, index: u32) -> bool {
-        self.tell(Progress::View {
+        self.report(Progress::View {
             well: well.into(),
             index,
             closure: false,
@@ -49,7 +49,7 @@ fn a_turn_that_is_tried_again_is_counted_from_its_first_view_on() {
         b.turns("A01", 12);
         assert_eq!(b.status().specimen.unwrap().estimates.len(), 1, "the same estimate after each view");
         assert!(b.handle.live().shown.is_some());
-        b.tell(Progress::TriedAgain { well: "A01".into(), attempt: 1, why: "it moved".into() });
+        b.report(Progress::TriedAgain { well: "A01".into(), attempt: 1, why: "it moved".into() });
         assert!(b.handle.live().shown.is_none(), "the model of the attempt before is not that of this one");
         for phase in [Phase::Position, Phase::Detect, Phase::Revolve] {
             b.phase("A01", phase, true);
@@ -106,7 +106,7 @@ fn a_specimen_that_is_begun_anew_is_shown_from_its_first_view_on() {
         b.ends(RunEnd::Failed(DeviceError::ControlLost.into())).await;
         checks::searched(&mut b.d, DevicesFound { rotation: Ok(()), camera: Ok(()), outputs: Vec::new() });
         assert!(b.works(), "{:?}", b.status().state);
-        b.tell(Progress::Ready);
+        b.report(Progress::Ready);
         b.turns("A01", 2);
         assert_eq!(b.shown(), ("A01".into(), 2, 2, Some(2e8)));
         b.turns("A01", 0);

@@ -31,7 +31,7 @@ fn names_a_way_on(b: &Bench) -> Result<(), String> {
             Some(NextCommand::Acknowledge) if hold.fault_seq.is_none_or(|seq| open(seq).is_none() || ends_by_itself(seq)) => {
                 return Err("the fault to acknowledge does not end with that".into());
             }
-            Some(NextCommand::Unhold) if b.d.nothing_stands_in_the_way().is_err() => return Err("unhold would be refused".into()),
+            Some(NextCommand::Unhold) if b.d.nothing_check_faults().is_err() => return Err("unhold would be refused".into()),
             None if !goes_on && !status.faults.iter().any(|fault| fault.ends_by_itself) => {
                 return Err("it waits for a command and does not name it".into());
             }
@@ -72,7 +72,7 @@ async fn instrument_works(b: &mut Bench, at: &mut At) {
         return b.ends(end).await;
     }
     if matches!(b.status().state, State::Starting | State::Unholding) {
-        b.tell(Progress::Ready);
+        b.report(Progress::Ready);
         return;
     }
     let by_loader = b.d.loader.fills_capillary();
@@ -92,7 +92,7 @@ async fn instrument_works(b: &mut Bench, at: &mut At) {
             b.phase(&planned.well, Phase::Load, false);
         }
         if by_loader {
-            b.tell(Progress::WaitingForLoader { well: planned.well.clone() });
+            b.report(Progress::WaitingForLoader { well: planned.well.clone() });
         }
         *at = Some((planned.well, 0));
         return;

@@ -134,7 +134,7 @@ fn what_the_loader_brings_after_a_hold_is_used_when_the_run_goes_on() {
             assert!(!status.ready && !status.plate.removable);
             b.steer(Towards::Unhold).unwrap();
             assert!(b.works(), "{:?}", b.status().state);
-            b.tell(Progress::Ready);
+            b.report(Progress::Ready);
             b.asks_for("A01");
             assert_eq!((b.status().state, b.inside_by_status().as_deref(), b.needs()), (State::Execute, Some("A01"), String::new()));
             assert!(b.d.loader.interlock().has_loaded("A01"), "the worker waits for a word that was said");
@@ -158,7 +158,7 @@ fn what_was_brought_after_a_hold_may_be_taken_out_again() {
         b.ends(RunEnd::Paused).await;
         assert_eq!((b.loaded("A01", true), b.loaded("A01", false)), (Ok(()), Ok(())));
         b.steer(Towards::Unhold).unwrap();
-        b.tell(Progress::Ready);
+        b.report(Progress::Ready);
         b.asks_for("A01");
         assert_eq!((b.status().state, b.needs()), (State::Suspended, IN[0].to_owned()));
     });
@@ -233,7 +233,7 @@ fn an_exchange_that_was_asked_for_is_taken_after_a_crash() {
                 b.steer(Towards::Unhold).unwrap();
             }
             assert!(b.works(), "{:?}", b.status().state);
-            b.tell(Progress::Ready);
+            b.report(Progress::Ready);
             b.asks_for("A02");
             assert_eq!((b.status().state, b.inside_by_status().as_deref(), b.needs()), (State::Execute, Some("A02"), String::new()));
             assert_eq!(b.loaded("A01", false), Ok(()), "it is out already");

@@ -15,10 +15,12 @@
 //! of such a step allow both.
 
 mod dialogue;
+mod entry;
 mod list;
 pub(super) mod message;
 mod settings;
 
+pub(super) use entry::ENTRY;
 pub use settings::VastBridgeSettings;
 
 use super::knowledge::Knowledge;

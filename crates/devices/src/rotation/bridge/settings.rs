@@ -1,11 +1,13 @@
 //! The `[rotation]` table of a VAST behind its trigger bridge.
 
 use super::DEVICE;
-use crate::DeviceError;
 use crate::rotation::Port;
+use crate::rotation::TranslationSettings;
+use crate::rotation::driver::Driver;
 use crate::rotation::pace::{FASTEST_DEG_PER_S, Pace, SLOWEST_DEG_PER_S};
 use crate::setting::{ANSWER_MOST_MS, BAUD_LEAST, BAUD_MOST, HOMING_MOST_MS, in_range};
-use carved_core::range::{Range, Ranged};
+use crate::{DeviceError, RotationAxis};
+use carved_core::range::{OutOfRange, Range, Ranged};
 use carved_core::ranges;
 use carved_core::units::StepsPerRevolution;
 use serde::{Deserialize, Serialize};
@@ -105,5 +107,27 @@ impl VastBridgeSettings {
 
     pub(super) fn first_arrival_timeout(&self) -> Duration {
         Duration::from_millis(self.first_arrival_timeout_ms.into())
+    }
+}
+
+impl Driver for VastBridgeSettings {
+    fn out_of_range(&self) -> Vec<OutOfRange> {
+        self.outside()
+    }
+
+    fn check_on(&self, per_revolution: StepsPerRevolution) -> Result<(), DeviceError> {
+        self.check(per_revolution)
+    }
+
+    fn open(&self, per_revolution: StepsPerRevolution, _: Option<TranslationSettings>) -> Result<Box<dyn RotationAxis>, DeviceError> {
+        Ok(Box::new(super::VastBridge::open(self.clone(), per_revolution)?))
+    }
+
+    fn serial(&self) -> Option<(&Port, u32)> {
+        Some((&self.port, self.baud))
+    }
+
+    fn connect_to(&mut self, address: String) {
+        self.port = Port::Path(address);
     }
 }

@@ -209,7 +209,7 @@ impl Grbl {
         let Some(axis) = self.slide.as_ref().map(Slide::geometry) else { return Err(refused("the configuration has no [translation]")) };
         self.identify()?;
         self.catch_up()?;
-        self.is_free()?;
+        self.check_free()?;
         self.home(&format!("$H{:?}", axis.letter))?;
         self.slide_has_homed()
     }

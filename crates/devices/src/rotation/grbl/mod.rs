@@ -22,6 +22,7 @@
 //! ```
 
 mod agree;
+mod entry;
 mod geometry;
 mod intervention;
 mod linear;
@@ -31,6 +32,7 @@ mod settings;
 mod specimen;
 mod talk;
 
+pub(super) use entry::ENTRY;
 pub use linear::TranslationSettings;
 pub use settings::{AxisLetter, Dialect, GrblPin, GrblSettings};
 
@@ -168,7 +170,7 @@ impl Grbl {
     /// Asks for a report, and identifies the controller if that was not possible before. A motion that continues after a hold is not waited
     /// for, and a stopped controller is not reset: a later check, or the reference, identifies it.
     fn check_at_rest(&mut self) -> Result<(), DeviceError> {
-        self.is_reset_reported()?;
+        self.check_no_reset()?;
         let report = self.free_report_at_rest()?;
         let is_moving = report.is_none_or(|status| status.state == State::Run);
         if self.is_identified || is_moving || self.link.is_stopped() { Ok(()) } else { self.identify() }
@@ -219,7 +221,7 @@ impl Grbl {
     /// Finds the reference position. A second attempt follows if the first was only disturbed: by a missing answer, or by a late greeting
     /// before anything moved. A reset separates the two, so that no answer to the first counts for the second.
     fn find_origin(&mut self) -> Result<i64, DeviceError> {
-        self.is_reset_reported()?;
+        self.check_no_reset()?;
         self.identify()?;
         self.wait_until_free()?;
         self.unwind()?;

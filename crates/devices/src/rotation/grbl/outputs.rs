@@ -80,7 +80,7 @@ impl Grbl {
         let mut attempts = ATTEMPTS;
         loop {
             attempts -= 1;
-            let switched = if on { self.switch_on(pin) } else { self.is_free().and_then(|()| self.set_pin(pin, false)) };
+            let switched = if on { self.switch_on(pin) } else { self.check_free().and_then(|()| self.set_pin(pin, false)) };
             match switched {
                 Err(error @ (DeviceError::Suspect { .. } | DeviceError::Alarm { .. })) if attempts > 0 => self.doubt(&error),
                 ended => return ended,

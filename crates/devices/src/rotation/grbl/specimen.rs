@@ -49,7 +49,7 @@ impl SpecimenInput for Grbl {
     fn begin(&mut self, cancel: &CancelToken) -> Result<(), DeviceError> {
         let was_stopped = self.link.is_stopped();
         self.release(cancel)?;
-        if let Err(error) = self.is_reset_reported().and_then(|()| self.identify()).and_then(|()| self.wait_until_free()) {
+        if let Err(error) = self.check_no_reset().and_then(|()| self.identify()).and_then(|()| self.wait_until_free()) {
             self.doubt(&error);
             return Err(error);
         }
@@ -67,7 +67,7 @@ impl SpecimenInput for Grbl {
     fn say_done(&mut self, done: bool) -> Result<(), DeviceError> {
         let line = if done { "M8" } else { "M9" };
         self.alive(|grbl| {
-            grbl.is_free()?;
+            grbl.check_free()?;
             // M9 switches both coolant outputs off.
             let mist = grbl.outputs.is_on(GrblPin::MistCoolant);
             grbl.code(line)?;

@@ -90,7 +90,7 @@ impl Grbl {
                 Line::Error(n) => {
                     if n == NOT_IDLE {
                         // A person may have held the controller since it was asked.
-                        self.is_free()?;
+                        self.check_free()?;
                     }
                     let refused = DeviceError::Unexpected { device: DEVICE, expected: format!("ok to {line}"), found: error_text(n) };
                     return Err(intervention::of_error(n).unwrap_or(refused));
@@ -179,7 +179,7 @@ impl Grbl {
     }
 
     /// An error while a person holds the controller.
-    pub(super) fn is_free(&mut self) -> Result<(), DeviceError> {
+    pub(super) fn check_free(&mut self) -> Result<(), DeviceError> {
         self.free_status().map(drop)
     }
 
@@ -362,7 +362,7 @@ impl Grbl {
     }
 
     /// The error of a reset that was seen where it could not be reported, as while an output was switched.
-    pub(super) fn is_reset_reported(&mut self) -> Result<(), DeviceError> {
+    pub(super) fn check_no_reset(&mut self) -> Result<(), DeviceError> {
         self.unreported_reset.take().map_or(Ok(()), |sign| Err(intervention::reset(&sign)))
     }
 }

@@ -14,9 +14,11 @@
 //! is missing, VAST may have turned or not. The difference is never sent again, and the position is suspect. The protocol cannot
 //! stop a turn. A stop ends the requests, and VAST finishes its turn.
 
+mod entry;
 pub(super) mod frames;
 mod settings;
 
+pub(super) use entry::ENTRY;
 pub use settings::RelaySettings;
 
 use super::knowledge::Knowledge;

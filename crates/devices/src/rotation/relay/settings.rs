@@ -1,11 +1,14 @@
 //! The `[rotation]` table of a VAST behind a relay.
 
 use super::DEVICE;
-use crate::DeviceError;
+use crate::rotation::driver::Driver;
 use crate::rotation::pace::{FASTEST_DEG_PER_S, Pace, SLOWEST_DEG_PER_S};
+use crate::rotation::{Port, TranslationSettings};
 use crate::setting::{ANSWER_MOST_MS, HOMING_MOST_MS, in_range};
-use carved_core::range::{Range, Ranged};
+use crate::{DeviceError, RotationAxis};
+use carved_core::range::{OutOfRange, Range, Ranged};
 use carved_core::ranges;
+use carved_core::units::StepsPerRevolution;
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
@@ -83,6 +86,28 @@ impl RelaySettings {
 
     pub(super) fn boot_timeout(&self) -> Duration {
         Duration::from_millis(self.boot_timeout_ms.into())
+    }
+}
+
+impl Driver for RelaySettings {
+    fn out_of_range(&self) -> Vec<OutOfRange> {
+        self.outside()
+    }
+
+    fn check_on(&self, _: StepsPerRevolution) -> Result<(), DeviceError> {
+        self.check()
+    }
+
+    fn open(&self, per_revolution: StepsPerRevolution, _: Option<TranslationSettings>) -> Result<Box<dyn RotationAxis>, DeviceError> {
+        Ok(Box::new(super::Relay::open(self.clone(), per_revolution)?))
+    }
+
+    fn serial(&self) -> Option<(&Port, u32)> {
+        None
+    }
+
+    fn connect_to(&mut self, address: String) {
+        self.address = address;
     }
 }
 

@@ -24,11 +24,13 @@
 //! stop, which ends the move. The module counts the steps that it sends. Steps that are lost without a stall show as skew when the
 //! pair is referenced at its switches, or in the pictures.
 
+mod entry;
 pub(super) mod frame;
 mod settings;
 mod travel;
 mod wire;
 
+pub(super) use entry::ENTRY;
 pub use settings::{ClockDivisors, TmclPin, TmclSettings};
 
 use super::Reference;
@@ -114,7 +116,7 @@ impl Tmcl {
         self.in_flight = true;
         self.wire.flush()?;
         if let Ok(Steps(place)) = self.knowledge.known_steps() {
-            self.is_as_left(place)?;
+            self.check_as_left(place)?;
         }
         self.compare_settings()?;
         self.stop_and_rest()?;
@@ -192,7 +194,7 @@ impl RotationAxis for Tmcl {
         }
         match self.knowledge.known_steps() {
             Ok(Steps(place)) => {
-                let found = self.is_as_left(place);
+                let found = self.check_as_left(place);
                 if let Err(error @ DeviceError::Intervention { .. }) = &found {
                     self.doubt(error);
                 }

@@ -154,7 +154,7 @@ impl Tmcl {
     }
 
     /// Confirms that nobody has reset the module or cleared its counters since it was left at `place`.
-    pub(super) fn is_as_left(&mut self, place: i64) -> Result<(), DeviceError> {
+    pub(super) fn check_as_left(&mut self, place: i64) -> Result<(), DeviceError> {
         let cleared = |look: Look| place != 0 && look.both_at(0);
         let look = self.look()?;
         if look.mark != self.mark {

@@ -14,11 +14,13 @@
 //! until the next reference. A restart counts as one, because carved never restarts the controller. Their flags stay set until the axis moves, so the driver remembers the reported ones. Its own stop sets
 //! the same flag (NI) as a person who interrupts a move. After an own stop this flag counts as reported.
 
+mod entry;
 mod flags;
 pub(super) mod packet;
 mod settings;
 mod wire;
 
+pub(super) use entry::ENTRY;
 pub use settings::{ZaberPin, ZaberSettings};
 
 use super::Reference;
@@ -232,7 +234,7 @@ impl Zaber {
     fn require_free(&mut self) -> Result<(), DeviceError> {
         let reply = self.wire.ask("")?;
         self.read_flags(&reply)?;
-        self.is_not_restarted()?;
+        self.check_not_restarted()?;
         let by_hand: Vec<String> = self.flags.iter().filter(|flag| flags::is_by_hand(flag)).cloned().collect();
         let is_new = |flag: &String| !self.reported.contains(flag) || (reply.moving && flag == flags::KNOB);
         if by_hand.iter().any(is_new) {
@@ -250,7 +252,7 @@ impl Zaber {
     }
 
     /// The error of a referenced axis whose flags show that the controller was restarted.
-    fn is_not_restarted(&self) -> Result<(), DeviceError> {
+    fn check_not_restarted(&self) -> Result<(), DeviceError> {
         let signs: Vec<String> = self.flags.iter().filter(|flag| flags::is_of_a_restart(flag)).cloned().collect();
         if self.knowledge.is_known() { flags::judge(&signs, self.settings.reference, true) } else { Ok(()) }
     }
@@ -360,7 +362,7 @@ impl RotationAxis for Zaber {
             self.mark_reported();
         }
         self.look_at_outputs();
-        let found = self.is_not_restarted().and_then(|()| flags::judge(&new, self.settings.reference, false));
+        let found = self.check_not_restarted().and_then(|()| flags::judge(&new, self.settings.reference, false));
         if let Err(error) = &found
             && self.knowledge.is_known()
         {

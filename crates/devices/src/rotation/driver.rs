@@ -1,0 +1,226 @@
+//! The registry of the controllers: the one list from which configuration, `carved doctor`, `carved setup`, `carved simulate` and the
+//! tests take them.
+//!
+//! ```text
+//! NAME/settings.rs  impl Driver: ranges, check, open, port, outputs ─┐
+//! NAME/entry.rs     ENTRY: example, identification, set-up ──────────┴─► drivers! ─┬─► RotationDriver   the table `[rotation]`
+//!                                                                                  └─► DRIVERS          what each make states of itself
+//! ```
+
+use super::identify::{Answer, Wire};
+use super::{Port, TranslationSettings};
+use super::{bridge, grbl, relay, tmcl, zaber};
+use crate::outputs::OutputStatus;
+use crate::views::FolderSettings;
+use crate::{DeviceError, RotationAxis};
+use carved_core::range::{OutOfRange, outside_in};
+use carved_core::units::StepsPerRevolution;
+use serde::Deserialize;
+
+/// The settings of a controller.
+pub trait Driver {
+    /// Every number that is out of its range.
+    fn out_of_range(&self) -> Vec<OutOfRange>;
+    /// Checks the settings on a rig with these motor steps.
+    ///
+    /// # Errors
+    /// The first setting that the controller does not support.
+    fn check_on(&self, per_revolution: StepsPerRevolution) -> Result<(), DeviceError>;
+    /// Opens the controller. Nothing moves.
+    ///
+    /// # Errors
+    /// A port that cannot be opened, and a controller that does not answer or has other settings.
+    fn open(
+        &self,
+        per_revolution: StepsPerRevolution,
+        translation: Option<TranslationSettings>,
+    ) -> Result<Box<dyn RotationAxis>, DeviceError>;
+    /// The serial port and its baud rate. `None` for a controller that is not on one.
+    fn serial(&self) -> Option<(&Port, u32)>;
+    /// Replaces the port or the address.
+    fn connect_to(&mut self, address: String);
+    /// The outputs, with unknown states.
+    fn outputs(&self) -> Vec<OutputStatus> {
+        Vec::new()
+    }
+}
+
+/// What a make of controller states of itself, in its own folder.
+pub struct Entry {
+    /// The value of `driver` in `[rotation]`.
+    pub name: &'static str,
+    /// Its configuration in `config/`.
+    pub example: Example,
+    /// How it is found on a serial port. `None` if it is not on one.
+    pub serial: Option<Serial>,
+    /// How `carved setup` sets it up, or why it cannot.
+    pub setup: Result<Setup, &'static str>,
+    /// Motor steps and turns of a machine that has no others. `None` if they depend on the rig.
+    pub fixed_steps: Option<[u32; 2]>,
+}
+
+/// A shipped configuration.
+pub struct Example {
+    /// Name of the file.
+    pub file: &'static str,
+    /// Its text.
+    pub text: &'static str,
+}
+
+/// How a controller is found on a serial port.
+pub struct Serial {
+    /// Name of the protocol, for a person.
+    pub protocol: &'static str,
+    pub(super) identify: fn(&mut Wire) -> Result<Option<Answer>, DeviceError>,
+}
+
+/// What `carved setup` asks about a controller.
+pub struct Setup {
+    /// It can search a home switch, or take its position at the start as step 0.
+    pub can_home: bool,
+    /// Usual motor steps of a turn.
+    pub usual_steps: &'static str,
+    /// Outputs at which a light can be: the value of `pin`, and its meaning.
+    pub lights: &'static [(&'static str, &'static str)],
+}
+
+/// The entry of a driver. `None` if there is no such driver.
+pub fn entry(name: &str) -> Option<&'static Entry> {
+    DRIVERS.iter().copied().find(|entry| entry.name == name)
+}
+
+macro_rules! drivers {
+    ($($(#[doc = $doc:literal])+ $variant:ident($make:ident::$settings:ident)),+ $(,)?) => {
+        /// Which controller turns the capillary.
+        #[derive(Debug, Clone, PartialEq, Deserialize)]
+        #[cfg_attr(feature = "schema", derive(schemars::JsonSchema), schemars(tag = "driver"))]
+        #[serde(rename_all = "snake_case")]
+        pub enum RotationDriver {
+            $($(#[doc = $doc])+ $variant($make::$settings),)+
+            /// Another program, by `[views]`.
+            #[serde(skip)]
+            Folder(FolderSettings),
+        }
+
+        /// Every driver, in the order in which a serial port is asked for them.
+        pub const DRIVERS: &[&Entry] = &[$(&$make::ENTRY),+];
+
+        impl RotationDriver {
+            /// What the make states of itself. `None` if another program turns the capillary.
+            pub fn entry(&self) -> Option<&'static Entry> {
+                match self {
+                    $(Self::$variant(_) => Some(&$make::ENTRY),)+
+                    Self::Folder(_) => None,
+                }
+            }
+
+            fn driver(&self) -> Option<&dyn Driver> {
+                match self {
+                    $(Self::$variant(settings) => Some(settings),)+
+                    Self::Folder(_) => None,
+                }
+            }
+
+            fn driver_mut(&mut self) -> Option<&mut dyn Driver> {
+                match self {
+                    $(Self::$variant(settings) => Some(settings),)+
+                    Self::Folder(_) => None,
+                }
+            }
+        }
+    };
+}
+
+// The order is that of the questions on a serial port: `identify.rs` has the reasons.
+drivers! {
+    /// Grbl 1.1 or grblHAL.
+    Grbl(grbl::GrblSettings),
+    /// A Zaber controller with the ASCII protocol.
+    Zaber(zaber::ZaberSettings),
+    /// A stock VAST behind a trigger bridge.
+    VastBridge(bridge::VastBridgeSettings),
+    /// A Trinamic module with TMCL firmware, two of whose motors hold the capillary at both ends.
+    Tmcl(tmcl::TmclSettings),
+    /// A stock VAST behind a relay: a program beside VAST's own library.
+    Relay(relay::RelaySettings),
+}
+
+impl RotationDriver {
+    /// Every number that is out of its range, with the full path of its key.
+    pub fn outside(&self) -> Vec<OutOfRange> {
+        match (self, self.driver()) {
+            (_, Some(driver)) => driver.out_of_range().into_iter().map(|breach| breach.below("rotation")).collect(),
+            (Self::Folder(settings), _) => outside_in("views", settings).collect(),
+            _ => Vec::new(),
+        }
+    }
+
+    /// Checks the settings of the driver.
+    ///
+    /// # Errors
+    /// The first setting that the controller does not support.
+    pub fn check(&self, per_revolution: StepsPerRevolution) -> Result<(), DeviceError> {
+        match (self, self.driver()) {
+            (_, Some(driver)) => driver.check_on(per_revolution),
+            (Self::Folder(settings), _) => settings.check(),
+            _ => Ok(()),
+        }
+    }
+
+    /// Opens the controller. Nothing moves. `None` if another program turns the capillary.
+    ///
+    /// # Errors
+    /// A port that cannot be opened, and a controller that does not answer or has other settings.
+    pub fn open(
+        &self,
+        per_revolution: StepsPerRevolution,
+        translation: Option<TranslationSettings>,
+    ) -> Option<Result<Box<dyn RotationAxis>, DeviceError>> {
+        self.driver().map(|driver| driver.open(per_revolution, translation))
+    }
+
+    /// The serial port and its baud rate. `None` for a controller that is not on one.
+    pub fn serial(&self) -> Option<(&Port, u32)> {
+        self.driver()?.serial()
+    }
+
+    /// Replaces the port or the address. Nothing changes if another program turns the capillary.
+    pub fn connect_to(&mut self, address: String) {
+        if let Some(driver) = self.driver_mut() {
+            driver.connect_to(address);
+        }
+    }
+
+    /// The outputs of the controller, with unknown states.
+    pub fn outputs(&self) -> Vec<OutputStatus> {
+        self.driver().map_or_else(Vec::new, Driver::outputs)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The name in the entry is the one that the configuration reads, and the example is one of its driver.
+    #[test]
+    fn every_entry_is_that_of_the_driver_in_its_example() {
+        #[derive(Deserialize)]
+        struct Shipped {
+            rotation: toml::Table,
+        }
+        for entry in DRIVERS {
+            let mut keys = toml::from_str::<Shipped>(entry.example.text).unwrap().rotation;
+            let driver = keys.remove("driver").unwrap();
+            assert_eq!(driver.as_str(), Some(entry.name), "{}", entry.example.file);
+            let tagged = toml::Table::from_iter([(entry.name.to_owned(), toml::Value::Table(keys))]);
+            let read = RotationDriver::deserialize(toml::Value::Table(tagged)).unwrap();
+            assert_eq!(read.entry().unwrap().name, entry.name);
+            assert_eq!(
+                read.serial().is_some(),
+                entry.serial.is_some(),
+                "{}: a port, but no way to find it, or the other way round",
+                entry.name
+            );
+        }
+    }
+}

@@ -1,0 +1,122 @@
+//! What the registry of drivers knows about Grbl and grblHAL.
+
+use super::Dialect;
+use crate::DeviceError;
+use crate::rotation::driver::{Entry, Example, Serial, Setup};
+use crate::rotation::identify::{Answer, Key, Wire};
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+/// Time of an Arduino's boot loader until its greeting.
+const BOOT: Duration = Duration::from_millis(2500);
+
+pub(in crate::rotation) const ENTRY: Entry = Entry {
+    name: "grbl",
+    example: Example { file: "vast-grbl.toml", text: include_str!("../../../../../config/vast-grbl.toml") },
+    serial: Some(Serial { protocol: "Grbl, grblHAL", identify }),
+    setup: Ok(Setup {
+        can_home: true,
+        usual_steps: "500",
+        lights: &[("flood_coolant", "Flood coolant, M8"), ("mist_coolant", "Mist coolant, M7"), ("spindle", "Spindle, M3")],
+    }),
+    fixed_steps: None,
+};
+
+/// A controller sends its name at a start, and its status at any time. A bridge sends OK, which other controllers send as well.
+fn identify(wire: &mut Wire) -> Result<Option<Answer>, DeviceError> {
+    let is_greeting = |text: &str| text.get(..4).is_some_and(|head| head.eq_ignore_ascii_case("grbl"));
+    let greeting = wire.hear(BOOT, |text| is_greeting(text).then(|| text.to_owned()))?;
+    let status = if greeting.is_some() { None } else { wire.ask(b"?", |text| text.starts_with('<').then(|| text.to_owned()))? };
+    if greeting.is_none() && status.is_none() {
+        return Ok(None);
+    }
+    wire.quiet()?;
+    let build: Vec<String> = wire.listing(b"$I\n")?.into_iter().filter(|l| l.starts_with('[')).collect();
+    let settings: BTreeMap<u16, f64> = wire.listing(b"$$\n")?.iter().filter_map(|l| setting(l)).collect();
+    let name = greeting.and_then(|g| Some(g.split(" [").next()?.to_owned()));
+    // A controller that was not reset has said its version only.
+    // Grbl 0.9 separates the fields of its status by commas.
+    let is_driven = if let Some(name) = &name {
+        Dialect::Auto.of(name).is_ok()
+    } else {
+        let is_1_1 = |line: &String| line.strip_prefix("[VER:").is_none_or(|version| version.starts_with("1.1"));
+        build.iter().all(is_1_1) && status.is_none_or(|status| status.contains('|'))
+    };
+    let version = name.into_iter().chain(build).collect::<Vec<_>>().join(" ");
+    Ok(Some(answer(is_driven, &version, &settings)))
+}
+
+fn setting(line: &str) -> Option<(u16, f64)> {
+    let (number, value) = line.strip_prefix('$')?.split_once('=')?;
+    Some((number.parse().ok()?, value.parse().ok()?))
+}
+
+/// `version`: greeting and answer to `$I`. `settings`: answer to `$$`, empty if the controller was too busy to print it.
+fn answer(is_driven: bool, version: &str, settings: &BTreeMap<u16, f64>) -> Answer {
+    let is_hal = version.to_ascii_lowercase().contains("grblhal");
+    if !is_driven {
+        let refusal = "the driver of carved accepts Grbl 1.1 and grblHAL 1.1 only; install one of them on this controller";
+        return Answer { refusal: Some(refusal), ..Answer::plain("grbl", version.into()) };
+    }
+    let of_axis_x = [(100, "steps_per_unit"), (110, "max_rate_units_per_min"), (120, "acceleration_units_per_s2")];
+    let mut keys: Vec<Key> = of_axis_x
+        .into_iter()
+        .filter_map(|(number, name)| {
+            let value = settings.get(&number)?;
+            let value = if number == 100 { ratio(*value) } else { format!("{value:?}") };
+            Some(Key { name, value, source: format!("its ${number}, for axis X; Y has ${}", number + 1) })
+        })
+        .collect();
+    keys.extend(settings.get(&22).map(|on| {
+        let (value, state) = if *on as u32 & 1 == 1 { ("\"home\"", "on") } else { ("\"here\"", "off") };
+        Key { name: "reference", value: value.into(), source: format!("its $22 is {state}") }
+    }));
+    let remark = if settings.is_empty() {
+        Some("it is busy: its settings could not be read. Ask again when it is idle".into())
+    } else {
+        idle(is_hal, settings)
+    };
+    let name = format!("{}: {version}", if is_hal { "grblHAL" } else { "Grbl" });
+    Answer { keys, remark, ..Answer::plain("grbl", name) }
+}
+
+/// What to change where the motors lose their current after each move. `None` where they keep it.
+fn idle(is_hal: bool, settings: &BTreeMap<u16, f64>) -> Option<String> {
+    // grblHAL may instead list the motors that stay powered.
+    let kept = is_hal && settings.get(&37).is_some_and(|mask| *mask != 0.0);
+    let ms = settings.get(&1).filter(|ms| **ms as u32 != 255 && !kept)?;
+    Some(format!("set $1=255 in the controller: now its motors lose their current {ms} ms after each move"))
+}
+
+/// The exact ratio of a value that was printed with three decimals, if a fraction with a small denominator matches.
+fn ratio(printed: f64) -> String {
+    let fits = |den: &u32| {
+        let num = printed * f64::from(*den);
+        (num.round() / f64::from(*den) - printed).abs() <= 0.000_501
+    };
+    match (1..=1000).find(fits) {
+        Some(den) => format!("[{}, {den}]", (printed * f64::from(den)).round()),
+        None => format!("[{}, 1000]", (printed * 1000.0).round()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_configuration_is_offered_for_a_firmware_that_the_driver_refuses() {
+        let settings = BTreeMap::from([(100, 100.0)]);
+        let refused = answer(false, "Grbl 3.7 [VER:3.7 FluidNC v3.7.15:]", &settings);
+        assert!(refused.name.contains("FluidNC") && refused.refusal.is_some() && refused.keys.is_empty(), "{refused:?}");
+        let driven = answer(true, "Grbl 1.1h", &settings);
+        assert!(driven.refusal.is_none() && driven.keys.len() == 1, "{driven:?}");
+    }
+
+    #[test]
+    fn ratios_are_found_behind_three_decimals() {
+        for (printed, written) in [(100.0, "[100, 1]"), (17.778, "[160, 9]"), (213.333, "[640, 3]"), (1.389, "[25, 18]"), (0.5, "[1, 2]")] {
+            assert_eq!(ratio(printed), written);
+        }
+    }
+}
