@@ -48,6 +48,7 @@ async function read(root, source) {
   const marked = new Marked(gfmHeadingId());
   const links = [];
   const unheld = [];
+  const coded = new Set();
   const shown = async (token) => {
     if (token.type !== "link" && token.type !== "image") return;
     if (isOutside(token.href)) return;
@@ -75,7 +76,14 @@ async function read(root, source) {
       table(token) {
         const row = (cells, tag) =>
           `<tr>${cells.map((c) => `<${tag}${tag === "th" ? ' scope="col"' : ""}>${this.parser.parseInline(c.tokens)}</${tag}>`).join("")}</tr>`;
-        const rows = token.rows.map((cells) => row(cells, "td")).join("\n");
+        // The first row about a code has it as its anchor: `row-moved`.
+        const anchored = (cells) => {
+          const [, code] = /^`([a-z0-9_]+)`$/.exec(cells[0].text) ?? [];
+          const anchor = code === undefined || coded.has(code) ? "" : ` id="row-${code}"`;
+          coded.add(code);
+          return row(cells, "td").replace("<tr>", `<tr${anchor}>`);
+        };
+        const rows = token.rows.map(anchored).join("\n");
         return `<div class="wide" tabindex="0"><table><thead>${row(token.header, "th")}</thead><tbody>${rows}</tbody></table></div>`;
       },
       code({ text }) {

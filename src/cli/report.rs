@@ -1,8 +1,8 @@
 //! `carved report`: one HTML file on any number of runs, to read and to print.
 
+use super::export::statistics::Which;
 use super::export::{read, write};
 use crate::report::html::report;
-use crate::tables::statistics::Flagged;
 use anyhow::ensure;
 use carved_store::gates::GateFile;
 use carved_store::{StoreReader, StoredRun};
@@ -17,9 +17,8 @@ pub struct Args {
     /// File for the report (`.html`). It needs no other file.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// Leave specimens with flags out of the statistics. They are still listed.
-    #[arg(long)]
-    without_flagged: bool,
+    #[command(flatten)]
+    which: Which,
     /// Folder with the bead gates of the instrument [default: `calibrations` in the data folder of the runs]
     #[arg(long, value_name = "DIR")]
     calibrations: Option<PathBuf>,
@@ -33,7 +32,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let is_html = args.out.extension().is_some_and(|e| e.eq_ignore_ascii_case("html") || e.eq_ignore_ascii_case("htm"));
     ensure!(is_html, "{}: the name of a report ends in .html", args.out.display());
     let runs = read(&args.runs)?;
-    let flagged = if args.without_flagged { Flagged::Excluded } else { Flagged::Included };
+    let flagged = args.which.flagged();
     let text = report(&runs, &gates(&runs, args.calibrations.as_deref())?, flagged)?;
     write(&args.out, text.as_bytes())?;
     note!("carved: {}: {} run(s), {:.1} MB", args.out.display(), runs.len(), text.len() as f64 / 1e6);

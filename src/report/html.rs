@@ -158,6 +158,7 @@ impl Report<'_> {
             p.small {
                 "Volumes are in 10⁶ µm³ (1 nl), areas in 10⁶ µm² (1 mm²). ± is one standard deviation of the measurement. "
                 @match self.statistics.flagged {
+                    Flagged::Sound => { "Statistics leave out numbers that are a bound or doubtful, and contain the others with flags; they are marked." },
                     Flagged::Included => { "Statistics contain the " (self.statistics.specimens_with_flags) " specimen(s) with flags; they are marked." },
                     Flagged::Excluded => { "Statistics leave out the " (self.statistics.specimens_with_flags) " specimen(s) with flags." },
                 }
@@ -226,14 +227,14 @@ impl Report<'_> {
                         "The green band holds 95 % of reference larvae of the same age, where there are any. It has the estimator of the \
                          references: those of the paper are of the carved hull, which is some 3 % larger than the reported volume."
                     }
+                    @if let Some(words) = volume.and_then(QuantityStatistics::left_out_words) { p { "Volume: " (words) "." } }
                     @for figure in figures { div.figure { (svg(figure)) } }
                     @if let Some(volume) = volume { (Self::group_table(volume)) }
                 }
-            } @else if self.statistics.flagged == Flagged::Excluded && self.statistics.specimens_with_flags > 0 {
+            } @else if let Some(words) = volume.and_then(QuantityStatistics::left_out_words) {
                 section {
                     h2 { "Groups" }
-                    p { "Every specimen that was measured has a flag, and specimens with flags are left out. So there are no groups, no controls \
-                        and no dose response." }
+                    p { (words) ". So there are no groups, no controls and no dose response." }
                 }
             }
         })

@@ -362,6 +362,7 @@ mod tests {
             WellGroup {
                 condition: condition(&serde_json::json!({})),
                 n: values.len(),
+                left_out: 0,
                 mean: 2.0,
                 sd: Some(0.1),
                 mean_interval_95: Some(interval.into()),

@@ -19,7 +19,11 @@ use carved_records::{Control, PlannedWell, SpecimenKind};
 use carved_store::{StoreError, StoredRun};
 use samples::Sample;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use utoipa::ToSchema;
+
+/// The signal of the second camera.
+const SIGNAL: &str = "signal_grey_px_per_nl";
 
 /// A number that has statistics: the name of its column in the table of specimens, its unit, and where it is in `measurement.json`.
 pub const QUANTITIES: [(&str, &str, &str); 8] = [
@@ -29,18 +33,21 @@ pub const QUANTITIES: [(&str, &str, &str); 8] = [
     ("sphericity", "1", "/shape/solid/sphericity"),
     ("bending_total_deg", "deg", "/shape/body/bending/total_deg"),
     ("max_curvature_per_mm", "1/mm", "/shape/body/bending/max_curvature_per_mm"),
-    ("signal_grey_px_per_nl", "grey px/nl", "/fluorescence/signal_per_nl"),
+    (SIGNAL, "grey px/nl", "/fluorescence/signal_per_nl"),
     ("diameter_um", "um", "/measurement/diameter_um"),
 ];
 
-/// What becomes of specimens with flags.
+/// Which specimens with flags count.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Flagged {
-    /// They count like the others.
+    /// Those whose number holds: no bound, and nothing that makes it doubtful. The table of flags says which flags do
+    /// (`docs/quality.md`).
     #[default]
+    Sound,
+    /// All.
     Included,
-    /// They are left out.
+    /// None.
     Excluded,
 }
 
@@ -50,9 +57,9 @@ pub struct Statistics {
     pub runs: Vec<String>,
     /// `hardware`, `simulated` or `imported`, each once. Statistics of a simulation say nothing of larvae.
     pub modes: Vec<String>,
-    /// Whether specimens with flags count.
+    /// Which specimens with flags count.
     pub flagged: Flagged,
-    /// Measured specimens that count.
+    /// Measured specimens, whether they count or not.
     pub specimens: usize,
     /// Measured specimens with flags, whether they count or not.
     pub specimens_with_flags: usize,
@@ -66,6 +73,8 @@ pub struct QuantityStatistics {
     /// The column of the table of specimens.
     pub name: String,
     pub unit: String,
+    /// Wells with this number that do not count, and why.
+    pub left_out: Vec<LeftOutWell>,
     /// Wells that were treated alike.
     pub groups: Vec<WellGroup>,
     /// Wells of one compound at any concentration.
@@ -136,11 +145,24 @@ pub struct WellValue {
     pub flagged: bool,
 }
 
+/// A well whose number does not count.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+pub struct LeftOutWell {
+    pub run: String,
+    pub well: String,
+    pub value: f64,
+    /// The flags for which it does not count.
+    pub flags: Vec<String>,
+}
+
 /// A sample of wells.
 #[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
 pub struct WellGroup {
     pub condition: WellCondition,
+    /// Wells that count.
     pub n: usize,
+    /// Wells of this condition that do not count.
+    pub left_out: usize,
     pub mean: f64,
     /// Divisor n - 1; `null` of a single well.
     pub sd: Option<f64>,
@@ -304,6 +326,20 @@ impl WellCondition {
     }
 }
 
+impl QuantityStatistics {
+    /// How many wells do not count, and why: `3 of 12 wells left out: moved 2, clipped_left 1`. `None` if all count.
+    pub fn left_out_words(&self) -> Option<String> {
+        let n = self.left_out.len();
+        let mut by_flag: BTreeMap<&str, usize> = BTreeMap::new();
+        for flag in self.left_out.iter().flat_map(|well| &well.flags) {
+            *by_flag.entry(flag).or_default() += 1;
+        }
+        let all = n + self.groups.iter().map(|group| group.n).sum::<usize>();
+        let why: Vec<String> = by_flag.iter().map(|(flag, wells)| format!("{flag} {wells}")).collect();
+        (n > 0).then(|| format!("{n} of {all} wells left out: {}", why.join(", ")))
+    }
+}
+
 impl Statistics {
     /// The statistics of runs.
     ///
@@ -318,14 +354,13 @@ impl Statistics {
                 modes.push(mode);
             }
         }
-        Ok(Self::of_samples(samples::of(runs)?, names, modes, flagged))
+        Ok(Self::of_samples(&samples::of(runs)?, names, modes, flagged))
     }
 
-    fn of_samples(all: Vec<Sample>, runs: Vec<String>, modes: Vec<String>, flagged: Flagged) -> Self {
-        let specimens_with_flags = all.iter().filter(|s| s.flagged).count();
-        let counted: Vec<Sample> = all.into_iter().filter(|s| flagged == Flagged::Included || !s.flagged).collect();
-        let quantities = (0..QUANTITIES.len()).filter_map(|q| quantity(q, &counted, &runs)).collect();
-        Self { runs, modes, flagged, specimens: counted.len(), specimens_with_flags, quantities }
+    fn of_samples(all: &[Sample], runs: Vec<String>, modes: Vec<String>, flagged: Flagged) -> Self {
+        let specimens_with_flags = all.iter().filter(|s| !s.flags.is_empty()).count();
+        let quantities = (0..QUANTITIES.len()).filter_map(|q| quantity(q, all, flagged, &runs)).collect();
+        Self { runs, modes, flagged, specimens: all.len(), specimens_with_flags, quantities }
     }
 }
 
@@ -333,18 +368,26 @@ impl Statistics {
 type Valued<'s> = (&'s Sample, f64);
 
 /// The statistics of one quantity. `None` where no specimen has it.
-fn quantity(q: usize, samples: &[Sample], runs: &[String]) -> Option<QuantityStatistics> {
+fn quantity(q: usize, samples: &[Sample], flagged: Flagged, runs: &[String]) -> Option<QuantityStatistics> {
     let (name, unit, _) = QUANTITIES[q];
-    let valued: Vec<Valued> = samples.iter().filter_map(|s| Some((s, s.numbers[q]?))).collect();
-    if valued.is_empty() {
+    let all = samples.iter().filter_map(|s| Some((s, s.numbers[q]?)));
+    let (valued, out): (Vec<Valued>, Vec<Valued>) = all.partition(|(s, _)| s.left_out(q, flagged).is_empty());
+    if valued.is_empty() && out.is_empty() {
         return None;
     }
     let of_compound = |s: &Sample| s.condition.compound.is_some().then(|| s.condition.clone().without_concentration());
+    let left_out = |&(sample, value): &Valued| LeftOutWell {
+        run: sample.run.clone(),
+        well: sample.well.clone(),
+        value,
+        flags: sample.left_out(q, flagged).iter().map(ToString::to_string).collect(),
+    };
     Some(QuantityStatistics {
         name: name.to_owned(),
         unit: unit.to_owned(),
-        groups: groups(q, &valued, |s| Some(s.condition.clone())),
-        compounds: groups(q, &valued, of_compound),
+        left_out: out.iter().map(left_out).collect(),
+        groups: groups(q, &valued, &out, |s| Some(s.condition.clone())),
+        compounds: groups(q, &valued, &out, of_compound),
         windows: runs.iter().filter_map(|run| window(run, &valued)).collect(),
         responses: responses(&valued),
     })
@@ -352,7 +395,7 @@ fn quantity(q: usize, samples: &[Sample], runs: &[String]) -> Option<QuantitySta
 
 /// Samples of one condition each: negative controls, then by compound and concentration, then positive controls. Equal ones are in the order
 /// of the plates.
-fn groups(q: usize, valued: &[Valued], condition: impl Fn(&Sample) -> Option<WellCondition>) -> Vec<WellGroup> {
+fn groups(q: usize, valued: &[Valued], out: &[Valued], condition: impl Fn(&Sample) -> Option<WellCondition>) -> Vec<WellGroup> {
     let mut parts: Vec<(WellCondition, Vec<Valued>)> = Vec::new();
     for &(sample, value) in valued {
         let Some(condition) = condition(sample) else { continue };
@@ -364,15 +407,28 @@ fn groups(q: usize, valued: &[Valued], condition: impl Fn(&Sample) -> Option<Wel
     let dose = |c: &WellCondition| c.concentration.unwrap_or(-1.0);
     let control = |c: &WellCondition| c.control.as_ref().map_or(1, |control| if control == "negative" { 0 } else { 2 });
     parts.sort_by(|(a, _), (b, _)| (control(a), &a.compound).cmp(&(control(b), &b.compound)).then(dose(a).total_cmp(&dose(b))));
-    parts.into_iter().filter_map(|(condition, members)| group(q, condition, &members)).collect()
+    let left_out = |known: &WellCondition| out.iter().filter(|(s, _)| condition(s).as_ref() == Some(known)).count();
+    parts
+        .into_iter()
+        .filter_map(|(condition, members)| {
+            let left_out = left_out(&condition);
+            group(q, condition, &members, left_out)
+        })
+        .collect()
 }
 
-fn group(q: usize, condition: WellCondition, members: &[Valued]) -> Option<WellGroup> {
+fn group(q: usize, condition: WellCondition, members: &[Valued], left_out: usize) -> Option<WellGroup> {
     let Summary { n, mean, sd, mean_interval_95, median, mad } = Summary::of(&members.iter().map(|m| m.1).collect::<Vec<_>>())?;
-    let well = |&(sample, value): &Valued| WellValue { run: sample.run.clone(), well: sample.well.clone(), value, flagged: sample.flagged };
+    let well = |&(sample, value): &Valued| WellValue {
+        run: sample.run.clone(),
+        well: sample.well.clone(),
+        value,
+        flagged: !sample.flags.is_empty(),
+    };
     Some(WellGroup {
         condition,
         n,
+        left_out,
         mean,
         sd,
         mean_interval_95: mean_interval_95.map(Into::into),

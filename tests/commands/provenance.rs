@@ -301,7 +301,7 @@ fn a_report_of_flagged_specimens_alone_says_why_it_has_no_groups() {
     stored["wells"][0]["flags"] = json!(["moved"]);
     std::fs::write(run.join("run.json"), stored.to_string()).unwrap();
     let out = dir.path().join("report.html");
-    for (more, expected) in [(None, false), (Some("--without-flagged"), true)] {
+    for (more, expected) in [(None, true), (Some("--with-flagged"), false), (Some("--without-flagged"), true)] {
         done(&carved().arg("report").arg(&run).arg("--out").arg(&out).args(more).output().unwrap());
         let text = std::fs::read_to_string(&out).unwrap();
         assert_eq!(text.contains("So there are no groups"), expected, "{more:?}");

@@ -392,8 +392,9 @@ fn statistics_are_written_as_tables_and_as_json() {
     // The beads have flags.
     done(&export(&["statistics", "--out", &all, "--without-flagged"], &paths));
     let all = json(Path::new(&all));
-    assert_eq!((&all["specimens"], &all["specimens_with_flags"], &all["modes"]), (&json!(2), &json!(2), &json!(["simulated"])));
-    assert!(all["quantities"].as_array().unwrap().iter().all(|q| q["name"] != "diameter_um"), "only the beads have one");
+    assert_eq!((&all["specimens"], &all["specimens_with_flags"], &all["modes"]), (&json!(4), &json!(2), &json!(["simulated"])));
+    let diameter = all["quantities"].as_array().unwrap().iter().find(|q| q["name"] == "diameter_um").unwrap();
+    assert_eq!((&diameter["groups"], diameter["left_out"].as_array().unwrap().len()), (&json!([]), 2), "only the beads have one");
 }
 
 #[test]

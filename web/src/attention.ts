@@ -1,5 +1,5 @@
-// Wells that need attention: those that did not go as planned, grouped by their reasons. Wells that an abort left out are expected, and are
-// not listed.
+// Wells that need attention: those that did not go as planned, grouped by their reasons. A well with several flags is in the group of each.
+// Wells that an abort left out are expected, and are not listed.
 
 import { element } from "./dom.ts";
 import { capitalised } from "./format.ts";
@@ -20,12 +20,14 @@ export function toLookAt(wells: readonly WellStatus[]): Group[] {
   for (const well of wells) {
     const condition = conditionOf(well, null);
     if (!order.includes(condition)) continue;
-    const reason = condition === "flagged" ? well.flags.map(flagWords).join("; ") : reasonWords(well.reason ?? "");
-    const words = reason === "" ? CONDITIONS[condition].label : reason;
-    const key = `${condition} ${words}`;
-    const group = groups.get(key) ?? { condition, words, wells: [] };
-    group.wells.push(well.well);
-    groups.set(key, group);
+    const reasons = condition === "flagged" ? well.flags.map(flagWords) : [reasonWords(well.reason ?? "")];
+    for (const reason of reasons) {
+      const words = reason === "" ? CONDITIONS[condition].label : reason;
+      const key = `${condition} ${words}`;
+      const group = groups.get(key) ?? { condition, words, wells: [] };
+      group.wells.push(well.well);
+      groups.set(key, group);
+    }
   }
   const rank = (group: Group) => order.indexOf(group.condition);
   return [...groups.values()].sort((a, b) => rank(a) - rank(b) || b.wells.length - a.wells.length);

@@ -76,7 +76,7 @@ function caption({ well, estimates, hulls_um3: hulls, measured }: Curve, hasHull
   }
   const hull = hulls.at(-1);
   if (hasHull && hull !== undefined) {
-    said.push(`hull ${nanolitres(hull)} after ${counted(hulls.length, "view")}, which is no estimate`);
+    said.push(`rough live volume ${nanolitres(hull)} after ${counted(hulls.length, "view")}, which is no estimate`);
   }
   // On a busy computer the turn may end before the first estimate is ready.
   const none = measured && estimates.length === 0 ? " No estimates were made during the turn." : "";

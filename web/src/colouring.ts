@@ -6,6 +6,7 @@ import {
   colourOf,
   COLOURINGS,
   controlsOf,
+  isBeyond,
   rangeOf,
   scaledWells,
   valueOf,
@@ -19,6 +20,8 @@ import type { PlannedWell, WellStatus } from "./status.ts";
 /** The colour of a well, and its number in words. */
 export interface Coloured extends Colour {
   words: string;
+  /** Whether the number lies beyond the ends of the scale. */
+  isBeyond: boolean;
 }
 
 const KEY = "carved.colouring";
@@ -63,12 +66,17 @@ export class PlateColouring {
     else {
       const without = scaled.length < wells.length ? "Beads and wells" : "Wells";
       const ends: [string, string] = [valueWords(range.least, by), valueWords(range.most, by)];
-      this.#explain(by, `${without} without this number have no colour.`, ends);
+      const beyond = [...values.values()].some((value) => isBeyond(value, range));
+      const marked = beyond ? " A double edge marks a number beyond the scale." : "";
+      this.#explain(by, `${without} without this number have no colour.${marked}`, ends);
     }
     if (range === null) return new Map();
-    return new Map(
-      [...values].map(([well, value]) => [well, { ...colourOf(value, range, by), words: valueWords(value, by) }]),
-    );
+    const coloured = (value: number): Coloured => {
+      const beyond = isBeyond(value, range);
+      const words = `${valueWords(value, by)}${beyond ? ", beyond the scale" : ""}`;
+      return { ...colourOf(value, range, by), words, isBeyond: beyond };
+    };
+    return new Map([...values].map(([well, value]) => [well, coloured(value)]));
   }
 
   /** `ends`: the words at the ends of the scale; null if no well has a colour. */

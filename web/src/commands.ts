@@ -103,7 +103,7 @@ const COMMANDS: readonly Command[] = [
     question: (s, run) => ({
       title: `Abort run ${run}?`,
       words: `The motors stop at once and the run ends as aborted. Wells that are finished are kept; ${underWay(s)?.in_capillary === true ? "the specimen in the capillary is not measured" : "wells that were not visited stay without numbers"}.`,
-      no: "Keep running",
+      no: s.state === "Held" ? "Leave it held" : "Keep running",
     }),
     send: steer("abort"),
     ends: true,

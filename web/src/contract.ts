@@ -143,7 +143,7 @@ export interface FittedParameter {
   value: number;
 }
 
-export type Flagged = "included" | "excluded";
+export type Flagged = "sound" | "included" | "excluded";
 
 export interface GateQuantity {
   drifted: boolean;
@@ -248,6 +248,13 @@ export interface LeaseRequest {
 export interface LeaseStatus {
   expires_in_s: number | null;
   holder: string | null;
+}
+
+export interface LeftOutWell {
+  flags: string[];
+  run: string;
+  value: number;
+  well: string;
 }
 
 export interface Light {
@@ -374,6 +381,7 @@ export interface Problem {
 export interface QuantityStatistics {
   compounds: WellGroup[];
   groups: WellGroup[];
+  left_out: LeftOutWell[];
   name: string;
   responses: DoseSeries[];
   unit: string;
@@ -1370,6 +1378,7 @@ export interface WellCounts {
 
 export interface WellGroup {
   condition: WellCondition;
+  left_out: number;
   mad: number;
   mean: number;
   mean_interval_95: Interval | null;

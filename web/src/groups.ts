@@ -4,7 +4,7 @@
 import { fetchStatistics, Refused } from "./api.ts";
 import { element, setText, show, svg } from "./dom.ts";
 import { doseCharts, windowWords } from "./doses.ts";
-import { capitalised, counted, grouped, significant, UM3_PER_NL } from "./format.ts";
+import { capitalised, counted, grouped, significant, UM3_PER_NL, words as spaced } from "./format.ts";
 import { Latest } from "./latest.ts";
 import type { Interval, QuantityStatistics, RunStatus, Statistics, WellGroup, WellValue } from "./status.ts";
 import { runKey } from "./stored.ts";
@@ -38,6 +38,16 @@ export function referenceWords(groups: readonly WellGroup[]): string {
     r === null ? [] : [`${counted(r.n, "larva", "larvae")} (${r.group})`],
   );
   return [...new Set(words)].join(", ");
+}
+
+/** How many wells do not count, and why: `2 wells are left out: moved (1), clipped left (1).` Empty where all count. Pure. */
+export function leftOutWords(found: Pick<QuantityStatistics, "left_out"> | undefined): string {
+  const wells = found?.left_out ?? [];
+  if (wells.length === 0) return "";
+  const flags = new Map<string, number>();
+  for (const flag of wells.flatMap((well) => well.flags)) flags.set(flag, (flags.get(flag) ?? 0) + 1);
+  const why = [...flags].map(([flag, n]) => `${spaced(flag)} (${n})`).join(", ");
+  return `${counted(wells.length, "well")} ${wells.length === 1 ? "is" : "are"} left out, because the number is a bound or doubtful: ${why}.`;
 }
 
 /** The wells with a number, and these numbers: when they change, the statistics are read again. Pure. */
@@ -104,7 +114,7 @@ export class GroupsView {
     const groups = larvaGroups(found);
     setText(this.#window, found === undefined ? "" : windowWords(found));
     this.#doses.replaceChildren(...(found === undefined ? [] : doseCharts(found, QUANTITIES[quantity], this.#choose)));
-    setText(this.#words, this.#sentence(groups));
+    setText(this.#words, this.#sentence(found, groups));
     if (groups.length === 0) {
       this.#chart.replaceChildren();
       this.#table.replaceChildren();
@@ -114,14 +124,15 @@ export class GroupsView {
     this.#table.replaceChildren(...table(groups, QUANTITIES[quantity]));
   }
 
-  #sentence(groups: readonly WellGroup[]): string {
+  #sentence(found: QuantityStatistics | undefined, groups: readonly WellGroup[]): string {
     if (this.#refused !== "") return `The statistics could not be read: ${this.#refused}.`;
     if (this.#statistics === null) return "The statistics are being read.";
-    if (groups.length === 0) return "No larva has this number yet.";
+    const left = leftOutWords(found);
+    if (groups.length === 0) return left === "" ? "No larva has this number yet." : left;
     const flagged = groups.some(({ values }) => values.some((v) => v.flagged)) ? "; a square has a flag" : "";
     const behind = referenceWords(groups);
     return (
-      `A dot is a larva${flagged}. The line is the mean with its 95 % confidence interval.` +
+      `A dot is a larva${flagged}. The line is the mean with its 95 % confidence interval.${left === "" ? "" : ` ${left}`}` +
       (behind === ""
         ? ""
         : ` The band behind holds 95 % of reference larvae of the same age, by the estimator of the references: ${behind}.`)

@@ -261,7 +261,13 @@ export class NewRun {
       const other = error instanceof Refused ? error.run : null;
       if (other !== null) say(`${refused}. Another run is under way: ${other}.`);
       else say(`${refused}: ${mistakes.length > 0 ? counted(mistakes.length, "mistake") : reason(error)}.`);
-      this.#list.replaceChildren(listOf("Mistakes", mistakes.map(mistake)));
+      const planned = this.#map?.plate_map ?? [];
+      this.#list.replaceChildren(
+        listOf(
+          "Mistakes",
+          mistakes.map((m) => mistake(m, planned)),
+        ),
+      );
     } finally {
       this.#busy = false;
       this.#enable();
@@ -317,8 +323,12 @@ const CHECKED: Record<string, string> = {
   references: "Reference larvae",
 };
 
-function mistake(m: Mistake): HTMLElement {
-  const place = m.line ? `Line ${m.line}${m.column ? `, ${m.column}` : ""}` : (m.pointer ?? "");
+function mistake(m: Mistake, planned: readonly PlannedWell[]): HTMLElement {
+  // In the plan that the page made of a map, a well has a place in a list.
+  const [, index] = /^\/plate_map\/(\d+)\b/.exec(m.pointer ?? "") ?? [];
+  const well = index === undefined ? undefined : planned[Number(index)]?.well;
+  const pointer = well === undefined ? (m.pointer ?? "") : `Well ${well}`;
+  const place = m.line ? `Line ${m.line}${m.column ? `, ${m.column}` : ""}` : pointer;
   return element("li", "mistake", element("b", "", place ? `${place}: ` : ""), m.detail);
 }
 

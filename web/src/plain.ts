@@ -87,7 +87,7 @@ export function tally(run: RunStatus): string {
     [w.skipped, "skipped"],
     [w.failed, "failed"],
     [w.interrupted - aborted.length, "interrupted"],
-    [cut, "cut short"],
+    [cut, "interrupted by the end of the run"],
     [aborted.length - cut, "left out"],
     [w.pending, run.outcome === null ? "waiting" : "not measured"],
   ];
@@ -139,7 +139,7 @@ export function progressLine(status: Status): string {
     return status.ready ? "Ready for a run." : `Not ready for a run: ${status.not_ready_reason ?? "no reason given"}.`;
   if (run.outcome) return `Run ${run.id} ${OUTCOMES[run.outcome]}: ${tally(run)}.`;
   const parts = [`Run ${run.id}: ${grouped(done(run))} of ${grouped(run.wells.total)} wells done`];
-  if (run.eta_s)
+  if (run.eta_s && !waitsForHand(status))
     parts.push(`${aboutDuration(run.eta_s.p50)} left${status.state === "Held" ? " once it continues" : ""}`);
   return `${parts.join(" · ")}.`;
 }
@@ -154,7 +154,7 @@ export function finish(status: Status): string {
   const { run } = status;
   if (run === null) return "";
   if (run.ended !== null) return `ended at ${hourOf(new Date(run.ended))}`;
-  if (run.eta_s === null || status.state === "Held") return "";
+  if (run.eta_s === null || status.state === "Held" || waitsForHand(status)) return "";
   return `ready at ${hourOf(new Date(Date.parse(status.server_time) + run.eta_s.p50 * 1000))}`;
 }
 
@@ -187,6 +187,12 @@ export function nextStep(status: Status): NextStep | null {
     button: "is-in",
     fault: null,
   };
+}
+
+/** Whether a person brings or takes the next specimen: nobody knows how long that takes. */
+function waitsForHand(status: Status): boolean {
+  const button = nextStep(status)?.button;
+  return button === "is-out" || button === "is-in";
 }
 
 /** What is the matter, below the next step: why the run is held and how often, or what the instrument is doing. */

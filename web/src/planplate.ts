@@ -25,6 +25,19 @@ const PALETTE = [
   ["#0072b2", "#fff"],
   ["#bbbbbb", "#000"],
 ] as const;
+
+/** Angle between the hues of two further groups, deg: no small number of steps comes back to the same hue. */
+const HUE_STEP_DEG = 137.508;
+
+/** Background and ink of a group by its number from 0. Each group has a colour of its own. Pure. */
+export function coloursOf(group: number): readonly [string, string] {
+  const known = PALETTE[group];
+  if (known !== undefined) return known;
+  const hue = Math.round((group * HUE_STEP_DEG) % 360);
+  // Light and dark in turn, with the ink that is legible on any hue of this lightness.
+  return group % 2 === 0 ? [`hsl(${hue} 60% 78%)`, "#000"] : [`hsl(${hue} 60% 26%)`, "#fff"];
+}
+
 /** The groups in the order of their first wells. Pure. */
 export function groupsOf(wells: readonly PlannedWell[]): PlanGroup[] {
   const groups = new Map<string, PlanGroup>();
@@ -38,7 +51,7 @@ export function groupsOf(wells: readonly PlannedWell[]): PlanGroup[] {
 }
 
 function painted(made: HTMLElement, group: number): HTMLElement {
-  const [background, ink] = PALETTE[group % PALETTE.length]!;
+  const [background, ink] = coloursOf(group);
   made.style.background = background;
   made.style.color = ink;
   made.textContent = markOf(group);

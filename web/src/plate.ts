@@ -96,6 +96,7 @@ export class PlateView {
       if (this.#written.get(well.well) === now) continue;
       this.#written.set(well.well, now);
       button.className = `well well-${condition}`;
+      button.classList.toggle("well-beyond", coloured.get(well.well)?.isBeyond === true);
       button.dataset["condition"] = condition;
       setText(button, CONDITIONS[condition].sign);
       const colour = coloured.get(well.well);

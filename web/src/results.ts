@@ -5,7 +5,7 @@ import { capitalised, grouped, significant } from "./format.ts";
 import { flagWords } from "./reasons.ts";
 import type { PlannedWell, WellStatus } from "./status.ts";
 import { treatmentWords } from "./treatment.ts";
-import { conditionOf, conditionWords, contents } from "./wells.ts";
+import { conditionOf, conditionWords, contents, isBound } from "./wells.ts";
 
 /** The wells in the plan of their run, by name. */
 export type Planned = ReadonlyMap<string, PlannedWell>;
@@ -33,10 +33,10 @@ const COLUMNS: readonly Column[] = [
   { name: "Specimen", value: contents, words: (w) => capitalised(contents(w)) },
   { name: "Treatment", value: (w, planned) => treatmentOf(w, planned) || null, words: treatmentOf },
   { name: "Outcome", value: outcome, words: (w) => capitalised(outcome(w)) },
-  number("Volume, nL", (w) => w.volume_um3, 1e6),
-  number("SD, nL", (w) => w.volume_sd_um3, 1e6, 2),
-  number("Area, mm²", (w) => w.area_um2, 1e6),
-  number("SD, mm²", (w) => w.area_sd_um2, 1e6, 2),
+  measured("Volume, nL", (w) => w.volume_um3),
+  spread("SD, nL", (w) => w.volume_sd_um3),
+  measured("Area, mm²", (w) => w.area_um2),
+  spread("SD, mm²", (w) => w.area_sd_um2),
   distance("Volume, SD from references", (w) => w.reference?.volume.z),
   distance("Area, SD from references", (w) => w.reference?.area.z),
   {
@@ -46,8 +46,16 @@ const COLUMNS: readonly Column[] = [
   },
 ];
 
-function number(name: string, of: (well: WellStatus) => number | null, unit: number, digits = 4): Column {
-  return { name, value: of, words: (w) => or(of(w), (v) => significant(v / unit, digits)) };
+/** A volume in nL of a number in um^3, or an area in mm^2 of one in um^2. */
+function measured(name: string, of: (well: WellStatus) => number | null): Column {
+  const words = (w: WellStatus) => or(of(w), (v) => `${isBound(w) ? "≥ " : ""}${significant(v / 1e6, 4)}`);
+  return { name, value: of, words };
+}
+
+/** The standard deviation of such a number. A bound has none. */
+function spread(name: string, of: (well: WellStatus) => number | null): Column {
+  const value = (w: WellStatus) => (isBound(w) ? null : of(w));
+  return { name, value, words: (w) => or(value(w), (v) => significant(v / 1e6, 2)) };
 }
 
 function distance(name: string, of: (well: WellStatus) => number | null | undefined): Column {

@@ -93,7 +93,7 @@ function cameraWords(camera: CameraStatus): string {
 /** The newest calibration of the rig in one line. */
 export function calibrationWords(calibration: CalibrationStatus | null): string {
   // The daily beads have their own line.
-  if (calibration === null || calibration.kind === "gate") return "! none of this rig is stored";
+  if (calibration === null || calibration.kind === "gate") return "! scale never checked with beads";
   const { kind, bead_bias_percent: bias, age_s, max_age_s, valid } = calibration;
   const parts = [`${valid ? "✓" : "!"} by ${kind}, ${age(age_s)} old`];
   if (!valid) parts.push(`valid for ${age(max_age_s)}`);

@@ -5,6 +5,7 @@ import { element, setText, show } from "./dom.ts";
 import { capitalised, counted, moment, duration, nanolitres, words } from "./format.ts";
 import { Latest } from "./latest.ts";
 import { OUTCOMES, PHASES } from "./plain.ts";
+import { FLAGS } from "./flags.ts";
 import { flagWords, reasonWords } from "./reasons.ts";
 import { runKey } from "./stored.ts";
 import type { Phase, RunEvent, RunOutcome, RunStatus, SpecimenOutcome } from "./status.ts";
@@ -110,12 +111,15 @@ function done(data: Data, well: string): Entry {
   const outcome = text(data["outcome"]) as SpecimenOutcome;
   const volume = data["volume_um3"];
   const said = [`${well}: ${DONE[outcome] ?? "ended"}`];
+  const flags = Array.isArray(data["flags"]) ? (data["flags"] as string[]) : [];
   if (typeof volume === "number") {
     const sd = data["volume_sd_um3"];
-    said.push(`, ${nanolitres(volume, typeof sd === "number" ? sd : null)}`);
+    const isBound = flags.some((flag) => FLAGS[flag]?.isBound === true);
+    said.push(
+      isBound ? `, at least ${nanolitres(volume)}` : `, ${nanolitres(volume, typeof sd === "number" ? sd : null)}`,
+    );
   }
   if (typeof data["reason"] === "string") said.push(`: ${reasonWords(data["reason"]).replace(/\.$/, "")}`);
-  const flags = Array.isArray(data["flags"]) ? (data["flags"] as string[]) : [];
   if (flags.length > 0) said.push(` (${flags.map(flagWords).join("; ")})`);
   const seconds = data["seconds"];
   if (typeof seconds === "number") said.push(`, after ${duration(seconds)}`);

@@ -3,10 +3,12 @@
 //   well ── valueOf ──> number ── colourOf, within the range of the run ──> background and ink
 //
 // Volume, area and quality have the scale cividis, distances from a mean the scale RdBu. Both are made for readers who do not distinguish red
-// and green. The ends of a distance are at 3 standard deviations. The ends of volume and area are those of the larvae.
+// and green. The ends of a distance are at 3 standard deviations. Those of the other numbers leave outliers beyond them, which are marked. A
+// number that is a bound has no colour.
 
 import { counted, grouped, significant, UM3_PER_NL } from "./format.ts";
 import type { PlannedWell, WellStatus } from "./status.ts";
+import { isBound } from "./wells.ts";
 
 export type Colouring = "outcome" | "volume" | "area" | "z_volume" | "z_area" | "controls" | "flags" | "residual";
 
@@ -41,7 +43,9 @@ export interface Spread {
 /** Mean and standard deviation of the volumes of the negative controls; null if they are too few or all alike. */
 export function controlsOf(wells: readonly WellStatus[], plan: readonly PlannedWell[]): Spread | null {
   const controls = new Set(plan.filter((w) => w.control === "negative").map((w) => w.well));
-  const volumes = wells.flatMap((w) => (controls.has(w.well) && w.volume_um3 !== null ? [w.volume_um3] : []));
+  const volumes = wells.flatMap((w) =>
+    controls.has(w.well) && w.volume_um3 !== null && !isBound(w) ? [w.volume_um3] : [],
+  );
   if (volumes.length < LEAST_CONTROLS) return null;
   const mean = volumes.reduce((sum, v) => sum + v, 0) / volumes.length;
   const sd = Math.sqrt(volumes.reduce((sum, v) => sum + (v - mean) ** 2, 0) / (volumes.length - 1));
@@ -76,15 +80,17 @@ export function valueOf(well: WellStatus, by: Colouring, controls: Spread | null
     case "outcome":
       return null;
     case "volume":
-      return well.volume_um3 === null ? null : well.volume_um3 / UM3_PER_NL;
+      return well.volume_um3 === null || isBound(well) ? null : well.volume_um3 / UM3_PER_NL;
     case "area":
-      return well.area_um2 === null ? null : well.area_um2 / 1e6;
+      return well.area_um2 === null || isBound(well) ? null : well.area_um2 / 1e6;
     case "z_volume":
-      return well.reference?.volume.z ?? null;
+      return isBound(well) ? null : (well.reference?.volume.z ?? null);
     case "z_area":
-      return well.reference?.area.z ?? null;
+      return isBound(well) ? null : (well.reference?.area.z ?? null);
     case "controls":
-      return controls === null || well.volume_um3 === null ? null : (well.volume_um3 - controls.mean) / controls.sd;
+      return controls === null || well.volume_um3 === null || isBound(well)
+        ? null
+        : (well.volume_um3 - controls.mean) / controls.sd;
     case "flags":
       return well.outcome === "succeeded" ? well.flags.length : null;
     case "residual":
@@ -111,7 +117,32 @@ export function rangeOf(values: readonly number[], by: Colouring): Range | null 
   if (values.length === 0) return null;
   if (DISTANCES.includes(by)) return { least: -FAR_SD, most: FAR_SD };
   if (by === "flags") return { least: 0, most: Math.max(1, ...values) };
-  return { least: Math.min(...values), most: Math.max(...values) };
+  const sorted = [...values].sort((a, b) => a - b);
+  const [low, high] = [quantile(sorted, 0.25), quantile(sorted, 0.75)];
+  const reach = FENCE * (high - low);
+  const beyond = Math.floor(ENDS * sorted.length);
+  return {
+    least: Math.max(sorted[beyond]!, low - reach),
+    most: Math.min(sorted[sorted.length - 1 - beyond]!, high + reach),
+  };
+}
+
+/** Share of the values beyond each end of a scale. */
+const ENDS = 0.02;
+/** Reach of a scale beyond the quartiles, in their distance (Tukey's fences): of few wells, 2 % is less than one. */
+const FENCE = 1.5;
+
+/** A quantile by linear interpolation between the sorted values. */
+function quantile(sorted: readonly number[], share: number): number {
+  const at = share * (sorted.length - 1);
+  const [low, high] = [sorted[Math.floor(at)]!, sorted[Math.ceil(at)]!];
+  return low + (at - Math.floor(at)) * (high - low);
+}
+
+/** Whether a value lies beyond an end of the scale, by more than rounding. */
+export function isBeyond(value: number, range: Range): boolean {
+  const width = range.most - range.least;
+  return width > 0 && (value < range.least - 0.02 * width || value > range.most + 0.02 * width);
 }
 
 export interface Colour {

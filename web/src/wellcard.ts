@@ -15,7 +15,7 @@ import { flagWords, reasonWords } from "./reasons.ts";
 import { PHASES } from "./plain.ts";
 import type { PlannedWell, SpecimenStatus, VolumeWait, WellStatus } from "./status.ts";
 import { treatmentWords } from "./treatment.ts";
-import { CONDITIONS, conditionOf, conditionWords, contents, places, type Condition } from "./wells.ts";
+import { CONDITIONS, conditionOf, conditionWords, contents, isBound, places, type Condition } from "./wells.ts";
 
 export class WellCard {
   readonly #heading: HTMLElement;
@@ -80,18 +80,23 @@ function facts(
   ];
   if (well.reason !== null) rows.push(...fact("Reason", capitalised(reasonWords(well.reason))));
   if (well.flags.length > 0) {
-    rows.push(...fact("Flags", ...well.flags.map((flag) => element("span", "flag", capitalised(flagWords(flag))))));
+    rows.push(...fact("Flags", ...well.flags.map(flagLink)));
   }
   const volume = well.volume_um3;
+  // An interval around a bound would not contain the true volume.
+  const bound = isBound(well);
+  const atLeast = bound ? "At least " : "";
   if (volume !== null) {
-    const shown = number("volume", nanolitres(volume, well.volume_sd_um3), cubicMicrometres(volume));
-    rows.push(...fact(well.volume_sd_um3 === null ? "Volume" : "Volume ± 1 SD", shown));
+    const sd = bound ? null : well.volume_sd_um3;
+    const shown = number("volume", atLeast + nanolitres(volume, sd), cubicMicrometres(volume));
+    rows.push(...fact(sd === null ? "Volume" : "Volume ± 1 SD", shown));
   } else if (well.outcome === null && specimen && specimen.view > 0) {
     rows.push(...fact("Volume so far", volumeSoFar(specimen)));
   }
   if (well.area_um2 !== null) {
-    const shown = number("area", squareMillimetres(well.area_um2, well.area_sd_um2), squareMicrometres(well.area_um2));
-    rows.push(...fact(well.area_sd_um2 === null ? "Area" : "Area ± 1 SD", shown));
+    const sd = bound ? null : well.area_sd_um2;
+    const shown = number("area", atLeast + squareMillimetres(well.area_um2, sd), squareMicrometres(well.area_um2));
+    rows.push(...fact(sd === null ? "Area" : "Area ± 1 SD", shown));
   }
   if (well.diameter_um !== null) rows.push(...fact("Diameter", number("diameter", micrometres(well.diameter_um, 1))));
   if (well.signal_per_nl !== null) {
@@ -163,6 +168,14 @@ function outcome(well: WellStatus, specimen: SpecimenStatus | null, condition: C
   const text = condition === "active" && specimen ? PHASES[specimen.phase] : conditionWords(well, condition);
   const made = element("span", "outcome", mark, capitalised(text));
   made.dataset["outcome"] = well.outcome ?? "";
+  return made;
+}
+
+/** A flag in words, as a link to its help. */
+function flagLink(flag: string): HTMLElement {
+  const made = element("a", "flag", capitalised(flagWords(flag)));
+  made.href = `/docs/quality.html#row-${flag}`;
+  made.target = "_blank";
   return made;
 }
 

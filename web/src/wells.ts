@@ -1,6 +1,7 @@
 // The position of a well on its plate, and its condition.
 
 import { capitalised, counted } from "./format.ts";
+import { FLAGS } from "./flags.ts";
 import { reasonWords } from "./reasons.ts";
 import type { PlannedWell, SpecimenStatus, WellStatus } from "./status.ts";
 import { treatmentWords } from "./treatment.ts";
@@ -114,6 +115,11 @@ export function conditionsOf(wells: readonly WellStatus[], specimen: SpecimenSta
 
 function isBefore(well: string, other: string | undefined, wells: readonly WellStatus[]): boolean {
   return wells.findIndex((w) => w.well === well) < wells.findIndex((w) => w.well === other);
+}
+
+/** Whether the true volume and area are larger than the numbers: part of the specimen was not measured. */
+export function isBound(well: WellStatus): boolean {
+  return well.flags.some((flag) => FLAGS[flag]?.isBound === true);
 }
 
 /** `larva, 3 dpf`, `bead`. */

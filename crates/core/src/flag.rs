@@ -24,6 +24,28 @@ pub struct FlagEntry {
     pub what_to_do: &'static str,
 }
 
+/// What a flag says about the numbers of the specimen, and so whether statistics use them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Effect {
+    /// The numbers hold. The flag is a remark, or says something about the larva.
+    Holds,
+    /// The true volume is larger than the number by an unknown part.
+    LowerBound,
+    /// The number may be wrong by more than its standard deviation says.
+    Doubtful,
+}
+
+impl Effect {
+    /// The same in words.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Holds => "counts",
+            Self::LowerBound => "left out: a bound",
+            Self::Doubtful => "left out: doubtful",
+        }
+    }
+}
+
 /// The part of carved that raises a flag.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RaisedBy {
@@ -181,6 +203,43 @@ flags! {
 }
 
 impl Flag {
+    /// What it says about the numbers. Of [`Flag::Saturated`] this is the signal of the second camera, of all others volume, area and shape.
+    ///
+    /// A flag that may be a property of the larva, such as [`Flag::DeadLooking`], lets the numbers count: without these larvae, the
+    /// statistics of a treatment would be those of the larvae that it does not affect.
+    pub const fn effect(self) -> Effect {
+        match self {
+            Self::ClippedLeft | Self::ClippedRight | Self::OutsideBox | Self::Saturated => Effect::LowerBound,
+            Self::FewViews
+            | Self::UnusableViews
+            | Self::Moved
+            | Self::Residual
+            | Self::Overlap
+            | Self::Uncertain
+            | Self::CalibrationGate
+            | Self::WrongSteps
+            | Self::RotationSuspect
+            | Self::RepeatedViews
+            | Self::MirroredViews
+            | Self::SpecimenEndsDiffer
+            | Self::ViewsDisagree
+            | Self::AxisOffBore
+            | Self::Empty => Effect::Doubtful,
+            Self::BadView
+            | Self::ClosureUndecided
+            | Self::NoClosure
+            | Self::Nonconvex
+            | Self::FinsUnseen
+            | Self::DeadLooking
+            | Self::Uncalibrated
+            | Self::CalibrationOff
+            | Self::VolumeOffReferences
+            | Self::AreaOffReferences
+            | Self::MissingViews
+            | Self::BeadGate => Effect::Holds,
+        }
+    }
+
     /// The word in files and answers.
     pub const fn code(self) -> &'static str {
         self.entry().code
@@ -195,12 +254,14 @@ impl fmt::Display for Flag {
 
 /// The rows of the table for `docs/quality.md`.
 pub fn page() -> String {
-    let row = |entry: FlagEntry| {
+    let row = |flag: Flag| {
+        let (entry, effect) = (flag.entry(), flag.effect().words());
         let limits = entry.limits.iter().map(|limit| format!("`{limit}`")).collect::<Vec<_>>().join(", ");
-        format!("| `{}` | {} | {limits} | {} | {} |\n", entry.code, entry.meaning, entry.what_to_do, entry.raised_by.words())
+        let (code, raised_by) = (entry.code, entry.raised_by.words());
+        format!("| `{code}` | {} | {limits} | {} | {raised_by} | {effect} |\n", entry.meaning, entry.what_to_do)
     };
-    let rows: String = Flag::ALL.iter().map(|flag| row(flag.entry())).collect();
-    format!("| flag | meaning | limits | what a technician does | raised by |\n|---|---|---|---|---|\n{rows}")
+    let rows: String = Flag::ALL.iter().map(|flag| row(*flag)).collect();
+    format!("| flag | meaning | limits | what a technician does | raised by | in statistics |\n|---|---|---|---|---|---|\n{rows}")
 }
 
 /// A flag as a file has it. Files of other versions may have flags that this version does not raise.
@@ -220,6 +281,14 @@ impl StoredFlag {
         match self {
             Self::Known(flag) => flag.code(),
             Self::Unknown(word) => word,
+        }
+    }
+
+    /// What it says about the numbers. Those with a flag that this version does not know count, and are marked as flagged.
+    pub fn effect(&self) -> Effect {
+        match self {
+            Self::Known(flag) => flag.effect(),
+            Self::Unknown(_) => Effect::Holds,
         }
     }
 

@@ -5,7 +5,7 @@ mod model;
 mod ome_tiff;
 mod ome_zarr;
 mod provenance;
-mod statistics;
+pub mod statistics;
 mod table;
 mod views;
 

@@ -20,9 +20,30 @@ pub struct Args {
     /// File for Z' of every run with controls (`.csv`).
     #[arg(long, value_name = "FILE")]
     controls: Option<PathBuf>,
-    /// Leave out specimens with flags.
+    #[command(flatten)]
+    which: Which,
+}
+
+/// Which specimens statistics count.
+#[derive(Debug, clap::Args)]
+pub struct Which {
+    /// Leave out all specimens with flags [default: those whose number is a bound or doubtful, see docs/quality.md]
     #[arg(long)]
     without_flagged: bool,
+    /// Count all measured specimens, also those whose number is a bound or doubtful.
+    #[arg(long, conflicts_with = "without_flagged")]
+    with_flagged: bool,
+}
+
+impl Which {
+    /// The same as statistics take it.
+    pub fn flagged(&self) -> Flagged {
+        match (self.without_flagged, self.with_flagged) {
+            (true, _) => Flagged::Excluded,
+            (false, true) => Flagged::Included,
+            (false, false) => Flagged::Sound,
+        }
+    }
 }
 
 /// Writes the statistics.
@@ -37,8 +58,13 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         }
     }
     let runs = read(&args.runs)?;
-    let flagged = if args.without_flagged { Flagged::Excluded } else { Flagged::Included };
+    let flagged = args.which.flagged();
     let statistics = Statistics::of(&runs, flagged)?;
+    for quantity in &statistics.quantities {
+        if let Some(words) = quantity.left_out_words() {
+            note!("carved: {}: {words}", quantity.name);
+        }
+    }
     match &args.out {
         Some(file) if as_json => write(file, &serde_json::to_vec_pretty(&statistics).context("the statistics cannot be written as JSON")?)?,
         Some(file) => write(file, csv::text(&groups_table(&statistics)).as_bytes())?,

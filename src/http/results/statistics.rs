@@ -15,7 +15,7 @@ use utoipa::IntoParams;
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(in crate::http) struct Counted {
-    /// `excluded` leaves out specimens with flags.
+    /// Which specimens with flags count: `sound` (no bound, nothing doubtful), `included` (all) or `excluded` (none).
     #[serde(default)]
     #[param(required = false, inline)]
     flagged: Flagged,

@@ -37,6 +37,7 @@ const OF: [(&str, Kind); 4] = [("quantity", Text), ("unit", Text), ("modes", Tex
 
 fn of(statistics: &Statistics, quantity: &QuantityStatistics) -> [Cell; 4] {
     let flagged = match statistics.flagged {
+        super::Flagged::Sound => "sound",
         super::Flagged::Included => "included",
         super::Flagged::Excluded => "excluded",
     };
@@ -47,6 +48,7 @@ fn of(statistics: &Statistics, quantity: &QuantityStatistics) -> [Cell; 4] {
 pub fn groups(statistics: &Statistics) -> Table {
     let numbers = [
         ("n", Integer),
+        ("left_out", Integer),
         ("mean", Number),
         ("sd", Number),
         ("mean_95_low", Number),
@@ -63,6 +65,7 @@ pub fn groups(statistics: &Statistics) -> Table {
         cells.extend(condition(&group.condition));
         cells.extend([
             group.n.into(),
+            group.left_out.into(),
             group.mean.into(),
             group.sd.into(),
             group.mean_interval_95.map(|i| i.low).into(),

@@ -1,6 +1,7 @@
 //! The numbers of the measured wells.
 
-use super::{GroupReference, QUANTITIES, WellCondition};
+use super::{Flagged, GroupReference, QUANTITIES, SIGNAL, WellCondition};
+use carved_core::flag::{Effect, Flag, StoredFlag};
 use carved_store::{StoreError, StoredRun, place_among_references};
 use serde_json::Value;
 
@@ -10,12 +11,28 @@ pub struct Sample {
     pub run: String,
     pub well: String,
     pub condition: WellCondition,
-    /// Whether the specimen has flags.
-    pub flagged: bool,
+    /// The flags of the specimen.
+    pub flags: Vec<StoredFlag>,
+    /// Whether the second camera was saturated.
+    pub saturated: bool,
     /// By the place in [`QUANTITIES`].
     pub numbers: [Option<f64>; QUANTITIES.len()],
     /// Reference larvae of the same age, by the place in [`QUANTITIES`].
     pub references: [Option<GroupReference>; QUANTITIES.len()],
+}
+
+impl Sample {
+    /// The flags for which the number at this place in [`QUANTITIES`] does not count. Empty if it counts.
+    pub fn left_out(&self, q: usize, flagged: Flagged) -> Vec<StoredFlag> {
+        let is_signal = QUANTITIES[q].0 == SIGNAL;
+        let own = self.flags.iter().filter(|flag| match flagged {
+            Flagged::Included => false,
+            Flagged::Sound => flag.effect() != Effect::Holds,
+            Flagged::Excluded => true,
+        });
+        let saturated = (self.saturated && is_signal && flagged != Flagged::Included).then_some(Flag::Saturated.into());
+        own.cloned().chain(saturated).collect()
+    }
 }
 
 /// The reference larvae of a quantity of larvae. Volume and area have some.
@@ -28,6 +45,11 @@ fn reference(measurement: &Value, column: &str) -> Option<GroupReference> {
     let (_, place) = place_among_references(measurement, quantity)?;
     let end = |i: usize| place["interval_95"][i].as_f64();
     Some(GroupReference { group: place["group"].as_str()?.to_owned(), n: place["n"].as_u64()?, interval_95: [end(0)?, end(1)?].into() })
+}
+
+/// Whether the second camera was saturated, by its flags.
+fn saturated(flags: &Value) -> bool {
+    flags.as_array().is_some_and(|flags| flags.iter().any(|flag| flag == Flag::Saturated.code()))
 }
 
 /// The measured wells of runs, in the order of their plans.
@@ -45,7 +67,8 @@ pub fn of(runs: &[StoredRun]) -> Result<Vec<Sample>, StoreError> {
                 run: run.record().id.clone(),
                 well: planned.well.clone(),
                 condition: WellCondition::of(planned),
-                flagged: well.status.is_some_and(|status| !status.flags.is_empty()),
+                flags: well.status.map(|status| status.flags).unwrap_or_default(),
+                saturated: measurement.pointer("/fluorescence/flags").is_some_and(saturated),
                 numbers: QUANTITIES.map(number),
                 references: QUANTITIES.map(|(column, ..)| reference(&measurement, column)),
             });

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::tables::Cell;
+use carved_core::flag::{Flag, StoredFlag};
 
 fn sample(run: &str, well: &str, planned: &serde_json::Value, volume: f64) -> Sample {
     let mut planned = planned.clone();
@@ -13,14 +14,15 @@ fn sample(run: &str, well: &str, planned: &serde_json::Value, volume: f64) -> Sa
         run: run.into(),
         well: well.into(),
         condition: WellCondition::of(&planned),
-        flagged: false,
+        flags: Vec::new(),
+        saturated: false,
         numbers,
         references: [const { None }; QUANTITIES.len()],
     }
 }
 
 fn of(samples: Vec<Sample>, flagged: Flagged) -> Statistics {
-    Statistics::of_samples(samples, vec!["r1".into(), "r2".into()], vec!["simulated".into()], flagged)
+    Statistics::of_samples(&samples, vec!["r1".into(), "r2".into()], vec!["simulated".into()], flagged)
 }
 
 fn dmso() -> serde_json::Value {
@@ -94,14 +96,35 @@ fn a_response_starts_from_the_negative_controls_and_finds_the_ec50_of_its_wells(
 }
 
 #[test]
-fn specimens_with_flags_are_counted_and_can_be_left_out() {
+fn a_bound_and_a_doubtful_number_are_left_out_by_name_and_all_or_none_of_the_flagged_count_on_request() {
     let mut samples = plate();
-    samples[0].flagged = true;
-    let (with, without) = (of(samples.clone(), Flagged::Included), of(samples, Flagged::Excluded));
-    assert_eq!((with.specimens, with.specimens_with_flags), (15, 1));
-    assert_eq!((without.specimens, without.specimens_with_flags), (14, 1));
-    let negative = |s: &Statistics| s.quantities[0].groups[0].n;
-    assert_eq!((negative(&with), negative(&without)), (3, 2));
+    // A01 and A02 of r1 and A01 of r2 are negative controls.
+    samples[0].flags = vec![Flag::ClippedLeft.into(), Flag::DeadLooking.into()];
+    samples[1].flags = vec![Flag::DeadLooking.into()];
+    samples[4].flags = vec![Flag::Moved.into()];
+    samples[4].saturated = true;
+    let negative = |s: &Statistics| (s.quantities[0].groups[0].n, s.quantities[0].groups[0].left_out);
+    let sound = of(samples.clone(), Flagged::Sound);
+    assert_eq!((sound.specimens, sound.specimens_with_flags), (15, 3));
+    assert_eq!(negative(&sound), (1, 2));
+    let left_out: Vec<_> = sound.quantities[0].left_out.iter().map(|w| (w.run.as_str(), w.well.as_str(), w.flags.join(" "))).collect();
+    assert_eq!(left_out, [("r1", "A01", "clipped_left".to_owned()), ("r2", "A01", "moved".to_owned())]);
+    assert_eq!(sound.quantities[0].left_out_words().unwrap(), "2 of 15 wells left out: clipped_left 1, moved 1");
+    let response = |s: &Statistics| s.quantities[0].responses[0].points.len();
+    assert_eq!((response(&sound), sound.quantities[0].windows[0].negative), (11, 1), "neither Z' nor a curve contains them");
+    let all = of(samples.clone(), Flagged::Included);
+    assert_eq!((negative(&all), all.quantities[0].left_out_words(), response(&all)), ((3, 0), None, 13));
+    assert!(of(samples.clone(), Flagged::Excluded).quantities[0].groups.iter().all(|g| g.condition.control.as_deref() != Some("negative")));
+    // A flag of another version, and a second camera that is saturated: only its signal is a bound.
+    samples[4].flags = vec![];
+    assert_eq!(negative(&of(samples.clone(), Flagged::Sound)), (2, 1));
+    samples[4].numbers[6] = Some(7.0);
+    assert_eq!(
+        (QUANTITIES[6].0, of(samples.clone(), Flagged::Sound).quantities[1].left_out[0].flags.as_slice()),
+        (SIGNAL, ["saturated".to_owned()].as_slice())
+    );
+    samples[4].flags = vec![StoredFlag::Unknown("blur_mismatch".into())];
+    assert_eq!(negative(&of(samples, Flagged::Sound)), (2, 1));
 }
 
 #[test]

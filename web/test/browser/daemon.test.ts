@@ -69,7 +69,7 @@ test("the demo plate, as the operator sees it", { timeout: RUN_MS + 60_000 }, as
       bar.dataset["fellBack"] = String(seen.some((value, i) => i > 0 && value < seen[i - 1]!));
     }).observe(bar, { attributeFilter: ["value"] });
   });
-  await page.getByLabel("Hull").check();
+  await page.getByLabel("Rough live volume").check();
 
   // While it runs: the sentence is the daemon's, volumes come view by view, frame and model are there.
   // A page that opens late waits for the next turn: two more volumes have to come in this one.
@@ -127,7 +127,7 @@ test("the demo plate, as the operator sees it", { timeout: RUN_MS + 60_000 }, as
   await page.locator(`button[data-well="${run.results[1]!.well}"]`).click();
   await page.locator("#frame-whose", { hasText: /^view 1 of 21$/ }).waitFor();
   await page.locator("#model-caption", { hasText: /as it was measured: [\d,]+ × / }).waitFor();
-  await page.getByLabel("Hull").check();
+  await page.getByLabel("Rough live volume").check();
   await page.locator('#chart svg[data-hulls="21"]').waitFor();
   const kept = await drawn(page.locator("#frame-box"));
   assert.ok(kept.share > 0.005 && kept.shades > 20, `a picture, not ${JSON.stringify(kept)}`);

@@ -218,7 +218,14 @@ test("groups of the plate map: the daemon's statistics as dots, means and a tabl
   const untreated = { specimen: "larva", dpf: 3, strain: null, treatment: null, control: null };
   const condition = { ...untreated, compound: "BPA", concentration: null, concentration_unit: null };
   const group = (of: object, mean: number, values: [string, number, boolean][], more: object = {}) => ({
-    ...{ condition: { ...condition, ...of }, n: values.length, mean: mean * 1e6, sd: null, mean_interval_95: null },
+    ...{
+      condition: { ...condition, ...of },
+      n: values.length,
+      left_out: 0,
+      mean: mean * 1e6,
+      sd: null,
+      mean_interval_95: null,
+    },
     ...{ median: mean * 1e6, mad: 0, reference: null, ...more },
     values: values.map(([name, value, flagged]) => ({ run: "demo-1", well: name, value: value * 1e6, flagged })),
   });
@@ -241,10 +248,11 @@ test("groups of the plate map: the daemon's statistics as dots, means and a tabl
     group({ specimen: "bead", dpf: null, compound: null }, 65, [["A06", 65, false]]),
   ];
   server.answers["/v1/runs/demo-1/statistics"] = {
-    ...{ runs: ["demo-1"], modes: ["simulated"], flagged: "included", specimens: 4, specimens_with_flags: 0 },
+    ...{ runs: ["demo-1"], modes: ["simulated"], flagged: "sound", specimens: 5, specimens_with_flags: 1 },
     quantities: [
       {
         ...{ name: "volume_um3", unit: "um^3", groups, compounds: [] },
+        left_out: [{ run: "demo-1", well: "A07", value: 90e6, flags: ["clipped_left"] }],
         windows: [{ run: "demo-1", positive: 2, negative: 3, z_prime: 0.55, reason: null }],
         responses: [
           {
@@ -267,7 +275,7 @@ test("groups of the plate map: the daemon's statistics as dots, means and a tabl
   await page.locator('#groups-chart svg[data-groups="2"]').waitFor();
   await until(
     "groups-words",
-    /a square has a flag.* of the same age, by the estimator of the references: 12 larvae \(fixed, 3 dpf\)\./,
+    /a square has a flag.* 1 well is left out, because the number is a bound or doubtful: clipped left \(1\)\..* of the same age, by the estimator of the references: 12 larvae \(fixed, 3 dpf\)\./,
   );
   const marks = (name: string) => page.locator(`#groups-chart ${name}`).count();
   assert.deepEqual(

@@ -176,9 +176,9 @@ test("a run under way: sentence, plate, numbers, frame, model and chart", async 
 
   await page.locator("#frame-image").waitFor();
   assert.equal(await page.locator("#profile-image").isVisible(), true);
-  await page.getByLabel("Profile", { exact: true }).uncheck();
+  await page.getByLabel("Outline", { exact: true }).uncheck();
   assert.equal(await page.locator("#profile-image").isVisible(), false);
-  await page.getByLabel("Profile", { exact: true }).check();
+  await page.getByLabel("Outline", { exact: true }).check();
 
   await until("model-caption", /A02 after 9 views: 3,800 × 520 × 480/);
   const picture = await drawn(page.locator("#model-box canvas"));
@@ -187,11 +187,11 @@ test("a run under way: sentence, plate, numbers, frame, model and chart", async 
   assert.equal(await page.locator("#chart .hull").count(), 0);
   await until("chart-caption", /^A02: 251\.7 ± 2\.0.nL \(± 1 SD\) of 9 views\.$/);
   await shoot(page, "running");
-  await page.getByLabel("Hull").check();
+  await page.getByLabel("Rough live volume").check();
   await page.locator('#chart svg[data-hulls="9"]').waitFor();
-  await until("chart-caption", /hull .* after 9 views, which is no estimate/);
+  await until("chart-caption", /rough live volume .* after 9 views, which is no estimate/);
   await shoot(page, "running-hull");
-  await page.getByLabel("Hull").uncheck();
+  await page.getByLabel("Rough live volume").uncheck();
 
   await page.locator('[data-well="A03"].well').click();
   await until("well-heading", /A03/);
@@ -419,8 +419,8 @@ test("what there is to look at is listed by reason, and leads to its wells", asy
     [
       "✕ The frame is dark – A07",
       "! The specimen moved during the turn: measure it again, and check flow, bubbles and lost steps if several in a row moved – A03",
-      "! The specimen extends beyond the left side of the picture, so the volume is a lower bound: measure it again, further to the right; " +
-        "no view at 360 deg shows whether the specimen moved: let the program that takes the views add one at 360 deg, or look why that view has no outline – A08",
+      "! The specimen extends beyond the left side of the picture, so the volume is a lower bound: measure it again, further to the right – A08",
+      "! No view at 360 deg shows whether the specimen moved: let the program that takes the views add one at 360 deg, or look why that view has no outline – A08",
       "– The capillary is empty – A04 A06",
       "– Two larvae – A05",
     ],
@@ -440,6 +440,11 @@ test("what there is to look at is listed by reason, and leads to its wells", asy
   assert.ok(server.read.includes("/v1/runs/demo-1/table.csv?spreadsheet=true"));
   await page.locator("#attention-list").getByRole("button", { name: "A06" }).click();
   await until("well-heading", /A06/);
+  // What is cut off is a bound, and each flag leads to its help.
+  await page.locator("#attention-list").getByRole("button", { name: "A08" }).first().click();
+  await page.locator('#well-body [data-number="volume"]', { hasText: /^At least/ }).waitFor();
+  const help = page.locator("#well-body a.flag").first();
+  assert.equal(await help.getAttribute("href"), "/docs/quality.html#row-clipped_left");
   await shoot(page, "to-look-at");
 });
 

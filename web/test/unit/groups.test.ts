@@ -2,11 +2,11 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { pointsOf } from "../../src/beads.ts";
 import { responseWords, windowWords } from "../../src/doses.ts";
-import { larvaGroups, referenceWords } from "../../src/groups.ts";
+import { larvaGroups, leftOutWords, referenceWords } from "../../src/groups.ts";
 import type { DoseSeries, GateRow, WellGroup } from "../../src/status.ts";
 
 const group = (specimen: string, reference: WellGroup["reference"]): WellGroup => ({
-  ...{ condition: { ...series.condition, specimen }, n: 1, mean: 240e6, sd: null, mean_interval_95: null },
+  ...{ condition: { ...series.condition, specimen }, n: 1, left_out: 0, mean: 240e6, sd: null, mean_interval_95: null },
   ...{ median: 240e6, mad: 0, reference, values: [{ run: "r", well: "A01", value: 240e6, flagged: false }] },
 });
 
@@ -19,6 +19,16 @@ test("groups are those of larvae, and each reference behind them is named once",
   const other = { ...known, group: "fixed, 5 dpf", n: 1 };
   assert.equal(referenceWords([...larvae, group("larva", other)]), "12 larvae (fixed, 3 dpf), 1 larva (fixed, 5 dpf)");
   assert.equal(referenceWords([group("larva", null)]), "");
+});
+
+test("what does not count is said with its reasons", () => {
+  const out = (well: string, ...flags: string[]) => ({ run: "r", well, value: 1, flags });
+  assert.equal(leftOutWords(undefined), "");
+  assert.equal(leftOutWords({ left_out: [] }), "");
+  assert.equal(
+    leftOutWords({ left_out: [out("A01", "clipped_left", "moved"), out("A02", "moved")] }),
+    "2 wells are left out, because the number is a bound or doubtful: clipped left (1), moved (2).",
+  );
 });
 
 test("a chart has the gates that measured its quantity, with their limits and what is out of them", () => {

@@ -10,6 +10,7 @@ import {
   canStart,
   canStop,
   diagnosis,
+  finish,
   handedOver,
   Furthest,
   headline,
@@ -66,6 +67,9 @@ test("progress counts wells, and the specimen under way by its views", () => {
 
 test("the line under the sentence says how far, or how it ended", () => {
   assert.equal(progressLine(half), "Run demo-1: 1 of 2 wells done · about 2 min left.");
+  const plate = { ...half.plate, bring: "A02" };
+  assert.equal(progressLine({ ...half, plate }), "Run demo-1: 1 of 2 wells done.", "nobody knows when a hand is done");
+  assert.equal(finish({ ...half, plate }), "");
   const ended = run([well("A01", { outcome: "failed" }), well("A02", { outcome: "skipped" })], { outcome: "failed" });
   assert.equal(progressLine({ ...half, run: ended }), "Run demo-1 failed: 1 skipped, 1 failed.");
   assert.equal(tally(ended), "1 skipped, 1 failed");

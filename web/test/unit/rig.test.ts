@@ -23,7 +23,7 @@ test("a calibration is one line: by what, how old, how far off, and whether it s
     calibrationWords({ ...beads, age_s: 7300, bead_bias_percent: 0.5 }),
     "✓ by beads, 2 h old, beads +0.50 %",
   );
-  assert.equal(calibrationWords(null), "! none of this rig is stored");
+  assert.equal(calibrationWords(null), "! scale never checked with beads");
 });
 
 test("daily beads say in words what is so, and whether it counts", () => {

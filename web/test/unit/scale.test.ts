@@ -4,6 +4,7 @@ import {
   colourAt,
   colourOf,
   contrast,
+  isBeyond,
   controlsOf,
   rangeOf,
   scaledWells,
@@ -31,11 +32,33 @@ test("the distance from a plate's controls is in their standard deviations", () 
 
 test("the ends of a scale: the least and the most volume, or three standard deviations", () => {
   assert.deepEqual(rangeOf([243.1, 200, 251], "volume"), { least: 200, most: 251 });
+  // One of 24 wells is far off: the others keep their colours, and this one is marked.
+  const alike = Array.from({ length: 23 }, (_, i) => 240 + i);
+  const robust = rangeOf([...alike, 900], "volume")!;
+  assert.ok(robust.least < 241 && robust.most > 262 && robust.most < 290, JSON.stringify(robust));
+  assert.deepEqual(
+    [900, 262, 240].map((value) => isBeyond(value, robust)),
+    [true, false, false],
+  );
+  assert.equal(isBeyond(7, rangeOf([7, 7], "volume")!), false);
+  // Of 100 wells two at each end are beyond the scale.
+  const hundred = Array.from({ length: 100 }, (_, i) => i);
+  assert.deepEqual(rangeOf(hundred, "area"), { least: 2, most: 97 });
   assert.deepEqual(rangeOf([0.5], "z_volume"), { least: -3, most: 3 });
   assert.equal(rangeOf([], "volume"), null);
   const range = { least: -3, most: 3 };
   assert.deepEqual(colourOf(-9, range, "z_volume"), colourAt(0, "z_volume"), "beyond the end");
   assert.deepEqual(colourOf(7, { least: 7, most: 7 }, "volume"), colourAt(0.5, "volume"), "one number alone");
+});
+
+test("a number that is a bound has no colour and is no control", () => {
+  const cut = well("A01", { outcome: "succeeded", volume_um3: 65e6, area_um2: 1e6, flags: ["clipped_left"] });
+  for (const by of ["volume", "area", "z_volume", "controls"] as const)
+    assert.equal(valueOf(cut, by, { mean: 70e6, sd: 1e6, n: 3 }), null, by);
+  assert.equal(valueOf(cut, "flags", null), 1);
+  const plan = ["A01", "A02", "A03", "A04"].map((name) => ({ well: name, control: "negative" as const }));
+  const wells = [cut, measured("A02", 240e6), measured("A03", 250e6), measured("A04", 260e6)];
+  assert.equal(controlsOf(wells, plan)!.n, 3);
 });
 
 test("beads among larvae have no part in the scale of volumes, and beads alone have one", () => {

@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { groupsOf, markOf } from "../../src/planplate.ts";
+import { coloursOf, groupsOf, markOf } from "../../src/planplate.ts";
 import { templateOf } from "../../src/template.ts";
 import { conditionOf, CONDITIONS, conditionsOf, formatFor, place, places, spoken, wellName } from "../../src/wells.ts";
 import { placed, specimen, well } from "../support/statuses.ts";
@@ -30,6 +30,11 @@ test("the plate is the one of the plan, or the smallest usual one that holds eve
   for (const named of [6, 12, 24, 48, 96, 384, 1536]) assert.equal(wellsOf(["A01"], named), named);
   assert.equal(wellsOf(["C01"], 6), 96, "a plan that contradicts itself shows all its wells");
   assert.equal(wellsOf(["A01"], 7), 96);
+});
+
+test("each of many treatments has a colour of its own, with a letter on it", () => {
+  const colours = Array.from({ length: 60 }, (_, i) => coloursOf(i)[0]);
+  assert.equal(new Set(colours).size, 60);
 });
 
 test("an empty plate map has every well of its plate, and the columns that the daemon reads", () => {

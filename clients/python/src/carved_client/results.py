@@ -55,9 +55,14 @@ class Results:
 
         return frame_of_csv(self._transport.request("GET", "/v1/table.csv", params={"runs": ",".join(run_ids)}).text)
 
-    def statistics(self, run_id: str, *, without_flagged: bool = False) -> dict[str, Any]:
-        """Groups, Z' and dose-response curves of a run, by quantity: `docs/statistics.md`."""
-        return self._kept(f"{_path(run_id)}/statistics", {"flagged": "excluded" if without_flagged else "included"})
+    def statistics(
+        self, run_id: str, *, flagged: Literal["sound", "included", "excluded"] = "sound"
+    ) -> dict[str, Any]:
+        """Groups, Z' and dose-response curves of a run, by quantity: `docs/statistics.md`.
+
+        `flagged` says which specimens with flags count: those whose number is neither a bound nor doubtful, all, or none.
+        """
+        return self._kept(f"{_path(run_id)}/statistics", {"flagged": flagged})
 
     def mesh(self, run_id: str, well: str, kind: Literal["ply", "glb"] = "ply") -> bytes:
         """The surface of the specimen in um: complete as `ply`, or with fewer triangles for display as `glb`."""
