@@ -230,6 +230,50 @@ fn example(name: &str) -> PathBuf {
 }
 
 #[test]
+#[ignore = "installs Snakemake: make test-slurm"]
+fn a_workflow_measures_what_a_plate_a_method_or_a_number_of_shards_changes() {
+    let dir = tempfile::tempdir().unwrap();
+    let (runs, list) = plates(dir.path());
+    let (out, method) = (dir.path().join("out"), dir.path().join("method.toml"));
+    let python = venv::python("snakemake", "snakemake", "examples/slurm/requirements.txt").unwrap();
+    let workflow = |more: &[String]| {
+        let output = Command::new(python.with_file_name("snakemake"))
+            .arg("--snakefile")
+            .arg(example("Snakefile"))
+            .args(["--cores", "2", "--directory"])
+            .arg(dir.path())
+            .arg("--config")
+            .args([format!("runs={}", list.display()), format!("out={}", out.display()), "cpus=1".into()])
+            .arg(format!("carved={}", env!("CARGO_BIN_EXE_carved")))
+            .args(more)
+            .output();
+        let output = output.unwrap();
+        done("snakemake", &output);
+        (fs::read_to_string(out.join("table.csv")).unwrap(), stderr(&output).contains("Nothing to be done"))
+    };
+    let wells = |table: &str| table.lines().count() - 1;
+    let (two, three) = (["shards=2".to_owned()], ["shards=3".to_owned()]);
+
+    fs::write(&list, runs[..2].join("\n")).unwrap();
+    assert_eq!(wells(&workflow(&two).0), 16);
+    assert!(workflow(&two).1, "nothing has changed");
+    fs::write(&list, runs.join("\n")).unwrap();
+    assert_eq!(wells(&workflow(&two).0), 24, "a plate was added");
+    assert!(!workflow(&three).1, "another number of shards");
+    let with_method = [three[0].clone(), format!("method={}", method.display())];
+    let voxel = |um: f64| {
+        let text = format!("asd = 4\norder = \"sequential\"\nepsilon = 0.05\nvoxel_um = {um:.1}\n");
+        fs::write(&method, text).unwrap();
+    };
+    voxel(20.0);
+    let coarse = workflow(&with_method).0;
+    voxel(25.0);
+    let coarser = workflow(&with_method).0;
+    assert!(workflow(&with_method).1);
+    assert_ne!(coarse, coarser, "the content of the method has changed");
+}
+
+#[test]
 #[ignore = "starts a Slurm as root and waits minutes for it: make test-slurm"]
 fn a_node_that_dies_in_the_middle_changes_no_byte_of_the_table() {
     let dir = tempfile::tempdir().unwrap();
