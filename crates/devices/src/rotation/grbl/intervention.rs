@@ -5,7 +5,10 @@
 //!           ├─ input E (emergency stop), R (reset) or H (feed hold) is active              ├─ read twice ─► Intervention
 //!           └─ input D (door) is active, and the axis is to move or is locked ─────────────┘
 //!   a greeting or ALARM:3 that no reset of carved explains ─────────────────────────────────────────────► Intervention
+//!   at rest, at another place than where carved left it ──────────────────────────────────── read twice ─► Intervention
 //! ```
+//! A Grbl counts the steps that it sends. Its count changes at rest only if somebody else moves the axis, or if it restarts and counts from 0.
+//!
 //! The stop of this program is a feed hold and a reset, and the reset ends the hold. So a hold that persists comes from a person. Stops
 //! that the program decides on write nothing to an axis at rest ([`StopHandle::end_motion`](crate::StopHandle::end_motion)), because
 //! they would end a hold that was not read yet. A stop that a person requests always resets, so that a motion that is held does not
@@ -53,6 +56,14 @@ pub(super) fn still_turning(status: &Status) -> DeviceError {
 /// The error of a reset that carved did not request. `sign`: what the controller said.
 pub(super) fn reset(sign: &str) -> DeviceError {
     intervention(&format!("the controller was reset, but not by carved (it says {sign})"), WHO_RESET)
+}
+
+/// The error of an axis at rest that is not where it was left, units. A controller that counts from 0 again has restarted.
+pub(super) fn elsewhere(left: f64, found: f64) -> DeviceError {
+    if found == 0.0 {
+        return reset(&format!("position 0 where it was left at {left:.3}"));
+    }
+    intervention(&format!("the axis was moved, but not by carved (it stands at {found:.3} and was left at {left:.3})"), FINISH)
 }
 
 /// Number of the alarm for a reset of a moving axis.

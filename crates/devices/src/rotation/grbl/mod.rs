@@ -12,8 +12,8 @@
 //! the controller's modes, and work offsets survive in its memory.
 //!
 //! `ok` means queued, not arrived. Any greeting means a restart: the controller then counts from 0 without an alarm. A restart that
-//! carved did not request counts as a person's ([`intervention`]). The last position is checked before every move, and the target
-//! after it. A failed move is stopped, makes the position suspect and is not tried again by this driver.
+//! carved did not request counts as a person's ([`intervention`]), and so does another position at rest than the last one, which is
+//! checked before every move and every reference. The target is checked after each move. A failed move is stopped, makes the position suspect and is not tried again by this driver.
 //!
 //! ```text
 //! open ──► free? ── soft reset ── $I ── $$ ──► identified         nothing moves
@@ -188,7 +188,7 @@ impl Grbl {
     /// Moves an axis from one machine step to another and returns once it has arrived.
     fn travel(&mut self, axis: &Geometry, from: i64, to: i64, origin: i64) -> Result<(), DeviceError> {
         self.catch_up()?;
-        self.confirm(axis, from, origin, Instant::now())?;
+        self.confirm_left(axis, from, origin)?;
         if from == to {
             return Ok(());
         }

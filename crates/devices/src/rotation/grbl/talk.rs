@@ -189,7 +189,7 @@ impl Grbl {
         let until = Instant::now() + self.settings.homing_timeout();
         let mut asked_again = false;
         while let Some(status) = self.glance()? {
-            match intervention::of(&status, true) {
+            match intervention::of(&status, true).or_else(|| self.elsewhere_at_rest(&status)) {
                 Some(error) if asked_again => return Err(error),
                 Some(_) => asked_again = true,
                 None if status.state != State::Run => break,
@@ -199,6 +199,27 @@ impl Grbl {
             }
         }
         Ok(())
+    }
+
+    /// The error of a report at rest from another place than where the rotation axis was left.
+    fn elsewhere_at_rest(&self, status: &Status) -> Option<DeviceError> {
+        let axis = self.rotation();
+        let left = self.origin + self.knowledge.known_steps().ok()?.0;
+        let found = axis.machine_steps(axis.units_of(status)?)?;
+        (status.state != State::Run && found != left).then(|| intervention::elsewhere(axis.units(left), axis.units(found)))
+    }
+
+    /// Confirms that the axis rests where it was left, before it is moved. Another place, or an alarm there, is an intervention.
+    pub(super) fn confirm_left(&mut self, axis: &Geometry, left: i64, origin: i64) -> Result<(), DeviceError> {
+        let found = match self.confirm(axis, left, origin, Instant::now()) {
+            Err(DeviceError::Missed { achieved, .. }) => achieved.0 + origin,
+            Err(error @ DeviceError::Alarm { .. }) => {
+                let units = axis.units_of(&self.status()?);
+                units.and_then(|units| axis.machine_steps(units)).filter(|found| *found != left).ok_or(error)?
+            }
+            confirmed => return confirmed,
+        };
+        Err(intervention::elsewhere(axis.units(left), axis.units(found)))
     }
 
     /// A report, also if other lines come before it; `None` without an answer.
