@@ -53,6 +53,7 @@ pub use index::{Cursor, EventsAfter, RunRow, RunScan, RunsQuery, Unreadable, fol
 pub use instrument::instrument_uuid;
 use journal::Repaired;
 pub use journal::{Journal, now};
+pub use lines::EVENTS;
 pub use objects::{Objects, Reach, is_address};
 pub use pack::{Pack, RecordingFiles};
 pub use reader::{SpecimenFile, StoreReader, StoredFile, StoredSpecimen};

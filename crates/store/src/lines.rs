@@ -11,7 +11,7 @@ use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
 /// The journal of a data folder, and the events of a run in its folder.
-pub(super) const EVENTS: &str = "events.jsonl";
+pub const EVENTS: &str = "events.jsonl";
 
 /// Number of bytes per read, backwards from the end.
 const CHUNK: usize = 64 * 1024;

@@ -51,7 +51,7 @@ struct Acknowledged {
 fn event_data(kind: &str) -> EventData {
     match kind {
         "fault.raised" => EventData::FaultRaised(Fault::new(1, &fault_table::CAMERA_LOST, "gone".into(), "2026-01-01T00:00:00Z".into())),
-        "run.accepted" => EventData::RunAccepted(RunAccepted { plate_barcode: "P".into(), method: "m".into(), left_in_capillary: None }),
+        "run.accepted" => EventData::RunAccepted(RunAccepted { plate_barcode: "P".into(), method: "m".into(), ..RunAccepted::default() }),
         _ => EventData::of(kind, serde_json::Value::Null),
     }
 }

@@ -7,9 +7,11 @@ use crate::config::Config;
 use carved_devices::cancel::CancelToken;
 use carved_devices::sampler::{Expected, Loaded, Sampler};
 use carved_devices::{DeviceError, RotationAxis};
+use carved_store::EVENTS;
 use hardware_sim::scene::phantom::LarvaError;
 use hardware_sim::scene::{Capillary, Contents, Larva, Look, Scene, SceneSettings, Specimen};
 use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
 use std::sync::Arc;
 
 /// How the emulated frames look.
@@ -31,7 +33,7 @@ pub fn of_phantoms(args: &Args, config: &Config) -> Before {
 pub fn scenery(args: &Args, config: &Config) -> Scenery {
     let holds = args.holds.iter().map(|h| (h.well.clone(), h.what)).collect();
     Scenery {
-        scene: Arc::new(Scene::new(scene_settings(config, args.frames))),
+        scene: Arc::new(Scene::new(scene_settings(config, args.frames, journal_bytes(&config.store.data_dir)))),
         appearance: args.frames,
         empty: args.empty.iter().cloned().collect(),
         holds,
@@ -41,17 +43,25 @@ pub fn scenery(args: &Args, config: &Config) -> Scenery {
 /// Seed of light, walls and dust of a real-looking scene.
 const REAL_SEED: u64 = 1;
 
-/// The settings of the scene, with the camera of the configuration. The bore is that of the reference scene.
-fn scene_settings(config: &Config, appearance: Appearance) -> SceneSettings {
+/// Length of the journal of a data folder. It grows with each start, so a start has other noise than the one before, as a camera has. The first
+/// start in a new folder always has the same noise.
+fn journal_bytes(data: &Path) -> u64 {
+    std::fs::metadata(data.join(EVENTS)).map_or(0, |journal| journal.len())
+}
+
+/// The settings of the scene, with the camera of the configuration. The bore is that of the reference scene. Each `noise` is another noise.
+fn scene_settings(config: &Config, appearance: Appearance, noise: u64) -> SceneSettings {
     let camera = emulated::scene_camera(&config.optics);
-    match appearance {
+    let mut settings = match appearance {
         Appearance::Clean => SceneSettings { camera, ..SceneSettings::default() },
         Appearance::Real => {
             let real = SceneSettings::real(REAL_SEED);
             let capillary = Capillary { bore_diameter_um: Capillary::default().bore_diameter_um, ..real.capillary };
             SceneSettings { camera, capillary, ..real }
         }
-    }
+    };
+    settings.optics.noise_seed = settings.optics.noise_seed.wrapping_add(noise);
+    settings
 }
 
 /// The larva of a well.
@@ -161,8 +171,7 @@ mod tests {
 
     #[test]
     fn every_larva_of_the_demo_fits_the_real_looking_bore() {
-        let settings =
-            scene_settings(&Config::parse(super::super::CONFIG, std::path::Path::new("simulated.toml")).unwrap(), Appearance::Real);
+        let settings = scene_settings(&Config::parse(super::super::CONFIG, Path::new("simulated.toml")).unwrap(), Appearance::Real, 0);
         assert_ne!(settings.capillary, Capillary::default());
         let scene = Scene::new(settings);
         for dpf in 3..=5 {

@@ -312,12 +312,8 @@ impl RunContext {
         }
     }
 
-    /// Takes a picture. Returns the well that has it already, if it is another one. A simulated run compares nothing: the noise of the
-    /// emulated camera begins anew with each start, and a recording may be played back for several wells.
+    /// Takes a picture. Returns the well that has it already, if it is another one.
     fn has_elsewhere(&self, entry: &LedgerEntry, well: &str) -> Option<SamePictures> {
-        if self.mode == Mode::Simulated {
-            return None;
-        }
         self.pictures.lock().unwrap_or_else(PoisonError::into_inner).take(entry, well)
     }
 
