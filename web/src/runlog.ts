@@ -61,6 +61,7 @@ const WORDS: Record<string, (data: Data, well: string) => Entry> = {
   "run.ended": (d) => news(`The run ${OUTCOMES[text(d["outcome"]) as RunOutcome] ?? "ended"}.`),
   "well.awaited": (_, well) => step(`The loader is asked for the specimen of ${well}.`),
   "well.loaded": (_, well) => step(`The specimen of ${well} is in the capillary.`),
+  "well.taken_out": (_, well) => step(`The specimen of ${well} was taken out while the sampler was at work.`),
   "well.unloaded": (_, well) => step(`The specimen of ${well} was taken out.`),
   "specimen.phase": (d, well) => step(`${well}: ${PHASES[text(d["phase"]) as Phase] ?? words(text(d["phase"]))}.`),
   "specimen.detected": (d, well) =>

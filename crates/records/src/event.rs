@@ -175,6 +175,8 @@ events! {
     WELL_LOADED: WellLoaded(WellLoaded) = "well.loaded";
     /// The loader reports that the specimen of a well was taken out.
     WELL_UNLOADED: WellUnloaded = "well.unloaded";
+    /// Somebody took the specimen of a well out while the driven sampler was at work. `well.unloaded` follows when no work is in progress.
+    WELL_TAKEN_OUT: WellTakenOut = "well.taken_out";
     /// A specimen entered a phase.
     SPECIMEN_PHASE: SpecimenPhase(PhaseEntered) = "specimen.phase";
     /// What the detection frame shows. No data if the frame cannot be judged.
@@ -258,6 +260,9 @@ pub struct RunAccepted {
     pub method: String,
     /// The well of an earlier run whose specimen is still in the capillary.
     pub left_in_capillary: Option<String>,
+    /// Which start of the computer this was, by the kernel. `None` where it says nothing.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub kernel_boot_id: Option<String>,
 }
 
 /// The cause of a hold.
@@ -316,6 +321,9 @@ pub struct RunInterrupted {
     /// Who fills the capillary, if the run is taken up. It decides what is assumed to be in the capillary.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub loaded_by: Option<LoadedBy>,
+    /// Which start of the computer this was, by the kernel. Another one than before means that the computer was restarted.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub kernel_boot_id: Option<String>,
 }
 
 /// Data of `run.ended`.

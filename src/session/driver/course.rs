@@ -9,7 +9,7 @@
 //! `finish` and `end_run` wait for the numbers of specimens that were released.
 
 use super::super::Instrument;
-use super::super::handle::Refusal;
+use super::super::handle::{Refusal, Towards};
 use super::super::state::Trigger;
 use super::super::worker::{self, RunContext, RunEnd, RunError};
 use super::super::{State, gate};
@@ -19,7 +19,8 @@ use super::recovery::{Continuation, Made};
 use super::run::{AfterWork, Request, RunInProgress, Work};
 use super::sealing::{seal_well, views_stored};
 use super::snapshot::run_status;
-use super::{Departure, Life, faults, missing, resume};
+use super::start::kernel_boot_id;
+use super::{Departure, Life, commands, faults, missing, resume};
 use carved_records::{
     DaemonStopping, EventData, HeldBy, Method, ResumedBy, RunAccepted, RunEnded, RunHeld, RunPlan, RunResumed, SpecimenInterrupted,
     WellCounts,
@@ -52,6 +53,7 @@ pub(super) fn start(d: &mut DriverState, id: &str, plan: RunPlan, method: Method
         plate_barcode: record.plan.plate_barcode.clone(),
         method: record.plan.method.clone(),
         left_in_capillary: left,
+        kernel_boot_id: kernel_boot_id(),
     });
     // Write what waits for the disk first.
     d.outbox.flush()?;
@@ -313,6 +315,40 @@ pub(super) fn taken_for_good(d: &mut DriverState, run: Option<&str>, well: &str)
     Ok(())
 }
 
+/// Somebody took a specimen out while the driven sampler was at work. The run is held, because a person is at the instrument, and the report
+/// takes effect once the work has ended.
+///
+/// # Errors
+/// The disk refused the message, which then has no effect.
+pub(super) fn taken_out_at_work(d: &mut DriverState, well: &str) -> Result<(), Refusal> {
+    if !d.state().run.as_ref().is_some_and(|run| run.taken_out().contains(well)) {
+        let Some(run) = &d.run else { return Ok(()) };
+        d.outbox.commit(Some(&run.record().id), Some(well), EventData::WellTakenOut)?;
+    }
+    let state = d.machine();
+    match commands::steer(Towards::Hold, state) {
+        Ok(true) => hold(d, state),
+        // It is being held or ended already.
+        Ok(false) | Err(_) => Ok(()),
+    }
+}
+
+/// Carries out the reports that came while a worker was at work. One that the disk refuses is carried out at the next rest or start.
+pub(super) fn carry_out_reports(d: &mut DriverState) {
+    let Some(known) = &d.state().run else { return };
+    let (id, wells) = (known.id().to_owned(), known.taken_out().clone());
+    for well in wells {
+        let reported = if d.loader.brings_again() {
+            d.outbox.commit(Some(&id), Some(&well), EventData::WellUnloaded).map_err(Refusal::from)
+        } else {
+            taken_for_good(d, Some(&id), &well)
+        };
+        if let Err(refusal) = reported {
+            tracing::warn!(%refusal, well, "that its specimen is out is not stored yet");
+        }
+    }
+}
+
 /// Holds a run that waits for the loader without a worker, under a fault that was just raised.
 pub(super) fn hold_under_fault(d: &mut DriverState) {
     if d.has_idle_run() && d.machine() == State::Suspended {
@@ -339,6 +375,7 @@ fn rest(d: &mut DriverState, by_fault: bool) {
     d.save(record);
     let held = RunHeld { by, code: Some(cause.code), cause: Some(cause.words) };
     d.event_shown(None, EventData::RunHeld(held), |d| d.transition_with(Trigger::Rested, |s| s.run = Some(status)));
+    carry_out_reports(d);
 }
 
 /// Completes a run after its last well, once the missing numbers are computed.
@@ -369,6 +406,7 @@ fn is_delayed(d: &mut DriverState, then: Continuation) -> bool {
 
 /// Closes a completed run. It ends once this is on disk, and is held until then.
 fn close(d: &mut DriverState) {
+    carry_out_reports(d);
     let Some(run) = &d.run else { return };
     let record = run.finished();
     d.close_folder(&record.id);
@@ -383,6 +421,7 @@ fn close(d: &mut DriverState) {
 
 /// Ends a run that was stopped or aborted, or that ends with the daemon.
 pub(super) fn end_now(d: &mut DriverState) {
+    carry_out_reports(d);
     let Some(run) = &d.run else { return };
     let (asked, store, id) = (run.request(), d.outbox.store(), &run.record().id);
     let record = run.ended(|well| views_stored(store, id, well));

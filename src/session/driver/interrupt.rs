@@ -132,7 +132,7 @@ mod tests {
     #[test]
     fn a_well_that_two_processes_ended_in_is_set_aside_by_name() {
         let r = run(&["A01", "A02"]);
-        let found_open = || EventData::RunInterrupted(RunInterrupted { found: "at start".into(), loaded_by: None });
+        let found_open = || EventData::RunInterrupted(RunInterrupted { found: "at start".into(), loaded_by: None, kernel_boot_id: None });
         let begun_again =
             || EventData::SpecimenInterrupted(SpecimenInterrupted { reason: "x".into(), policy: Interrupted::Redo, kept: false });
         let turn = phase("A01", Phase::Revolve, true);

@@ -99,6 +99,13 @@ impl<'a> LoaderMessage<'a> {
         })
     }
 
+    /// Whether the message says that a specimen is out while a driven sampler is at work. It takes effect when no work is in progress: until
+    /// then the next specimen that the sampler brings would be taken for this one.
+    pub fn is_taken_out_at_work(&self) -> bool {
+        let is_at_work = self.situation.loaded_by == LoadedBy::Sampler && self.situation.work == Work::InProgress;
+        is_at_work && self.is_planned && self.outcome_of_run().is_ok() && self.unloaded().is_err()
+    }
+
     /// What the message says about a specimen that was taken out.
     ///
     /// # Errors
@@ -218,9 +225,10 @@ mod tests {
             assert_eq!(of("A02", work).unloaded(), Ok(Report::News { in_place_of: None }), "unasked");
             assert!(LoaderMessage { is_planned: false, ..of("H12", work) }.unloaded().is_err());
         }
-        let asked = of("A01", Work::InProgress).unloaded();
-        let Err(Refusal::UnexpectedWell { instead, .. }) = asked else { panic!("the next one would be A01") };
-        assert!(instead.contains("hold the run"), "{instead}");
+        let asked = of("A01", Work::InProgress);
+        assert!(asked.unloaded().is_err() && asked.is_taken_out_at_work(), "the next one would be A01");
+        assert!(!LoaderMessage { is_planned: false, ..of("H12", Work::InProgress) }.is_taken_out_at_work());
+        assert!(!message("A01", &state, Work::InProgress).is_taken_out_at_work(), "a loader says what it brings");
     }
 
     #[test]

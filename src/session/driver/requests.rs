@@ -163,6 +163,9 @@ fn loaded(d: &mut DriverState, run: &str, well: &str) -> Result<(), Refusal> {
 }
 
 fn unloaded(d: &mut DriverState, run: &str, well: &str) -> Result<(), Refusal> {
+    if loader_message(d, run, well).is_taken_out_at_work() {
+        return course::taken_out_at_work(d, well);
+    }
     if loader_message(d, run, well).unloaded()? == Report::Known {
         return Ok(());
     }

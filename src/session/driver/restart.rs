@@ -67,7 +67,7 @@ fn open_runs(d: &mut DriverState) -> Option<RunRecord> {
         run.end_interrupted();
         let id = run.id.clone();
         d.save(run);
-        let interrupted = RunInterrupted { found: "at start".into(), loaded_by: None };
+        let interrupted = RunInterrupted { found: "at start".into(), loaded_by: None, kernel_boot_id: None };
         d.outbox.record(Some(&id), None, EventData::RunInterrupted(interrupted));
         d.write();
     }
@@ -92,7 +92,8 @@ fn take_up(d: &mut DriverState, record: RunRecord, run: RunState) {
     d.outbox.recall(run);
     d.run = Some(RunInProgress::new(record));
     let loaded_by = Some(d.loader.loaded_by());
-    d.event(None, EventData::RunInterrupted(RunInterrupted { found: "at start".into(), loaded_by }));
+    let kernel_boot_id = start::kernel_boot_id();
+    d.event(None, EventData::RunInterrupted(RunInterrupted { found: "at start".into(), loaded_by, kernel_boot_id }));
     let known = d.outbox.state().run.as_ref();
     if let Some(run) = &mut d.run {
         // Set this before publishing, so that no client reads that the run waits for a person.
@@ -105,6 +106,7 @@ fn take_up(d: &mut DriverState, record: RunRecord, run: RunState) {
         show_left(s, &specimens, asd);
     });
     course::interrupt_specimens(d, "the daemon ended before this specimen was done", Fate::PoseLost);
+    course::carry_out_reports(d);
     if let Some(run) = &d.run {
         let status = run_status(run.record());
         d.publish(|s| s.run = Some(status));

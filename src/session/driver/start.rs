@@ -45,6 +45,12 @@ pub(super) fn run_after(id: &str, events: &[Event]) -> RunState {
     state.run.unwrap_or_default()
 }
 
+/// Which start of the computer this is. `None` where the kernel does not say.
+pub(super) fn kernel_boot_id() -> Option<String> {
+    let id = std::fs::read_to_string("/proc/sys/kernel/random/boot_id").ok()?;
+    Some(id.trim().to_owned()).filter(|id| !id.is_empty())
+}
+
 /// The state in which a run ended.
 pub(super) fn rests_in(outcome: Option<RunOutcome>, asked: Option<EndRequest>) -> State {
     match (outcome, asked) {

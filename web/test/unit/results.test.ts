@@ -128,6 +128,7 @@ const EVENTS: [kind: string, data: unknown, words: string][] = [
   ["run.ended", { outcome: "aborted" }, "news: The run was aborted."],
   ["well.awaited", null, "step: The loader is asked for the specimen of A01."],
   ["well.loaded", { in_place_of: null }, "step: The specimen of A01 is in the capillary."],
+  ["well.taken_out", null, "step: The specimen of A01 was taken out while the sampler was at work."],
   ["well.unloaded", null, "step: The specimen of A01 was taken out."],
   ["specimen.phase", { phase: "revolve" }, "step: A01: taking views."],
   ["specimen.detected", { kind: "larva" }, "step: A01: the first frame shows a larva."],

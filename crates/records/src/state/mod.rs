@@ -66,7 +66,11 @@ impl InstrumentState {
             _ => {}
         }
         match (&event.data, &event.run) {
-            (EventData::RunAccepted(accepted), Some(id)) => self.run = Some(RunState::accepted(id, accepted.left_in_capillary.as_deref())),
+            (EventData::RunAccepted(accepted), Some(id)) => {
+                let mut run = RunState::accepted(id, accepted.left_in_capillary.as_deref());
+                run.apply(event);
+                self.run = Some(run);
+            }
             (_, Some(id)) => self.run.iter_mut().filter(|run| run.id() == id).for_each(|run| run.apply(event)),
             // If the run was removed from the disk, the loader's message has no run, but it is still valid.
             (EventData::WellLoaded(_) | EventData::WellUnloaded, None) => self.run.iter_mut().for_each(|run| run.apply(event)),

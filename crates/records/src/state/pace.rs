@@ -240,7 +240,7 @@ mod tests {
 
     #[test]
     fn each_method_is_learned_from_specimens_that_were_loaded_and_ended() {
-        let accepted = RunAccepted { plate_barcode: "P".into(), method: "fast".into(), left_in_capillary: None };
+        let accepted = RunAccepted { plate_barcode: "P".into(), method: "fast".into(), ..RunAccepted::default() };
         let events = [
             event(0, None, EventData::RunAccepted(accepted)),
             phase(1, "A01", Phase::Load),

@@ -103,7 +103,7 @@ mod tests {
     }
 
     fn accepted(barcode: &str) -> EventData {
-        EventData::RunAccepted(RunAccepted { plate_barcode: barcode.into(), method: "m".into(), left_in_capillary: None })
+        EventData::RunAccepted(RunAccepted { plate_barcode: barcode.into(), method: "m".into(), ..RunAccepted::default() })
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use super::Specimens;
 use crate::{EventBody, EventData, HeldBy, Phase, ResumedBy};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// The cause of a hold.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -22,6 +22,11 @@ impl HoldCause {
     /// The run is held by an unknown fault.
     pub fn fault() -> Self {
         Self { code: "fault".into(), words: "A fault held it that is over by now.".into() }
+    }
+
+    fn power_cut() -> Self {
+        let words = "The computer was restarted while the run was under way. The axis may have lost its power too, and the capillary may have turned.";
+        Self { code: "restart".into(), words: words.into() }
     }
 
     fn restart() -> Self {
@@ -57,6 +62,9 @@ pub struct RunState {
     end_request: Option<EndRequest>,
     /// The newest step of each well.
     steps: BTreeMap<String, Phase>,
+    taken_out: BTreeSet<String>,
+    /// The start of the computer in which a process was last at the run.
+    kernel_boot_id: Option<String>,
 }
 
 impl RunState {
@@ -117,6 +125,11 @@ impl RunState {
         of_well.map(|((_, phase), times)| (*phase, *times)).max_by_key(|(_, times)| *times)
     }
 
+    /// The wells whose specimens were taken out while the sampler was at work. They count as out when no work is in progress.
+    pub fn taken_out(&self) -> &BTreeSet<String> {
+        &self.taken_out
+    }
+
     /// The requested end.
     pub fn end_request(&self) -> Option<EndRequest> {
         self.end_request
@@ -144,8 +157,15 @@ impl RunState {
                 self.resumed_by_itself = if resumed.by == ResumedBy::Instrument { self.resumed_by_itself + 1 } else { 0 };
             }
             (EventData::FaultRaised(fault), _) => self.waits_for_operator |= !fault.lets_run_go_on(),
-            (EventData::RunInterrupted(_), _) => {
-                self.held_by.get_or_insert_with(HoldCause::restart);
+            (EventData::RunAccepted(accepted), _) => self.kernel_boot_id.clone_from(&accepted.kernel_boot_id),
+            (EventData::RunInterrupted(interrupted), _) => {
+                let is_other_boot = self.kernel_boot_id.is_some()
+                    && interrupted.kernel_boot_id.is_some()
+                    && self.kernel_boot_id != interrupted.kernel_boot_id;
+                self.kernel_boot_id.clone_from(&interrupted.kernel_boot_id);
+                // Its power was off, and very probably that of the axis too.
+                self.waits_for_operator |= is_other_boot;
+                self.held_by.get_or_insert_with(if is_other_boot { HoldCause::power_cut } else { HoldCause::restart });
                 if !std::mem::take(&mut self.is_asked_to_end) {
                     for (well, _) in self.specimens.worked_on() {
                         if let Some(step) = self.steps.get(well) {
@@ -157,6 +177,8 @@ impl RunState {
             (EventData::SpecimenPhase(entered), Some(well)) => {
                 self.steps.insert(well.to_owned(), entered.phase);
             }
+            (EventData::WellTakenOut, Some(well)) => drop(self.taken_out.insert(well.to_owned())),
+            (EventData::WellUnloaded, Some(well)) => drop(self.taken_out.remove(well)),
             (EventData::SpecimenRecovering(_), Some(well)) => *self.recoveries.entry(well.to_owned()).or_default() += 1,
             // The disk failed or the daemon was asked to end, so the attempts do not count as crashes.
             (EventData::StoreRegained, _) => self.recoveries.clear(),
@@ -216,7 +238,10 @@ mod tests {
     }
 
     fn restart(loaded_by: LoadedBy) -> EventBody {
-        event(None, EventData::RunInterrupted(RunInterrupted { found: "at start".into(), loaded_by: Some(loaded_by) }))
+        event(
+            None,
+            EventData::RunInterrupted(RunInterrupted { found: "at start".into(), loaded_by: Some(loaded_by), kernel_boot_id: None }),
+        )
     }
 
     fn after(events: &[EventBody]) -> RunState {
@@ -309,7 +334,8 @@ mod tests {
 
     #[test]
     fn a_run_begins_with_what_an_earlier_one_left_inside() {
-        let accepted = RunAccepted { plate_barcode: "P".into(), method: "m".into(), left_in_capillary: Some("H12".into()) };
+        let accepted =
+            RunAccepted { plate_barcode: "P".into(), method: "m".into(), left_in_capillary: Some("H12".into()), ..RunAccepted::default() };
         let events = [Event { id: 1, body: event(None, EventData::RunAccepted(accepted)) }];
         let run = InstrumentState::after(&events).run.unwrap();
         assert_eq!((run.id(), run.specimens().inside(), run.specimens().has_held("H12")), ("r", Some("H12"), true));

@@ -227,6 +227,40 @@ fn a_run_that_waited_for_the_loader_does_not_go_on_over_a_fault_of_a_person() {
     }
 }
 
+/// The whole machine lost its power, so the axis very probably did too. A restart of the daemon alone continues the run.
+#[test]
+fn a_run_waits_for_a_person_after_a_restart_of_the_computer() {
+    on_this_thread(async {
+        for has_other_boot in [false, true] {
+            let dir = scratch();
+            let mut b = started_with(dir.path(), instrument(FakeAxis::new(), Arm::default()), &["A01", "A02"]);
+            b.phase("A01", Phase::Revolve, true);
+            drop(b);
+            let boot = start::kernel_boot_id().unwrap();
+            for journal in ["events.jsonl".into(), format!("runs/{RUN}/events.jsonl")].map(|name: String| dir.path().join(name)) {
+                let text = std::fs::read_to_string(&journal).unwrap();
+                assert!(text.contains(&boot), "{text}");
+                if has_other_boot {
+                    std::fs::write(journal, text.replace(&boot, "00000000-0000-4000-8000-000000000000")).unwrap();
+                }
+            }
+            let mut b = bench_of(dir.path(), instrument(FakeAxis::new(), Arm::default()));
+            assert_eq!(b.works(), !has_other_boot, "{:?}", b.status().state);
+            if !has_other_boot {
+                continue;
+            }
+            let hold = b.status().run.unwrap().hold.unwrap();
+            assert!(hold.cause.contains("computer was restarted"), "{hold:?}");
+            assert_eq!(hold.next_command, Some(crate::api::NextCommand::Unhold));
+            drop(b);
+            b = bench_of(dir.path(), instrument(FakeAxis::new(), Arm::default()));
+            assert!(!b.works(), "the daemon was restarted once more");
+            course::unhold(&mut b.d, ResumedBy::Operator).unwrap();
+            assert!(b.works());
+        }
+    });
+}
+
 #[test]
 fn a_run_that_a_person_has_continued_goes_on_when_the_loader_has_taken_the_specimen_out() {
     on_this_thread(async {

@@ -249,7 +249,44 @@ fn a_specimen_that_came_late_or_unasked_can_be_taken_out() {
             let left = b.d.run.as_ref().unwrap().wells_left(&std::collections::VecDeque::new());
             let asked = ["A01", "A02", "A03"].into_iter().filter(|planned| *planned != well).collect::<Vec<_>>();
             assert_eq!(left.iter().map(|planned| planned.well.as_str()).collect::<Vec<_>>(), asked);
-            assert!(matches!(b.loaded("A03", false), Err(Refusal::UnexpectedWell { .. })), "the sampler is asked for one");
+        }
+    });
+}
+
+/// The sampler is at work. The report counts when its work has ended, so that the next specimen that comes is not taken for this one.
+#[test]
+fn a_specimen_that_is_taken_out_while_the_sampler_works_counts_as_out_once_the_work_has_ended() {
+    on_this_thread(async {
+        for dies in [false, true] {
+            for (end, outcome) in [(RunEnd::Paused, State::Held), (RunEnd::Cancelled, State::Aborted)] {
+                let dir = scratch();
+                let mut b = started_with(dir.path(), instrument(FakeAxis::new(), Arm::default()), &["A01", "A02", "A03"]);
+                b.phase("A01", Phase::Load, false);
+                assert_eq!((b.loaded("A01", false), b.loaded("A01", false)), (Ok(()), Ok(())), "a repeat changes nothing");
+                assert!(matches!(b.loaded("H12", false), Err(Refusal::UnexpectedWell { .. })), "no well of the run");
+                assert_eq!(b.status().state, State::Holding, "a person is at the instrument");
+                let events = journalled(dir.path());
+                assert_eq!((count(&events, kind::WELL_TAKEN_OUT), count(&events, kind::WELL_UNLOADED)), (1, 0), "the work goes on");
+                if dies {
+                    drop(b);
+                    b = bench_of(dir.path(), instrument(FakeAxis::new(), Arm::default()));
+                    assert_eq!(b.status().state, State::Held);
+                } else {
+                    if outcome == State::Aborted {
+                        b.steer(Towards::Abort).unwrap();
+                    }
+                    b.ends(end).await;
+                    assert_eq!(b.status().state, outcome);
+                }
+                assert_eq!(outcomes(&b)[0], Some(SpecimenOutcome::Interrupted));
+                assert_eq!(count(&journalled(dir.path()), kind::WELL_UNLOADED), 1);
+                assert_eq!(b.loaded("A01", false), Ok(()), "said again");
+                if b.status().state == State::Held {
+                    b.steer(Towards::Unhold).unwrap();
+                    let left = b.d.run.as_ref().unwrap().wells_left(&std::collections::VecDeque::new());
+                    assert_eq!(left.iter().map(|planned| planned.well.as_str()).collect::<Vec<_>>(), ["A02", "A03"]);
+                }
+            }
         }
     });
 }
