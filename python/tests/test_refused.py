@@ -35,6 +35,7 @@ def of(turn: Turn, **more: Any) -> Callable[..., carved.Measurement]:
         (BLANK, [0.0, 1.0], carved.InputError, "found 2 angles for 3 views"),
         (BLANK, [0.0, float("nan"), 1.0], carved.InputError, "found nan for view 1"),
         (BLANK, [0.0, float("inf"), 1.0], carved.InputError, "found inf for view 1"),
+        (BLANK, [0.0, 120.0, 240.0], carved.InputError, r"found 120 for view 1 .* numpy.radians\(angles\) converts degrees"),
         (BLANK, ["a", "b", "c"], TypeError, "expected one list of numbers"),
         ([BLANK[0], BLANK[1, :-1], BLANK[2]], [0.0, 1.0, 2.0], carved.InputError, r"views\[1\]: the shape is \(159, 512\)"),
         (np.ones((1, 160, 512), np.uint8), [0.0], carved.InputError, "the largest value is 1, expected 255"),

@@ -268,12 +268,12 @@ fn what_cannot_be_measured_is_told_and_the_rest_is_measured() {
     assert_eq!(table.lines().count(), 4, "a row without numbers is there: {table}");
     assert!(!table.contains(",coarse,"), "numbers of the earlier method stand for those that failed: {table}");
 
+    // A table has each run once: another run of this name is refused before anything is computed, whatever its wells are.
     let twin = bench.path("copy/P-2");
-    fs::create_dir_all(&twin).unwrap();
-    fs::create_dir(twin.join("A01")).unwrap();
-    let (code, _, said) = bench.measure("out", &[text(&twin.join("A01"))]);
-    assert_eq!(code, Some(1));
-    assert!(said.contains("would both be written to P-2/A01"), "{said}");
+    fs::create_dir_all(twin.join("H12")).unwrap();
+    let (code, _, said) = bench.measure("twins", &[text(&twin.join("H12"))]);
+    assert_eq!((code, bench.path("twins").exists()), (Some(1), false));
+    assert!(said.contains("are two runs of the name P-2"), "{said}");
     fs::write(bench.path("file"), "").unwrap();
     let (code, _, said) = bench.measure("file", &[]);
     assert_eq!(code, Some(1), "{said}");

@@ -197,6 +197,7 @@ fn an_ome_zarr_plate_is_valid_with_empty_wells_and_with_turns_that_ended_early()
     fs::write(parts.join("B/3/0/0/c/0/0/0/0"), b"cut short").unwrap();
     let listed = |plate: &Path| json(&plate.join("zarr.json"))["attributes"]["ome"]["plate"]["wells"].as_array().unwrap().len();
     assert_eq!((listed(&parts), listed(&whole)), (1, 2));
+    assert_eq!(json(&whole.join("zarr.json"))["attributes"]["ome"]["plate"]["version"], "0.5");
     done(&export("ome-zarr", &run, &parts, &[]));
     let relative = |plate: &Path| -> BTreeMap<PathBuf, Vec<u8>> {
         tree(plate).into_iter().map(|(path, bytes)| (path.strip_prefix(plate).unwrap().to_owned(), bytes)).collect()

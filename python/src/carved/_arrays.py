@@ -69,6 +69,10 @@ def items(name: str, stack: object) -> Sequence[object]:
     return found
 
 
+# A turn with its closure view and a start anywhere stays below it. Angles in degrees do not.
+MOST_RAD = 3 * math.pi
+
+
 def angles(values: object, views: int) -> list[float]:
     """Angles in rad, one per view."""
     found = np.asarray(values)
@@ -79,6 +83,11 @@ def angles(values: object, views: int) -> list[float]:
     for at, angle in enumerate(found):
         if not math.isfinite(angle):
             raise InputError(f"angles: found {angle} for view {at} (counted from 0), expected a finite number of rad")
+        if abs(angle) > MOST_RAD:
+            raise InputError(
+                f"angles: found {angle:g} for view {at} (counted from 0), which is more than one turn and a half in rad "
+                f"({MOST_RAD:.2f}); numpy.radians(angles) converts degrees"
+            )
     return [float(angle) for angle in found]
 
 

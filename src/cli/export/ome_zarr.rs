@@ -216,6 +216,7 @@ impl Plate {
         }
         let named = |names: Vec<String>| names.into_iter().map(|name| json!({"name": name})).collect::<Vec<_>>();
         let plate = json!({
+            "version": VERSION,
             "name": self.run,
             "field_count": 1,
             "rows": named((0..rows).map(row_name).collect()),

@@ -183,6 +183,7 @@ struct NotWritten(#[from] StoreError);
 /// The recordings by their names `RUN/WELL`, and the names on the command line that have none.
 fn named(paths: &[PathBuf]) -> anyhow::Result<(BTreeMap<String, PathBuf>, Vec<String>)> {
     let (mut named, mut failures) = (BTreeMap::<String, PathBuf>::new(), Vec::new());
+    let mut runs = BTreeMap::<String, PathBuf>::new();
     for (path, found) in each(paths) {
         let whole = found.and_then(|()| path.canonicalize().with_context(|| format!("{}: no recording", path.display())));
         let whole = match whole {
@@ -197,7 +198,19 @@ fn named(paths: &[PathBuf]) -> anyhow::Result<(BTreeMap<String, PathBuf>, Vec<St
         let part = |path: Option<&Path>| path.and_then(Path::file_name).unwrap_or_default().to_string_lossy().into_owned();
         // A pack stands for the folder of its recording.
         let folder = if whole.extension().is_some_and(|e| e == "tar") { whole.with_extension("") } else { whole.clone() };
-        let name = format!("{}/{}", part(folder.parent()), part(Some(&folder)));
+        let run = part(folder.parent());
+        let name = format!("{run}/{}", part(Some(&folder)));
+        // A table has each run once.
+        if let Some((parent, known)) = folder.parent().zip(runs.get(&run))
+            && parent != known
+        {
+            anyhow::bail!(
+                "{} and {parent} are two runs of the name {run}; measure them into two folders",
+                known.display(),
+                parent = parent.display()
+            );
+        }
+        runs.extend(folder.parent().map(|parent| (run, parent.to_owned())));
         if let Some(other) = named.insert(name.clone(), whole.clone()) {
             ensure!(
                 other == whole,
