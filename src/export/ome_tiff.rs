@@ -46,7 +46,7 @@ pub struct Subject {
     /// Time of the recording, RFC 3339, UTC.
     pub started: String,
     /// Further facts.
-    pub facts: Vec<(&'static str, String)>,
+    pub facts: Vec<(String, String)>,
 }
 
 /// Why a file is not written.

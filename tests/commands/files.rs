@@ -33,7 +33,7 @@ fn plate(dir: &Path) -> PathBuf {
         }
     }
     let map = dir.join("map.csv");
-    fs::write(&map, "well,specimen,dpf,compound\nA01,larva,5,\nA02,bead,,\nB03,larva,5,\"DMSO <\u{b5}> & co\"\n").unwrap();
+    fs::write(&map, "well,specimen,dpf,compound,control,replicate,Clutch\nA01,larva,5,,,,\nA02,bead,,,,,\nB03,larva,5,\"DMSO <\u{b5}> & co\",negative,2,c \"7\"\n").unwrap();
     let mut command = carved();
     command.arg("import").arg(&pictures).args(["--plate", "P-017", "--even", "--closure", "--voxel", "14", "--operator", "kim", "--data"]);
     let output = command.arg(&data).arg("--plate-map").arg(&map).output().unwrap();

@@ -56,6 +56,10 @@ for well, place in zip(with_views, listed, strict=True):
             assert sha256(interleaved.tobytes()).hexdigest() == taken[view]["sha256"], f"{place}, view {view}"
         else:
             assert not pixels[view].any(), f"{place}: view {view} was not taken"
+    said = {key: str(value) for key, value in recording["specimen"].items() if key != "well"}
+    said |= {"Clutch": 'c "7"'} if well.name == "B03" else {}
+    facts = group.attrs["carved"]["facts"]
+    assert said.items() <= facts.items() and (well.name != "B03" or said["control"] == "negative"), (said, facts)
     angles = {v["view"]: v["omega_deg"] for v in group.attrs["carved"]["views"]}
     assert angles.keys() == taken.keys()
     half = group["1"][:]

@@ -7,8 +7,8 @@ use crate::export::{Stack, Subject, ome_tiff};
 use anyhow::ensure;
 use carved_core::frame::PixelFormat;
 use carved_core::geometry::Camera;
-use carved_records::LedgerEntry;
-use carved_store::{Recording, StoreError};
+use carved_records::{LedgerEntry, RunPlan};
+use carved_store::{Recording, StoreError, StoredRun};
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
@@ -41,7 +41,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         let frame = if camera == 0 { reader.frame(entries[view]) } else { views::second(&reader, of_second[view]) };
         frame.map(|frame| views::interleaved(&frame))
     };
-    let bytes = ome_tiff(&subject(recording)?, &stacks, picture)?;
+    // A recording that was copied out of its run has no lab's columns.
+    let run = args.recording.parent().filter(|folder| folder.join("run.json").is_file()).map(StoredRun::read).transpose()?;
+    let plan = run.as_ref().map(|run| &run.record().plan);
+    let bytes = ome_tiff(&subject(recording, plan)?, &stacks, picture)?;
     write(&args.out, &bytes)?;
     note!("carved: {}: {} view(s), {:.1} MB", args.out.display(), entries.len(), bytes.len() as f64 / 1e6);
     Ok(())
@@ -57,7 +60,7 @@ fn stack(channel: &str, camera: &Camera, format: PixelFormat, entries: &[&Ledger
     }
 }
 
-fn subject(recording: &Recording) -> anyhow::Result<Subject> {
+fn subject(recording: &Recording, plan: Option<&RunPlan>) -> anyhow::Result<Subject> {
     let specimen = &recording.specimen;
     let place = views::place(&specimen.well)?;
     // A recording does not know the plate of its run.
@@ -66,15 +69,8 @@ fn subject(recording: &Recording) -> anyhow::Result<Subject> {
     if recording.rig.pixel_format == PixelFormat::BayerRG8 {
         facts.push(("colours", "interpolated from the camera's Bayer mosaic".into()));
     }
-    if let Some(dpf) = specimen.dpf {
-        facts.push(("dpf", dpf.to_string()));
-    }
-    let words = [("compound", &specimen.compound), ("strain", &specimen.strain), ("treatment", &specimen.treatment)];
-    facts.extend(words.into_iter().filter_map(|(key, word)| Some((key, word.clone()?))));
-    if let Some(concentration) = specimen.concentration {
-        let unit = specimen.concentration_unit.map_or("", |unit| unit.symbol());
-        facts.push(("concentration", format!("{concentration} {unit}").trim_end().into()));
-    }
+    let mut facts: Vec<(String, String)> = facts.into_iter().map(|(key, value)| (key.to_owned(), value)).collect();
+    facts.extend(views::plate_map_facts(specimen, plan)?);
     Ok(Subject { run: recording.run.clone(), well: specimen.well.clone(), place, plate, started: seconds(&recording.started), facts })
 }
 

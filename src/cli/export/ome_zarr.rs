@@ -14,7 +14,7 @@ use super::{read, views, write};
 use crate::export::zarr::{self, METADATA, SHARD, Shard};
 use anyhow::{Context, bail, ensure};
 use carved_core::frame::PixelFormat;
-use carved_records::PlannedWell;
+use carved_records::{PlannedWell, RunPlan};
 use carved_store::{RecordingFiles, RecordingReader, StoreError, StoredRun, durable, frames};
 use rayon::prelude::*;
 use serde_json::{Value, json};
@@ -92,6 +92,7 @@ struct Plate {
     shape: Option<[usize; 3]>,
     /// Wells that are listed.
     written: Vec<String>,
+    plan: RunPlan,
 }
 
 impl Plate {
@@ -107,6 +108,7 @@ impl Plate {
             size,
             shape: None,
             written: Vec::new(),
+            plan: plan.clone(),
         };
         let file = out.join(METADATA);
         if file.is_file() {
@@ -160,8 +162,9 @@ impl Plate {
             views::by_number(reader).iter().map(|e| json!({"view": e.view, "omega_deg": e.omega.to_degrees()})).collect();
         let mut facts = serde_json::Map::new();
         facts.extend(super::model::facts(recording).into_iter().map(|(key, value)| (key.to_owned(), value.into())));
+        facts.extend(views::plate_map_facts(&recording.specimen, Some(&self.plan))?.into_iter().map(|(key, value)| (key, value.into())));
         let ome = json!({"version": VERSION, "multiscales": [multiscale(&name, um)], "omero": {"channels": channels(colours)}});
-        group(&image, &json!({"ome": ome, "carved": {"views": angles, "specimen": recording.specimen, "facts": facts}}))?;
+        group(&image, &json!({"ome": ome, "carved": {"views": angles, "facts": facts}}))?;
         group(&folder, &json!({"ome": {"version": VERSION, "well": {"images": [{"path": "0"}]}}}))?;
         group(&self.out.join(&letters), &json!({}))?;
         self.written.push(recording.specimen.well.clone());

@@ -3,8 +3,9 @@
 use anyhow::Context;
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::profile::Picture;
-use carved_records::{LedgerEntry, PlateFormat, well_place};
+use carved_records::{LedgerEntry, PlannedWell, PlateFormat, RunPlan, well_place};
 use carved_store::{RecordingReader, StoreError};
+use serde_json::Value;
 
 /// The newest take of every view, by number, without the view at 360 deg.
 pub(super) fn by_number(reader: &RecordingReader) -> Vec<&LedgerEntry> {
@@ -33,6 +34,20 @@ pub(super) fn planar(frame: &RawFrame) -> Vec<u8> {
     }
     let pixels = interleaved(frame);
     (0..3).flat_map(|c| pixels.iter().skip(c).step_by(3).copied()).collect()
+}
+
+/// All that the plate map says about a well, as names and texts: its fields, and the cells of the lab's own columns, which `plan` has.
+pub(super) fn plate_map_facts(planned: &PlannedWell, plan: Option<&RunPlan>) -> anyhow::Result<Vec<(String, String)>> {
+    let Value::Object(fields) = serde_json::to_value(planned)? else { return Ok(Vec::new()) };
+    let own = plan.and_then(|plan| plan.metadata.get("columns")?.as_object());
+    let cells = own.into_iter().flatten().filter_map(|(name, cells)| Some((name.clone(), cells.get(&planned.well)?.clone())));
+    let text = |value: Value| match value {
+        Value::String(text) => Some(text),
+        Value::Null => None,
+        other => Some(other.to_string()),
+    };
+    let all = fields.into_iter().filter(|(name, _)| name != "well").chain(cells);
+    Ok(all.filter_map(|(name, value)| Some((name, text(value)?))).collect())
 }
 
 /// Row and column of a well from 0.
