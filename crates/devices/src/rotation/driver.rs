@@ -89,6 +89,53 @@ pub fn entry(name: &str) -> Option<&'static Entry> {
     DRIVERS.iter().copied().find(|entry| entry.name == name)
 }
 
+/// What the settings of every controller have in common that is on a serial port, homes and has outputs. `$open` opens the controller.
+macro_rules! serial_driver {
+    ($settings:ty, $open:expr) => {
+        impl $crate::rotation::driver::Driver for $settings {
+            fn out_of_range(&self) -> Vec<carved_core::range::OutOfRange> {
+                carved_core::range::Ranged::outside(self)
+            }
+
+            fn check_on(&self, _: carved_core::units::StepsPerRevolution) -> Result<(), $crate::DeviceError> {
+                self.check()
+            }
+
+            fn open(
+                &self,
+                _: carved_core::units::StepsPerRevolution,
+                translation: Option<$crate::rotation::TranslationSettings>,
+            ) -> Result<Box<dyn $crate::RotationAxis>, $crate::DeviceError> {
+                let open: fn(Self, Option<$crate::rotation::TranslationSettings>) -> _ = $open;
+                Ok(Box::new(open(self.clone(), translation)?))
+            }
+
+            fn serial(&self) -> Option<(&$crate::rotation::Port, u32)> {
+                Some((&self.port, self.baud))
+            }
+
+            fn connect_to(&mut self, address: String) {
+                self.port = $crate::rotation::Port::Path(address);
+            }
+
+            fn outputs(&self) -> Vec<$crate::outputs::OutputStatus> {
+                $crate::outputs::unknown(&self.outputs)
+            }
+        }
+
+        impl $settings {
+            pub(in crate::rotation) fn answer_timeout(&self) -> std::time::Duration {
+                std::time::Duration::from_millis(self.answer_timeout_ms.into())
+            }
+
+            pub(in crate::rotation) fn homing_timeout(&self) -> std::time::Duration {
+                std::time::Duration::from_millis(self.homing_timeout_ms.into())
+            }
+        }
+    };
+}
+pub(super) use serial_driver;
+
 macro_rules! drivers {
     ($($(#[doc = $doc:literal])+ $variant:ident($make:ident::$settings:ident)),+ $(,)?) => {
         /// Which controller turns the capillary.

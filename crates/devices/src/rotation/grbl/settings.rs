@@ -1,16 +1,13 @@
 //! The `[rotation]` table of a Grbl controller.
 
-use crate::outputs::{self, OutputSettings, OutputStatus, OutputTable, SETTLE_MOST_MS};
-use crate::rotation::TranslationSettings;
-use crate::rotation::driver::Driver;
+use crate::DeviceError;
+use crate::outputs::{self, OutputSettings, OutputTable, SETTLE_MOST_MS};
+use crate::rotation::driver::serial_driver;
 use crate::rotation::{Port, Reference};
 use crate::setting::{ANSWER_MOST_MS, BAUD_LEAST, BAUD_MOST, HOMING_MOST_MS, in_range};
-use crate::{DeviceError, RotationAxis};
 use carved_core::range::{OutOfRange, Range, Ranged};
 use carved_core::ranges;
-use carved_core::units::StepsPerRevolution;
 use serde::{Deserialize, Serialize};
-use std::time::Duration;
 
 /// How a Grbl controller is connected, and the settings that it must have.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -156,38 +153,6 @@ impl GrblSettings {
         }
         Ok(())
     }
-
-    pub(super) fn answer_timeout(&self) -> Duration {
-        Duration::from_millis(self.answer_timeout_ms.into())
-    }
-
-    pub(super) fn homing_timeout(&self) -> Duration {
-        Duration::from_millis(self.homing_timeout_ms.into())
-    }
 }
 
-impl Driver for GrblSettings {
-    fn out_of_range(&self) -> Vec<OutOfRange> {
-        self.outside()
-    }
-
-    fn check_on(&self, _: StepsPerRevolution) -> Result<(), DeviceError> {
-        self.check()
-    }
-
-    fn open(&self, _: StepsPerRevolution, translation: Option<TranslationSettings>) -> Result<Box<dyn RotationAxis>, DeviceError> {
-        Ok(Box::new(super::Grbl::with_translation(self.clone(), translation)?))
-    }
-
-    fn serial(&self) -> Option<(&Port, u32)> {
-        Some((&self.port, self.baud))
-    }
-
-    fn connect_to(&mut self, address: String) {
-        self.port = Port::Path(address);
-    }
-
-    fn outputs(&self) -> Vec<OutputStatus> {
-        outputs::unknown(&self.outputs)
-    }
-}
+serial_driver!(GrblSettings, |settings, translation| super::Grbl::with_translation(settings, translation));

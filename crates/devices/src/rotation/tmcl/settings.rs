@@ -1,15 +1,13 @@
 //! The `[rotation]` table of a Trinamic module with a pair of motors.
 
-use crate::outputs::{self, OutputSettings, OutputStatus, OutputTable, SETTLE_MOST_MS};
-use crate::rotation::TranslationSettings;
-use crate::rotation::driver::Driver;
+use crate::DeviceError;
+use crate::outputs::{self, OutputSettings, OutputTable, SETTLE_MOST_MS};
+use crate::rotation::driver::serial_driver;
 use crate::rotation::knowledge::travel_time;
 use crate::rotation::{Port, Reference};
 use crate::setting::{ANSWER_MOST_MS, BAUD_LEAST, BAUD_MOST, HOMING_MOST_MS, in_range};
-use crate::{DeviceError, RotationAxis};
 use carved_core::range::{OutOfRange, Range, Ranged, outside_in};
 use carved_core::ranges;
-use carved_core::units::StepsPerRevolution;
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
@@ -222,41 +220,9 @@ impl TmclSettings {
         let bits = 2.0 * 10.0 * super::frame::BYTES as f64;
         Duration::from_secs_f64(bits / f64::from(self.baud)) + MODULE_TIME
     }
-
-    pub(super) fn answer_timeout(&self) -> Duration {
-        Duration::from_millis(self.answer_timeout_ms.into())
-    }
-
-    pub(super) fn homing_timeout(&self) -> Duration {
-        Duration::from_millis(self.homing_timeout_ms.into())
-    }
 }
 
-impl Driver for TmclSettings {
-    fn out_of_range(&self) -> Vec<OutOfRange> {
-        self.outside()
-    }
-
-    fn check_on(&self, _: StepsPerRevolution) -> Result<(), DeviceError> {
-        self.check()
-    }
-
-    fn open(&self, _: StepsPerRevolution, _: Option<TranslationSettings>) -> Result<Box<dyn RotationAxis>, DeviceError> {
-        Ok(Box::new(super::Tmcl::open(self.clone())?))
-    }
-
-    fn serial(&self) -> Option<(&Port, u32)> {
-        Some((&self.port, self.baud))
-    }
-
-    fn connect_to(&mut self, address: String) {
-        self.port = Port::Path(address);
-    }
-
-    fn outputs(&self) -> Vec<OutputStatus> {
-        outputs::unknown(&self.outputs)
-    }
-}
+serial_driver!(TmclSettings, |settings, _| super::Tmcl::open(settings));
 
 #[cfg(test)]
 mod tests {

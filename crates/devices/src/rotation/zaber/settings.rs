@@ -1,15 +1,13 @@
 //! The `[rotation]` table of a Zaber controller.
 
-use crate::outputs::{self, OutputSettings, OutputStatus, OutputTable, SETTLE_MOST_MS};
-use crate::rotation::TranslationSettings;
-use crate::rotation::driver::Driver;
+use crate::DeviceError;
+use crate::outputs::{self, OutputSettings, OutputTable, SETTLE_MOST_MS};
+use crate::rotation::driver::serial_driver;
 use crate::rotation::knowledge::travel_time;
 use crate::rotation::{Port, Reference};
 use crate::setting::{ANSWER_MOST_MS, BAUD_LEAST, BAUD_MOST, HOMING_MOST_MS, in_range};
-use crate::{DeviceError, RotationAxis};
 use carved_core::range::{OutOfRange, Range, Ranged};
 use carved_core::ranges;
-use carved_core::units::StepsPerRevolution;
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
@@ -125,38 +123,6 @@ impl ZaberSettings {
     pub(super) fn travel_time(&self, steps: i64) -> Duration {
         travel_time(steps, f64::from(self.maxspeed) / SPEED_UNIT, f64::from(self.accel) / ACCELERATION_UNIT) + self.answer_timeout()
     }
-
-    pub(super) fn answer_timeout(&self) -> Duration {
-        Duration::from_millis(self.answer_timeout_ms.into())
-    }
-
-    pub(super) fn homing_timeout(&self) -> Duration {
-        Duration::from_millis(self.homing_timeout_ms.into())
-    }
 }
 
-impl Driver for ZaberSettings {
-    fn out_of_range(&self) -> Vec<OutOfRange> {
-        self.outside()
-    }
-
-    fn check_on(&self, _: StepsPerRevolution) -> Result<(), DeviceError> {
-        self.check()
-    }
-
-    fn open(&self, _: StepsPerRevolution, _: Option<TranslationSettings>) -> Result<Box<dyn RotationAxis>, DeviceError> {
-        Ok(Box::new(super::Zaber::open(self.clone())?))
-    }
-
-    fn serial(&self) -> Option<(&Port, u32)> {
-        Some((&self.port, self.baud))
-    }
-
-    fn connect_to(&mut self, address: String) {
-        self.port = Port::Path(address);
-    }
-
-    fn outputs(&self) -> Vec<OutputStatus> {
-        outputs::unknown(&self.outputs)
-    }
-}
+serial_driver!(ZaberSettings, |settings, _| super::Zaber::open(settings));
