@@ -18,6 +18,7 @@ mod folders;
 mod halt;
 mod import;
 mod index;
+pub mod log;
 mod manual;
 mod measure;
 mod notify;
