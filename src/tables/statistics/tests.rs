@@ -21,8 +21,8 @@ fn sample(run: &str, well: &str, planned: &serde_json::Value, volume: f64) -> Sa
     }
 }
 
-fn of(samples: Vec<Sample>, flagged: Flagged) -> Statistics {
-    Statistics::of_samples(&samples, vec!["r1".into(), "r2".into()], vec!["simulated".into()], flagged)
+fn of(samples: &[Sample], flagged: Flagged) -> Statistics {
+    Statistics::of_samples(samples, vec!["r1".into(), "r2".into()], vec!["simulated".into()], flagged)
 }
 
 fn dmso() -> serde_json::Value {
@@ -52,7 +52,7 @@ fn plate() -> Vec<Sample> {
 
 #[test]
 fn wells_that_were_treated_alike_are_one_group_and_a_compound_is_one_over_its_doses() {
-    let found = of(plate(), Flagged::Included);
+    let found = of(&plate(), Flagged::Included);
     let volume = &found.quantities[0];
     assert_eq!((volume.name.as_str(), volume.unit.as_str(), found.quantities.len()), ("volume_um3", "um^3", 1));
     let words: Vec<(String, usize)> = volume.groups.iter().map(|g| (g.condition.words(), g.n)).collect();
@@ -67,7 +67,7 @@ fn wells_that_were_treated_alike_are_one_group_and_a_compound_is_one_over_its_do
 
 #[test]
 fn z_prime_belongs_to_a_plate_and_a_plate_without_enough_controls_has_a_reason() {
-    let found = of(plate(), Flagged::Included);
+    let found = of(&plate(), Flagged::Included);
     let [first, second] = &found.quantities[0].windows[..] else { panic!("{:?}", found.quantities[0].windows) };
     // Means 101 and 11, both with a standard deviation of the root of 2.
     let expected = 1.0 - 6.0 * 2f64.sqrt() / 90.0;
@@ -78,7 +78,7 @@ fn z_prime_belongs_to_a_plate_and_a_plate_without_enough_controls_has_a_reason()
 
 #[test]
 fn a_response_starts_from_the_negative_controls_and_finds_the_ec50_of_its_wells() {
-    let found = of(plate(), Flagged::Included);
+    let found = of(&plate(), Flagged::Included);
     let [response] = &found.quantities[0].responses[..] else { panic!("one compound has several doses") };
     assert_eq!((response.points.len(), response.points[0].dose, response.points[2].value), (13, 0.0, 104.0));
     let curve = response.curve.as_ref().unwrap_or_else(|| panic!("{response:?}"));
@@ -92,7 +92,7 @@ fn a_response_starts_from_the_negative_controls_and_finds_the_ec50_of_its_wells(
     for s in samples.iter_mut().filter(|s| s.condition.control.is_some()) {
         s.condition.dpf = Some(5.0);
     }
-    assert_eq!(of(samples, Flagged::Included).quantities[0].responses[0].points.len(), 10);
+    assert_eq!(of(&samples, Flagged::Included).quantities[0].responses[0].points.len(), 10);
 }
 
 #[test]
@@ -104,7 +104,7 @@ fn a_bound_and_a_doubtful_number_are_left_out_by_name_and_all_or_none_of_the_fla
     samples[4].flags = vec![Flag::Moved.into()];
     samples[4].saturated = true;
     let negative = |s: &Statistics| (s.quantities[0].groups[0].n, s.quantities[0].groups[0].left_out);
-    let sound = of(samples.clone(), Flagged::Sound);
+    let sound = of(&samples, Flagged::Sound);
     assert_eq!((sound.specimens, sound.specimens_with_flags), (15, 3));
     assert_eq!(negative(&sound), (1, 2));
     let left_out: Vec<_> = sound.quantities[0].left_out.iter().map(|w| (w.run.as_str(), w.well.as_str(), w.flags.join(" "))).collect();
@@ -112,19 +112,19 @@ fn a_bound_and_a_doubtful_number_are_left_out_by_name_and_all_or_none_of_the_fla
     assert_eq!(sound.quantities[0].left_out_words().unwrap(), "2 of 15 wells left out: clipped_left 1, moved 1");
     let response = |s: &Statistics| s.quantities[0].responses[0].points.len();
     assert_eq!((response(&sound), sound.quantities[0].windows[0].negative), (11, 1), "neither Z' nor a curve contains them");
-    let all = of(samples.clone(), Flagged::Included);
+    let all = of(&samples, Flagged::Included);
     assert_eq!((negative(&all), all.quantities[0].left_out_words(), response(&all)), ((3, 0), None, 13));
-    assert!(of(samples.clone(), Flagged::Excluded).quantities[0].groups.iter().all(|g| g.condition.control.as_deref() != Some("negative")));
+    assert!(of(&samples, Flagged::Excluded).quantities[0].groups.iter().all(|g| g.condition.control.as_deref() != Some("negative")));
     // A flag of another version, and a second camera that is saturated: only its signal is a bound.
     samples[4].flags = vec![];
-    assert_eq!(negative(&of(samples.clone(), Flagged::Sound)), (2, 1));
+    assert_eq!(negative(&of(&samples, Flagged::Sound)), (2, 1));
     samples[4].numbers[6] = Some(7.0);
     assert_eq!(
-        (QUANTITIES[6].0, of(samples.clone(), Flagged::Sound).quantities[1].left_out[0].flags.as_slice()),
+        (QUANTITIES[6].0, of(&samples, Flagged::Sound).quantities[1].left_out[0].flags.as_slice()),
         (SIGNAL, ["saturated".to_owned()].as_slice())
     );
     samples[4].flags = vec![StoredFlag::Unknown("blur_mismatch".into())];
-    assert_eq!(negative(&of(samples, Flagged::Sound)), (2, 1));
+    assert_eq!(negative(&of(&samples, Flagged::Sound)), (2, 1));
 }
 
 #[test]
@@ -132,14 +132,14 @@ fn a_group_has_the_references_of_its_first_well_that_has_some() {
     let mut samples = plate();
     let reference = GroupReference { group: "fixed, 3 dpf".into(), n: 12, interval_95: [90.0, 110.0].into() };
     samples[1].references[0] = Some(reference.clone());
-    let volume = &of(samples, Flagged::Included).quantities[0];
+    let volume = &of(&samples, Flagged::Included).quantities[0];
     assert_eq!(volume.groups[0].reference, Some(reference));
     assert!(volume.groups[1..].iter().all(|group| group.reference.is_none()));
 }
 
 #[test]
 fn every_statistic_has_a_row_of_its_own() {
-    let found = of(plate(), Flagged::Included);
+    let found = of(&plate(), Flagged::Included);
     let tables = [groups_table(&found), windows_table(&found), responses_table(&found)];
     // 7 groups and 3 compounds; two runs with controls; one response.
     assert_eq!(tables.each_ref().map(|t| t.rows.len()), [10, 2, 1]);
