@@ -3,6 +3,7 @@
 import { post, Refused, sayLoaded, sayNotMoved, Unanswered } from "./api.ts";
 import { Asker, type Question } from "./ask.ts";
 import { setText, show } from "./dom.ts";
+import { Undo } from "./undo.ts";
 import {
   canAbort,
   canGoOn,
@@ -28,6 +29,8 @@ interface Command {
   isEnabled: (status: Status) => boolean;
   question: ((status: Status, run: string) => Omit<Question, "yes" | "ends">) | null;
   send: (status: Status, run: string) => Promise<void>;
+  /** Whether it is sent after a few seconds, in which it can be undone. */
+  canBeUndone?: true;
   /** Whether the command ends the run. */
   ends: boolean;
   /** What to do if the command fails. */
@@ -35,6 +38,8 @@ interface Command {
 }
 
 const HALT = "Use the instrument's own emergency stop if it must halt now.";
+/** The key that reports an exchange by hand. */
+const NEXT_KEY = "n";
 const never = () => false;
 const always = () => true;
 const steer = (name: string) => (_: Status, run: string) => post(`/v1/runs/${encodeURIComponent(run)}/${name}`);
@@ -116,11 +121,8 @@ const COMMANDS: readonly Command[] = [
     isUnderWay: never,
     isShown: (s) => s.plate.take_out !== null && s.run !== null,
     isEnabled: always,
-    question: (s) => ({
-      title: `Is the specimen of ${s.plate.take_out ?? ""} out of the capillary?`,
-      words: "Say so where you have taken it out by hand. A plate-loader that does this says so itself.",
-      no: "Not yet",
-    }),
+    question: null,
+    canBeUndone: true,
     send: (s, run) => sayLoaded(run, s.plate.take_out ?? "", false),
     ends: false,
     otherwise: "It still counts as being in the capillary.",
@@ -133,12 +135,8 @@ const COMMANDS: readonly Command[] = [
     // One step after the other: first the specimen before is taken out.
     isShown: (s) => s.plate.bring !== null && s.plate.take_out === null && s.run !== null,
     isEnabled: always,
-    question: (s) => ({
-      title: `Is the specimen of ${s.plate.bring ?? ""} in the capillary?`,
-      words:
-        "Say so where you have brought it by hand: the capillary begins to turn. A plate-loader that does this says so itself.",
-      no: "Not yet",
-    }),
+    question: null,
+    canBeUndone: true,
     send: (s, run) => sayLoaded(run, s.plate.bring ?? "", true),
     ends: false,
     otherwise: "The run still waits for it.",
@@ -166,6 +164,9 @@ const COMMANDS: readonly Command[] = [
 export class CommandRow {
   readonly #buttons: [Command, HTMLButtonElement][];
   readonly #asker: Asker;
+  readonly #undo: Undo;
+  /** Resolves with the first status that the report by key waits for. */
+  #awaited: { meets: (status: Status) => boolean; resolve: () => void } | null = null;
   readonly #answer: HTMLElement;
   readonly #section: HTMLElement;
   #asked: { command: Command; label: string } | null = null;
@@ -177,6 +178,13 @@ export class CommandRow {
   constructor(find: <T extends Element = HTMLElement>(id: string) => T) {
     this.#buttons = COMMANDS.map((command) => [command, find<HTMLButtonElement>(command.name)]);
     this.#asker = new Asker(find);
+    this.#undo = new Undo(find);
+    document.addEventListener("keydown", (event) => {
+      const isTyped = event.target instanceof Element && event.target.closest("input, select, textarea") !== null;
+      if (event.key.toLowerCase() !== NEXT_KEY || event.repeat || event.ctrlKey || event.altKey || event.metaKey)
+        return;
+      if (!isTyped && this.#asked === null && !this.#undo.isOpen) void this.#next();
+    });
     this.#answer = find("answer");
     this.#section = find("now");
     for (const [command, button] of this.#buttons) {
@@ -195,9 +203,14 @@ export class CommandRow {
     const asked = this.#asked;
     if (asked && (another || !asked.command.isShown(status) || asked.command.label(status) !== asked.label)) {
       this.#asker.dismiss();
+      this.#undo.dismiss();
     } else if (asked) {
       const question = this.#question(asked.command, status);
       if (question !== null) this.#asker.reword(question);
+    }
+    if (this.#awaited?.meets(status) === true) {
+      this.#awaited.resolve();
+      this.#awaited = null;
     }
     const focused = document.activeElement;
     const next = nextStep(status)?.button;
@@ -228,9 +241,9 @@ export class CommandRow {
     const run = status.run?.id ?? "";
     const label = command.label(status);
     const question = this.#question(command, status);
-    if (question !== null) {
+    if (question !== null || command.canBeUndone === true) {
       this.#asked = { command, label };
-      const yes = await this.#asker.ask(question);
+      const yes = await (question === null ? this.#undo.wait(label) : this.#asker.ask(question));
       this.#asked = null;
       if (!yes) {
         if (isFocusLost()) this.#giveFocus(button);
@@ -248,6 +261,33 @@ export class CommandRow {
     }
     this.update(this.#newest ?? status);
     if (isFocusLost()) this.#giveFocus(button);
+  }
+
+  /** Reports by one key that the specimen is out and the next one is in, or the one of both that is asked for. */
+  async #next(): Promise<void> {
+    const status = this.#newest;
+    const run = status?.run?.id;
+    const { take_out: out, bring } = status?.plate ?? { take_out: null, bring: null };
+    if (status == null || run == null || (out === null && bring === null)) return;
+    const parts = [out === null ? "" : `${out} is out`, bring === null ? "" : `${bring} is in`];
+    const label = parts.filter((part) => part !== "").join(" and ");
+    const same = (s: Status) => s.run?.id === run && s.plate.take_out === out && s.plate.bring === bring;
+    if (!(await this.#undo.wait(label)) || this.#newest === null || !same(this.#newest)) return;
+    try {
+      if (out !== null) await sayLoaded(run, out, false);
+      if (bring !== null) {
+        // Only once the run asks for it alone.
+        const asks = (s: Status) => s.run?.id !== run || s.plate.take_out === null;
+        if (!asks(this.#newest))
+          await new Promise<void>((resolve) => {
+            this.#awaited = { meets: asks, resolve };
+          });
+        if (this.#newest.run?.id === run && this.#newest.plate.bring === bring) await sayLoaded(run, bring, true);
+      }
+      this.#say(`${label}: accepted.`, (now) => !same(now));
+    } catch (error) {
+      this.#say(`${label} did not get through: ${reason(error)}.`, (now) => !same(now));
+    }
   }
 
   /** Shows why no run was started, until the run that is under way has ended. */

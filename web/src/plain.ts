@@ -201,7 +201,10 @@ export function diagnosis(status: Status): string {
   if (next === null) return "";
   const hold = runsNow(status) ? status.run?.hold : null;
   const isByHand = next.button === "is-out" || next.button === "is-in";
-  if (!hold) return isByHand ? `${sentence(status)} A plate-loader does this by itself.` : sentence(status);
+  if (!hold)
+    return isByHand
+      ? `${sentence(status)} The key N reports it too, with the specimen that comes next. A plate-loader does this by itself.`
+      : sentence(status);
   // The cause may be over while the run still waits for somebody.
   const isOver = hold.code !== "operator" && !status.faults.some((f) => f.code === hold.code || hold.code === "fault");
   const why = isOver ? "Held by a cause that is over" : "Held because";

@@ -118,7 +118,6 @@ test("who exchanges specimens by hand reads each step, and its button is the lar
   assert.equal((await bySize(page))[0], "is-in");
   await shoot(page, "control-by-hand");
   await page.locator("#is-in").click();
-  await page.locator("#ask-yes").click();
   await daemon.follow((s) => s.specimen?.well === "A01" && s.specimen.in_capillary && s.state === "Execute");
   await page.locator("#sentence", { hasText: /^Well A01/ }).waitFor();
   await daemon.follow((s) => s.plate.take_out === "A01" && s.plate.bring === "A02");
@@ -127,16 +126,11 @@ test("who exchanges specimens by hand reads each step, and its button is the lar
     .waitFor();
   assert.equal((await bySize(page))[0], "is-out");
   assert.equal(await page.locator("#is-in").isVisible(), false, "one step after the other");
-  await page.locator("#is-out").click();
-  await page.locator("#ask-yes").click();
-  await page
-    .locator("#sentence", { hasText: /^By hand: put the specimen of A02 into the capillary, then confirm\.$/ })
-    .waitFor();
-  assert.equal((await daemon.status()).plate.take_out, null);
-
+  // One key for the whole exchange.
+  await page.keyboard.press("n");
+  await page.locator("#undo-words", { hasText: "A01 is out and A02 is in." }).waitFor();
+  await shoot(page, "control-undo");
   // Aborted while A02 is inside: ring, card and pictures are of A02, whose stored views are shown, and A03 was never begun.
-  await page.locator("#is-in").click();
-  await page.locator("#ask-yes").click();
   await daemon.follow((s) => s.specimen?.well === "A02" && s.specimen.view > 2);
   await page.locator("#abort").click();
   await page.locator("#ask-yes").click();

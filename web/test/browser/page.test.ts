@@ -463,15 +463,35 @@ test("who exchanges specimens by hand says so on the page", async () => {
   await page.getByRole("button", { name: "Specimen of A01 is out" }).waitFor();
   assert.equal(await page.locator("#is-in").isVisible(), false, "one step after the other");
   await page.getByRole("button", { name: "Specimen of A01 is out" }).click();
-  await until("ask-title", /^Is the specimen of A01 out of the capillary\?$/);
-  // The loader was quicker: the question is over, and is no answer to the next.
+  const undo = page.locator("#undo");
+  await until("undo-words", /^Specimen of A01 is out\. Reported in 4 s\.$/);
+  // The loader was quicker: the report is over, and is none of the next specimen.
   server.publish({ ...waiting, plate: { ...plate, take_out: null } });
-  await page.locator("dialog").waitFor({ state: "hidden" });
+  await undo.waitFor({ state: "hidden" });
+  await page.getByRole("button", { name: "Specimen of A02 is in" }).click();
+  await page.getByRole("button", { name: "Undo" }).click();
+  await undo.waitFor({ state: "hidden" });
   assert.deepEqual(server.taken, []);
   await page.getByRole("button", { name: "Specimen of A02 is in" }).click();
-  await page.locator("dialog").getByRole("button", { name: "Specimen of A02 is in" }).click();
   await until("answer", /accepted/);
-  assert.deepEqual(server.taken, [{ command: "PUT /v1/runs/demo-1/wells/A02", body: '{"loaded":true}' }]);
+  const isIn = { command: "PUT /v1/runs/demo-1/wells/A02", body: '{"loaded":true}' };
+  assert.deepEqual(server.taken, [isIn]);
+
+  // One key reports both, the second once the run asks for it alone.
+  server.publish(waiting);
+  await page.getByRole("button", { name: "Specimen of A01 is out" }).waitFor();
+  await page.keyboard.press("n");
+  await until("undo-words", /^A01 is out and A02 is in\. Reported in 4 s\.$/);
+  await page.keyboard.press("Escape");
+  await undo.waitFor({ state: "hidden" });
+  assert.equal(server.taken.length, 1, "what was undone is not sent");
+  await page.keyboard.press("n");
+  const isOut = { command: "PUT /v1/runs/demo-1/wells/A01", body: '{"loaded":false}' };
+  await page.waitForResponse(/wells\/A01$/);
+  assert.deepEqual(server.taken.slice(1), [isOut]);
+  server.publish({ ...waiting, plate: { ...plate, take_out: null } });
+  await page.waitForResponse(/wells\/A02$/);
+  assert.deepEqual(server.taken.slice(1), [isOut, isIn]);
   server.publish(running(0));
   await page.locator("#is-in").waitFor({ state: "hidden" });
 });
