@@ -133,6 +133,7 @@ fn a_warm_count_of_the_residual_volume_asks_for_nothing() {
         phi,
         width: 256,
         height: 256,
+        glass: None,
     };
     // The work must run on this thread, because only its calls are counted.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build().unwrap();

@@ -17,6 +17,7 @@ pub fn camera(c: &scene::Camera) -> Camera {
         phi: c.phi_rad,
         width: c.width,
         height: c.height,
+        glass: None,
     }
 }
 
@@ -43,7 +44,20 @@ mod tests {
 
     #[test]
     fn there_and_back_is_the_same_camera() {
-        let own = Camera { f: 1.0, kx: 2.0, ky: 3.0, ux: 4.0, uy: 5.0, s: 6.0, alpha: 7.0, gamma: 8.0, phi: 9.0, width: 10, height: 11 };
+        let own = Camera {
+            f: 1.0,
+            kx: 2.0,
+            ky: 3.0,
+            ux: 4.0,
+            uy: 5.0,
+            s: 6.0,
+            alpha: 7.0,
+            gamma: 8.0,
+            phi: 9.0,
+            width: 10,
+            height: 11,
+            glass: None,
+        };
         assert_eq!(camera(&scene_camera(&own)), own);
         assert_eq!(camera(&scene::Camera::default()), Camera::published(1024, 1024), "the rig that is emulated is the published one");
     }

@@ -5,7 +5,7 @@ use super::raw::{CalibrationConfig, CameraDriver, Drivers, Raw, RawOptics, RawSe
 use super::references::{self, ReferencesError};
 use super::{HttpSettings, NotifySettings};
 use carved_core::frame::{PixelFormat, RawFrame};
-use carved_core::geometry::{Camera, SecondOptics};
+use carved_core::geometry::{Camera, GlassTube, SecondOptics};
 use carved_core::measure::references::References;
 use carved_core::profile::{EmptyCapillary, Picture};
 use carved_core::range::{OutOfRange, Ranged};
@@ -166,7 +166,7 @@ impl Config {
         wires(&raw, &drivers, &mut breaches);
         let implausible = implausible(&raw, &drivers, in_range);
         breaches.extend(implausible.breaches);
-        let second = second_camera(drivers.camera_second, raw.optics_second.as_ref(), &mut breaches);
+        let second = second_camera(drivers.camera_second, raw.optics_second.as_ref(), optics.glass, &mut breaches);
         breaches.extend(second.iter().flat_map(|second| too_near(&raw.methods, "optics_second", &second.optics.camera)));
         let mut wrong = |key: &str, found: String, expected: &str| breaches.push(format!("  {key} = {found}; expected {expected}"));
         let (width, height) = drivers.camera.frame_size();
@@ -216,6 +216,7 @@ fn nominal_camera(o: &RawOptics) -> Camera {
         phi: std::f64::consts::FRAC_PI_2,
         width: o.width_px,
         height: o.height_px,
+        glass: o.glass(),
     }
 }
 
@@ -273,7 +274,12 @@ fn of_another_program(name: &str, method: &Method) -> Vec<String> {
 }
 
 /// The second camera. Both of its tables are needed, or none.
-fn second_camera(camera: Option<CameraDriver>, optics: Option<&RawSecondOptics>, breaches: &mut Vec<String>) -> Option<SecondCamera> {
+fn second_camera(
+    camera: Option<CameraDriver>,
+    optics: Option<&RawSecondOptics>,
+    glass: Option<GlassTube>,
+    breaches: &mut Vec<String>,
+) -> Option<SecondCamera> {
     let (camera, o) = match (camera, optics) {
         (None, None) => return None,
         (Some(camera), Some(optics)) => (camera, optics),
@@ -299,6 +305,7 @@ fn second_camera(camera: Option<CameraDriver>, optics: Option<&RawSecondOptics>,
         phi: std::f64::consts::FRAC_PI_2,
         width: settings.width,
         height: settings.height,
+        glass,
     };
     Some(SecondCamera { camera, optics: SecondOptics { camera: optics, around: o.around_deg.to_radians() } })
 }

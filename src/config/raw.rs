@@ -9,6 +9,7 @@
 
 use super::{HttpSettings, NotifySettings};
 use carved_core::frame::PixelFormat;
+use carved_core::geometry::GlassTube;
 use carved_core::range::{OutOfRange, Range, Ranged, in_schema, outside_in};
 use carved_core::ranges;
 use carved_core::units::StepsPerRevolution;
@@ -200,6 +201,55 @@ pub(super) struct RawOptics {
     /// wider or narrower holds the run. If it is left out, the bore is compared only with the method's `box_um` and with `empty_capillary`.
     #[serde(default)]
     pub bore_um: Option<f64>,
+    /// Thickness of the wall of the capillary. The glass turns the rays within the bore, the more the nearer they pass to the wall. A turn
+    /// shows the radius of the outer face (`calibration.glass`). With 0 in water, no ray is turned.
+    #[serde(default = "thin_wall_um")]
+    #[schemars(extend("x-level" = "expert"))]
+    pub wall_um: f64,
+    /// Refractive index of the medium in the capillary: 1.333 for water.
+    #[serde(default = "water")]
+    #[schemars(extend("x-level" = "expert"))]
+    pub index_inside: f64,
+    /// Refractive index of the capillary's glass: 1.474 for borosilicate glass.
+    #[serde(default = "borosilicate")]
+    #[schemars(extend("x-level" = "expert"))]
+    pub index_glass: f64,
+    /// Refractive index of the medium around the capillary: 1.333 for water, 1 for air. `ky_px_per_um` is larger than `kx_px_per_um` by
+    /// `index_inside` over this.
+    #[serde(default = "water")]
+    #[schemars(extend("x-level" = "expert"))]
+    pub index_outside: f64,
+}
+
+/// Thin walls, as on most rigs: the lines of the wall in their pictures lie as those of 20 to 35 um do.
+fn thin_wall_um() -> f64 {
+    25.0
+}
+
+fn water() -> f64 {
+    1.333
+}
+
+fn borosilicate() -> f64 {
+    1.474
+}
+
+/// Inner diameter of the vendor's capillary, um.
+const VAST_BORE_UM: f64 = 600.0;
+
+impl RawOptics {
+    /// The tube of the capillary. `None` where it turns no ray.
+    pub fn glass(&self) -> Option<GlassTube> {
+        let bore_radius_um = self.bore_um.unwrap_or(VAST_BORE_UM) / 2.0;
+        let tube = GlassTube {
+            bore_radius_um,
+            outer_radius_um: bore_radius_um + self.wall_um,
+            inside: self.index_inside,
+            glass: self.index_glass,
+            outside: self.index_outside,
+        };
+        (!tube.is_clear()).then_some(tube)
+    }
 }
 
 impl Ranged for RawOptics {
@@ -214,6 +264,10 @@ impl Ranged for RawOptics {
         width_px: 1.0, 65_535.0, "px";
         height_px: 1.0, 65_535.0, "px";
         bore_um: BORE_UM[0], BORE_UM[1], "um";
+        wall_um: 0.0, 2000.0, "um";
+        index_inside: 1.0, 2.0, "(index)";
+        index_glass: 1.0, 2.0, "(index)";
+        index_outside: 1.0, 2.0, "(index)";
     ];
 }
 

@@ -118,6 +118,7 @@ fn ball(radius_px: f64) -> SpecimenRecord {
         phi: std::f64::consts::FRAC_PI_2,
         width: 65,
         height: 65,
+        glass: None,
     };
     let mut disc = Mask::empty(65, 65);
     for (u, v) in (0..65).flat_map(|u| (0..65).map(move |v| (u, v))) {

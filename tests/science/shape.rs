@@ -23,7 +23,20 @@ fn hull(specimen: Specimen) -> Mesh {
     scene.load(Some(specimen)).unwrap();
     let k = 1.0 / 5.5;
     let phi = FRAC_PI_2;
-    let camera = Camera { f: 60_000.0, kx: k, ky: k, ux: 511.5, uy: 511.5, s: 0.0, alpha: 0.0, gamma: 0.0, phi, width: 1024, height: 1024 };
+    let camera = Camera {
+        f: 60_000.0,
+        kx: k,
+        ky: k,
+        ux: 511.5,
+        uy: 511.5,
+        s: 0.0,
+        alpha: 0.0,
+        gamma: 0.0,
+        phi,
+        width: 1024,
+        height: 1024,
+        glass: None,
+    };
     let grid = VoxelGrid::new(BoxUm::PAPER, SD_UM).unwrap();
     let mut model = Reconstruction::new(&camera, grid, VIEWS as usize, ReconstructionSettings::default()).unwrap();
     for view in 0..VIEWS {

@@ -633,6 +633,7 @@ export interface StoredCalibrationRecord {
   alpha_sd_rad: number;
   converged: boolean;
   gamma_sd_rad: number;
+  glass?: StoredGlassFound | null;
   moved?: StoredMoved | null;
   passes: number;
   psi: StoredCamera;
@@ -656,6 +657,7 @@ export interface StoredCamera {
   alpha?: number;
   f: number;
   gamma?: number;
+  glass?: StoredGlassTube | null;
   height: number;
   kx: number;
   ky: number;
@@ -819,6 +821,20 @@ export interface StoredGateSettings {
   roundness_um?: number;
   shewhart_sd?: number;
   t_percent?: number;
+}
+
+export interface StoredGlassFound {
+  is_sense_right?: boolean | null;
+  outer_radius_sd_um: number;
+  outer_radius_um: number;
+}
+
+export interface StoredGlassTube {
+  bore_radius_um: number;
+  glass: number;
+  inside: number;
+  outer_radius_um: number;
+  outside: number;
 }
 
 export interface StoredHarmonics {

@@ -96,6 +96,13 @@ export const FLAGS: Record<string, { meaning: string; whatToDo: string; isBound:
     whatToDo: "Check the steps per revolution and the coupling.",
     isBound: false,
   },
+  wrong_sense: {
+    meaning:
+      "The glass turns the rays as if the capillary had turned the other way, so that the model is a mirror image.",
+    whatToDo:
+      "Check the sense of the rig with a marked capillary, correct `sense` in the configuration, and measure again.",
+    isBound: false,
+  },
   rotation_suspect: {
     meaning: "The specimen did not turn while the motor did, so there is no volume.",
     whatToDo: "Check the supply of the motor, the coupling and the belt, and measure it again.",

@@ -5,10 +5,13 @@
 // World in um, x along the capillary, y down, z away from the camera. Pixel centres are at integers. docs/calibration.md has the geometry,
 // and the daemon's own implementation has the same definition.
 
+import { apparentIn, type Apparent } from "./glass.ts";
 import type { Measured, Recorded, StoredCamera } from "./status.ts";
 
-/** Three rows of four: `(u w, v w, w)` of a point `(x, y, z, 1)`. */
-export type Projection = readonly (readonly [number, number, number, number])[];
+/** Three rows of four: `(u w, v w, w)` of a point `(x, y, z, 1)`. Through glass, of the point where it seems to be. */
+export type Projection = readonly (readonly [number, number, number, number])[] & {
+  readonly apparent?: Apparent | null;
+};
 
 export function projectionOf(psi: StoredCamera, omega: number): Projection {
   const { f, kx, ky, ux, uy, s = 0, alpha = 0, gamma = 0, phi = Math.PI / 2 } = psi;
@@ -31,22 +34,23 @@ export function projectionOf(psi: StoredCamera, omega: number): Projection {
     [sg, cg * co, -cg * so, f * Math.cos(phi)],
     [-sa * cg, sa * sg * co + ca * so, -sa * sg * so + ca * co, f * Math.sin(phi)],
   ];
-  return k.map((row) =>
-    [0, 1, 2, 3].map((j) => row.reduce((sum, a, i) => sum + a * r[i]![j]!, 0)),
-  ) as unknown as Projection;
+  const rows = k.map((row) => [0, 1, 2, 3].map((j) => row.reduce((sum, a, i) => sum + a * r[i]![j]!, 0)));
+  return Object.assign(rows, { apparent: apparentIn(psi, omega) }) as unknown as Projection;
 }
 
 /** The projection into a picture that is `factor` times as large. */
-export function scaled([u, v, w]: Projection, factor: number): Projection {
+export function scaled(p: Projection, factor: number): Projection {
+  const [u, v, w] = p;
   // Pixel centres are at integers, so the corner of the picture is at -0.5.
   const shift = (factor - 1) / 2;
   const row = (a: Projection[number]) => a.map((x, j) => factor * x + shift * w![j]!);
-  return [row(u!), row(v!), w!] as unknown as Projection;
+  return Object.assign([row(u!), row(v!), w!], { apparent: p.apparent }) as unknown as Projection;
 }
 
 /** The column and row of a point; null if it is not in front of the camera. */
 export function project(p: Projection, x: number, y: number, z: number): [number, number] | null {
-  const [u, v, w] = p.map((r) => r[0] * x + r[1] * y + r[2] * z + r[3]) as [number, number, number];
+  const [ya, za] = p.apparent?.(y, z) ?? [y, z];
+  const [u, v, w] = p.map((r) => r[0] * x + r[1] * ya + r[2] * za + r[3]) as [number, number, number];
   return w > 0 ? [u / w, v / w] : null;
 }
 

@@ -11,15 +11,18 @@ export interface Triangles {
 /** 1 where the centre of a pixel lies in the image of a triangle. Triangles with a corner behind the camera are left out. */
 export function silhouetteOf(
   { positions, corners }: Triangles,
-  [ru, rv, rw]: Projection,
+  projection: Projection,
   width: number,
   height: number,
 ): Uint8Array {
-  const [a, b, c] = [ru!, rv!, rw!];
+  const [a, b, c] = [projection[0]!, projection[1]!, projection[2]!];
+  const { apparent } = projection;
   const count = positions.length / 3;
   const [us, vs] = [new Float64Array(count), new Float64Array(count)];
   for (let i = 0, at = 0; i < count; i += 1, at += 3) {
-    const [x, y, z] = [positions[at]!, positions[at + 1]!, positions[at + 2]!];
+    const x = positions[at]!;
+    let [y, z] = [positions[at + 1]!, positions[at + 2]!];
+    if (apparent) [y, z] = apparent(y, z);
     const w = c[0] * x + c[1] * y + c[2] * z + c[3];
     us[i] = w > 0 ? (a[0] * x + a[1] * y + a[2] * z + a[3]) / w : NaN;
     vs[i] = w > 0 ? (b[0] * x + b[1] * y + b[2] * z + b[3]) / w : NaN;

@@ -174,7 +174,7 @@ const MOST_TILT_RAD: f64 = 0.5;
 
 /// Checks that a camera can look at a capillary. Values in another unit would also give numbers, but wrong ones.
 fn plausible(camera: &Camera) -> anyhow::Result<()> {
-    let Camera { f, kx, ky, ux, uy, s, alpha, gamma, phi, width, height } = *camera;
+    let Camera { f, kx, ky, ux, uy, s, alpha, gamma, phi, width, height, glass: _ } = *camera;
     let (least, most) = (UM_PER_PX.start(), UM_PER_PX.end());
     for (name, k) in [("kx", kx), ("ky", ky)] {
         let um_per_px = 1.0 / k;

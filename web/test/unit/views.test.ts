@@ -32,6 +32,16 @@ test("every parameter has its place: the product of the matrices, computed apart
   near(project(projectionOf(camera, 0.7), 800, -150, 230), 642.9797437437467, 1263.007168029302);
 });
 
+test("glass turns the rays: points where traced rays see them", () => {
+  const glass = { bore_radius_um: 300, outer_radius_um: 425, inside: 1.333, glass: 1.474, outside: 1.333 };
+  const camera = { ...psi, f: 1e8, kx: 1, ky: 1, ux: 0, uy: 0, glass };
+  const at = (y: number, z: number, omega: number) => project(projectionOf(camera, omega), 0, y, z)![1];
+  assert.ok(Math.abs(at(-150, 230, 0.7) + 256.59084) < 0.01);
+  assert.ok(Math.abs(at(200, -180, 0.4) - 260.2551) < 0.01);
+  const half = project(scaled(projectionOf(camera, 0), 0.5), 0, 250, 20)!;
+  assert.ok(Math.abs(half[1] + 0.25 - 248.28569 / 2) < 0.01, "in a smaller picture too");
+});
+
 test("a smaller picture has its pixels where the larger one has them", () => {
   const p = projectionOf(psi, 0.4);
   const [u, v] = project(p, 700, 120, -80)!;

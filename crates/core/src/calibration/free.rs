@@ -357,6 +357,7 @@ mod tests {
             phi: 1.57,
             width: 1024,
             height: 1024,
+            glass: None,
         };
         Psi::new(camera, vec![0.0, 2.0, 4.0])
     }

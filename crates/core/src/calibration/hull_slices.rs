@@ -108,7 +108,7 @@ impl<'a> Views<'a> {
             let edge = |side: Side| {
                 let line = |edges: ColumnEdges| self.pose.line(x_um, side.of(edges) - dy_px);
                 let own = self.pose.column(x_um, [line(near).offset, 0.0]);
-                let (normal, offset_um) = line(columns.at(own)?).unit();
+                let (normal, offset_um) = self.pose.in_bore(&line(columns.at(own)?));
                 let [y, z] = normal.map(|n| side.sign() * n);
                 Some(Edge { normal: [y * cos + z * sin, z * cos - y * sin], offset_um: side.sign() * offset_um })
             };
@@ -186,8 +186,20 @@ mod tests {
     /// A cylinder of 300 um radius seen from far away, over columns 100 to 400.
     fn cylinder(views: u32) -> (Psi, Vec<Columns>) {
         let k = 0.2;
-        let camera =
-            Camera { f: 1e9, kx: k, ky: k, ux: 250.0, uy: 250.0, s: 0.0, alpha: 0.0, gamma: 0.0, phi: FRAC_PI_2, width: 500, height: 500 };
+        let camera = Camera {
+            f: 1e9,
+            kx: k,
+            ky: k,
+            ux: 250.0,
+            uy: 250.0,
+            s: 0.0,
+            alpha: 0.0,
+            gamma: 0.0,
+            phi: FRAC_PI_2,
+            width: 500,
+            height: 500,
+            glass: None,
+        };
         let corners = [[100.0, 190.0], [400.0, 190.0], [400.0, 310.0], [100.0, 310.0]];
         let outline = crate::profile::Polygon { vertices: corners.to_vec() };
         let columns = (0..views).map(|_| Columns::from_outlines(std::slice::from_ref(&outline), 500, 500)).collect();

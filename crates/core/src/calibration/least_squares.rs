@@ -10,11 +10,12 @@
 use super::slices::{Fit, Slice, SliceError, SlicesLost, fit, harmonics};
 use super::support::Support;
 use super::tangents::{Pose, TurnView};
-use crate::geometry::Camera;
+use crate::geometry::{Camera, GlassTube};
 use crate::parallel::prelude::*;
 use crate::profile::Columns;
 use crate::statistics::mad_sd;
 use nalgebra::{DMatrix, DVector};
+use serde::{Deserialize, Serialize};
 use std::f64::consts::FRAC_PI_2;
 
 /// Prior standard deviations of the unknowns.
@@ -54,10 +55,15 @@ const TILT_MOST: f64 = 3.0;
 /// Weight that holds the tilt, per rad^2: a standard deviation of a microradian.
 const TILT_HELD: f64 = 1e12;
 
+/// Weight that holds the glass while all else is sought.
+const GLASS_HELD: f64 = 1e12;
+
 /// A solution of the least squares.
 #[derive(Debug, Clone)]
 pub(crate) struct Solution {
     pub camera: Camera,
+    /// What the views say of the glass. `None` where the camera has none, or they say nothing.
+    pub glass: Option<GlassFound>,
     pub rho: f64,
     pub dy_px: Vec<f64>,
     /// Covariance of uy (px), gamma, alpha (rad), rho and each dy (px), in this order.
@@ -151,8 +157,11 @@ pub(crate) fn solve(camera: &Camera, nominal: &Camera, rho: f64, given: &[GivenV
         let factor = matrix.clone().cholesky().ok_or(SolveError::Singular)?;
         if converged || passes == PASSES_MOST {
             let State { camera, rho, dy_px } = state;
+            matrix[(SHARED + n, SHARED + n)] -= GLASS_HELD;
+            let glass = camera.glass.and_then(|tube| found_glass(&tube, matrix, &right));
             return Ok(Solution {
                 camera,
+                glass,
                 rho,
                 dy_px,
                 covariance: factor.inverse(),
@@ -182,6 +191,53 @@ pub(crate) fn solve(camera: &Camera, nominal: &Camera, rho: f64, given: &[GivenV
         let small = |at: usize, resolution: f64| step[at].abs() < resolution.max(0.02 * factor.inverse()[(at, at)].sqrt());
         converged = passes > 1 && !tilts_too_far && small(0, 0.005) && small(1, 1e-5) && small(3, 2e-5);
     }
+}
+
+/// What the views say of the glass, and so of the sense of rotation: a turn in the other sense is that of a mirror image, whose rays the glass
+/// would turn the other way.
+///
+/// `matrix` and `right` are those of the solution, without what holds the glass. One step from the given ratio of the radii finds the one that the
+/// views show, since `eps` is nearly straight in it.
+fn found_glass(tube: &GlassTube, mut matrix: DMatrix<f64>, right: &DVector<f64>) -> Option<GlassFound> {
+    let last = matrix.nrows() - 1;
+    // A ratio of 0 to 1 is all there is: the prior is loose, and only there for views that do not show it.
+    matrix[(last, last)] += 1.0;
+    let factor = matrix.cholesky()?;
+    let ratio = tube.bore_radius_um / tube.outer_radius_um;
+    let (found, sd) = (ratio - factor.solve(right)[last], factor.inverse()[(last, last)].sqrt());
+    // The ratio at which no ray is turned, or as little as possible: 1 in water.
+    let b_um = NEAR_THE_WALL * tube.bore_radius_um;
+    let clear = ratio - tube.turn(b_um)[0] / tube.turn_by_ratio(b_um);
+    let strength = (found - clear) / (ratio - clear);
+    let strength_sd = (sd / (ratio - clear)).abs();
+    let outer_radius_um = tube.bore_radius_um / found;
+    let is_known = found > 0.0 && found.is_finite() && sd < RATIO_SD_MOST;
+    is_known.then(|| GlassFound {
+        outer_radius_um,
+        outer_radius_sd_um: outer_radius_um * sd / found,
+        is_sense_right: (strength.abs() > SENSE_SURE * strength_sd && strength.abs() > SENSE_LEAST).then_some(strength > 0.0),
+    })
+}
+
+/// Share of the bore at which rays are compared.
+const NEAR_THE_WALL: f64 = 0.85;
+/// A ratio of the radii with a larger standard deviation says nothing: thin and thick walls differ by 0.2.
+const RATIO_SD_MOST: f64 = 0.1;
+/// Standard deviations from which on rays are turned one way or the other, and the least share of what the given glass does. Errors of
+/// the edges make some of it.
+const SENSE_SURE: f64 = 5.0;
+const SENSE_LEAST: f64 = 0.5;
+
+/// What the rays of one turn say of the glass.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub struct GlassFound {
+    /// Radius of the outer face at which the views fit best, um. Less than that of the bore: the rays are turned the other way.
+    pub outer_radius_um: f64,
+    /// Its standard deviation by the residuals of this turn, um.
+    pub outer_radius_sd_um: f64,
+    /// Whether the capillary turned in the sense of the configuration. `None` where the rays are turned too little to tell.
+    pub is_sense_right: Option<bool>,
 }
 
 /// Fits the support function of each slice, in the columns that the previous `supports` indicate. Returns the fitted slices and
@@ -271,7 +327,8 @@ fn normal_equations(
     (nominal, rho): (&Camera, f64),
     priors: Priors,
 ) -> (DMatrix<f64>, DVector<f64>) {
-    let unknowns = SHARED + given.len();
+    // The last one is the ratio of the radii of the glass.
+    let unknowns = SHARED + given.len() + 1;
     let mut matrix = DMatrix::zeros(unknowns, unknowns);
     let mut right = DVector::zeros(unknowns);
     let parts: Vec<(DMatrix<f64>, DVector<f64>)> = slices
@@ -301,6 +358,7 @@ fn normal_equations(
     for (i, &dy) in state.dy_px.iter().enumerate() {
         hold(SHARED + i, dy, priors.dy_px);
     }
+    matrix[(unknowns - 1, unknowns - 1)] += GLASS_HELD;
     (matrix, right)
 }
 
@@ -327,14 +385,17 @@ fn eliminate(
         let px_um = 1.0 / camera.ky;
         let [_, slope] = fit.support.at(t.theta);
         let steep = t.edge_slope * camera.kx / camera.ky;
-        let columns = [0, 1, 2, 3, SHARED + sight.view];
+        let columns = [0, 1, 2, 3, SHARED + sight.view, unknowns - 1];
+        // What moves a tangent outwards also turns it in the glass, to where the slice is wider or narrower.
+        let out = sign + slope * t.turns;
         let values = [
-            -sign * px_um,
-            -sign * (slice.x_um + steep * t.touch_um[0]),
-            sign * (steep * t.touch_um[1] - t.ray * slice.x_um),
+            -out * px_um,
+            -out * (slice.x_um + steep * t.touch_um[0]),
+            out * (steep * t.touch_um[1] - t.ray * slice.x_um),
             slope * (given[sight.view].omega - first),
             // For one tangent a shift of the axis and a shift of the profile are the same.
-            -sign * px_um,
+            -out * px_um,
+            slope * camera.glass.map_or(0.0, |tube| tube.turn_by_ratio(sign * t.offset_um)),
         ];
         let weight = weight * per_variance;
         for (&a, x) in columns.iter().zip(values) {

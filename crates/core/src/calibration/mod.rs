@@ -33,7 +33,7 @@ pub use closed_form::{AxisError, axis};
 pub use coherence::coherence;
 pub(crate) use coherence::reprojected_areas;
 pub use free::{Ask, Free, Parameter, Refusal};
-pub use least_squares::{GivenView, PASSES_MOST, Priors, SolveError};
+pub use least_squares::{GivenView, GlassFound, PASSES_MOST, Priors, SolveError};
 pub use objective::{Objective, Optimised, Optimiser, Vrv, optimise};
 pub(crate) use placed::{Placed, placed};
 pub(crate) use pose_offset::pose_offset;
@@ -41,7 +41,7 @@ pub use pose_offset::{PoseOffset, PoseOffsetSd};
 pub use psi::Psi;
 pub use screen::{Bad, Moved};
 pub use search::Stop;
-pub(crate) use slices::{Fit, Slice, SliceError, fit, harmonics};
+pub(crate) use slices::{Fit, Sight, Slice, SliceError, fit, harmonics};
 pub use slices::{HARMONICS_MOST, SlicesLost, directions, widest_gap};
 #[cfg(test)]
 pub(crate) use support::series_of;

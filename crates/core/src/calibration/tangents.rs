@@ -4,8 +4,9 @@
 //!   edge (u, v) ── plane through the projection centre ── cut with the slice x = const ── tangent line (theta, offset)
 //!
 //!   m = (v - dy - uy) / (f ky)             normal in the camera's frame: (cos g - m sin g sin a, -m cos a)
-//!   offset = m (f' - x cos g sin a) - x sin g - y'      over the normal's length; theta = its angle - omega
+//!   offset = m (f' - x cos g sin a) - x sin g - y'      over the normal's length; theta = its angle - omega - eps(offset)
 //! ```
+//! `eps` is the angle by which the glass turns a ray at this distance from the axis, see [`GlassTube`](crate::geometry::GlassTube).
 //! The column that shows a slice's tangent depends on where the tangent touches, since rays spread and the capillary is rolled.
 //! The slice's own support function, from the pass before, gives that place.
 
@@ -61,9 +62,11 @@ pub(crate) struct Tangent {
     pub offset_um: f64,
     /// Tangent of the ray's angle with the optical axis, across the capillary.
     pub ray: f64,
+    /// Angle by which the glass turns the ray for each um that it lies further down, rad/um.
+    pub turns: f64,
     /// Slope of the edge, px of v per px of u.
     pub edge_slope: f64,
-    /// Where the tangent touches, in the camera's frame: across, and in depth from the axis, um.
+    /// Where the tangent touches, in the camera's frame: across, and in depth from the axis, um. Through glass, where it seems to.
     pub touch_um: [f64; 2],
     /// Length of the slice's column that the profile does not cover, px.
     pub gap_px: f64,
@@ -80,7 +83,7 @@ pub(super) struct Line {
 
 impl Line {
     /// Unit normal and distance from the axis, um.
-    pub fn unit(&self) -> ([f64; 2], f64) {
+    fn unit(&self) -> ([f64; 2], f64) {
         let per_length = 1.0 / (self.normal[0] * self.normal[0] + self.normal[1] * self.normal[1]).sqrt();
         (self.normal.map(|n| n * per_length), self.offset * per_length)
     }
@@ -147,13 +150,36 @@ impl Pose {
         Line { ray, normal, offset }
     }
 
+    /// Angle by which the glass turns a ray at a distance from the axis, and its derivative: rad and rad/um.
+    fn turn(&self, b_um: f64) -> [f64; 2] {
+        self.camera.glass.map_or([0.0; 2], |tube| tube.turn(b_um))
+    }
+
+    /// Unit normal in the bore of a line, and its distance from the axis, um.
+    pub(super) fn in_bore(&self, line: &Line) -> ([f64; 2], f64) {
+        let ([y, z], offset_um) = line.unit();
+        if self.camera.glass.is_none() {
+            return ([y, z], offset_um);
+        }
+        let (sin, cos) = self.turn(offset_um)[0].sin_cos();
+        ([y * cos + z * sin, z * cos - y * sin], offset_um)
+    }
+
     /// The tangent that one edge of a view gives of slice `x_um`. The support function says which column to read. `None` where
     /// the profile has no edge there.
     pub(crate) fn tangent(&self, x_um: f64, view: &TurnView, side: Side, support: Option<&Support>) -> Option<Tangent> {
         let sign = side.sign();
         let towards = if side == Side::Upper { PI } else { 0.0 };
-        // Rays lean by less than a hundredth, so the tangent touches where a parallel ray would.
-        let [h, slope] = support.map_or([0.0; 2], |s| s.at(towards - view.omega));
+        // Rays lean by less than a hundredth, so the tangent touches where a parallel ray would. How far it is turned depends on where
+        // it touches: a second look finds it to a tenth of a degree, which moves the column by less than a hundredth of a px.
+        let [h, slope] = support.map_or([0.0; 2], |s| {
+            let at = |turned: f64| s.at(towards - view.omega - turned);
+            if self.camera.glass.is_none() {
+                return at(0.0);
+            }
+            let near = self.turn(sign * at(0.0)[0])[0];
+            at(self.turn(sign * at(near)[0])[0])
+        });
         let touch_um = [sign * h, sign * slope];
         let u = self.column(x_um, touch_um);
         let edges = view.columns.at(u)?;
@@ -164,7 +190,8 @@ impl Pose {
         };
         let Line { ray, normal, offset } = self.line(x_um, v);
         let length = normal[0].hypot(normal[1]);
-        let theta = normal[1].atan2(normal[0]) + towards - view.omega;
-        Some(Tangent { theta, offset_um: sign * offset / length, ray, edge_slope, touch_um, gap_px: edges.gap })
+        let [turned, turns] = self.turn(offset / length);
+        let theta = normal[1].atan2(normal[0]) + towards - view.omega - turned;
+        Some(Tangent { theta, offset_um: sign * offset / length, ray, turns, edge_slope, touch_um, gap_px: edges.gap })
     }
 }

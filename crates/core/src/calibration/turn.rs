@@ -1,7 +1,7 @@
 //! The calibration of a whole turn: which views belong, where the axis is, and how far the capillary really turned.
 
 use super::closed_form::{AxisError, axis};
-use super::least_squares::{GivenView, Priors, Solution, SolveError, pivot, solve};
+use super::least_squares::{GivenView, GlassFound, Priors, Solution, SolveError, pivot, solve};
 use super::screen::{Bad, Moved, ViewOff, moved, short, views_off, worst, wrong_areas};
 use super::tangents::TurnView;
 use crate::geometry::{Camera, Projection};
@@ -90,6 +90,8 @@ pub struct Calibration {
     pub rho: f64,
     /// Standard deviations of the camera and of rho.
     pub sd: PsiSd,
+    /// What the views say of the glass. `None` where the camera has none, or they say nothing.
+    pub glass: Option<GlassFound>,
     /// What was found of each view, in the order given.
     pub views: Vec<ViewState>,
     /// The step in the specimen's pose. `None` where it stayed where it was.
@@ -178,6 +180,7 @@ pub fn calibrate(camera: &Camera, given: &[GivenView], priors: Priors) -> Result
     Ok(Calibration {
         sd: PsiSd { uy_px: sd(0), gamma_rad: sd(1), alpha_rad: sd(2), rho: sd(3) },
         covariance,
+        glass: solution.glass,
         camera: solution.camera,
         start,
         rho: solution.rho,

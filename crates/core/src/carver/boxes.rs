@@ -118,6 +118,10 @@ impl<'a> Boxes<'a> {
     }
 
     fn bound(&self, lo: [usize; 3], hi: [usize; 3]) -> Bound {
+        // The image of a box through glass is not that of its corners.
+        if self.view.lookup.is_through_glass() {
+            return Bound::Unknown;
+        }
         let mut centre = [0.0; 3];
         let mut half = [0.0; 3];
         for a in 0..3 {

@@ -1,7 +1,7 @@
 //! The definition of a miss, voxel by voxel. Every quicker way must give the same to the last bit.
 
 use super::Runs;
-use crate::geometry::{Projection, VoxelGrid};
+use crate::geometry::{Lookup, VoxelGrid};
 
 /// The sides of the image beyond which the specimen goes on. A voxel beyond such a side is judged by the last column of the
 /// image there.
@@ -36,12 +36,13 @@ pub(super) struct View<'a> {
     pub runs: &'a Runs,
     pub leaves: Leaves,
     pub rows: &'a [[f64; 4]; 3],
+    pub lookup: &'a Lookup,
     pub centres: &'a Centres,
 }
 
 impl<'a> View<'a> {
-    pub fn new(runs: &'a Runs, leaves: Leaves, projection: &'a Projection, centres: &'a Centres) -> Self {
-        Self { runs, leaves, rows: projection.rows(), centres }
+    pub fn new(runs: &'a Runs, leaves: Leaves, lookup: &'a Lookup, centres: &'a Centres) -> Self {
+        Self { runs, leaves, rows: lookup.rows(), lookup, centres }
     }
 
     /// Largest magnitude of the terms of each row of the projection: the scale of its rounding errors.
@@ -51,9 +52,9 @@ impl<'a> View<'a> {
     }
 
     /// The part of each row of the projection that a row of voxels along x has in common. It rounds as [`Projection::project`]
-    /// does.
+    /// does. Through glass it is that of where the row is seen.
     pub fn rest(&self, j: usize, k: usize) -> [f64; 3] {
-        let (y, z) = (self.centres[1][j], self.centres[2][k]);
+        let [y, z] = self.lookup.apparent([self.centres[1][j], self.centres[2][k]]);
         self.rows.map(|r| (r[1] * y + r[2] * z) + r[3])
     }
 

@@ -23,6 +23,9 @@ use crate::parallel::prelude::*;
 /// Distance from a rounding border within which a result is not safe, px or voxels: at least twenty times what rounding can
 /// move, see the next two.
 const MARGIN: f64 = 1e-6;
+/// The same for the image of a tile through glass, px: rays of one tile are turned by angles that differ by up to a tenth, in which the
+/// corners of 8 voxels lie this far beside a straight line at most.
+const GLASS_PX: f64 = 1.0;
 /// Rounding error of an image point beyond which it does not fit into the margin, px.
 const ROUNDING_MAX: f64 = 1e-9;
 /// Range of a voxel's advance, px. With a smaller one the rounding in pixels would be too large in voxels; with a larger one
@@ -210,7 +213,9 @@ impl<'a> Lines<'a> {
                 (left, right) = (left.min(u), right.max(u));
             }
         }
-        let [from, to] = [top - MARGIN, bottom + MARGIN].map(|height| floor(height * self.phases() as f64));
+        // Through glass lines that pass by at one height are not quite parallel, and the box lies within that of its corners to this.
+        let margin = if self.view.lookup.is_through_glass() { GLASS_PX } else { MARGIN };
+        let [from, to] = [top - margin, bottom + margin].map(|height| floor(height * self.phases() as f64));
         let held = self.buffers.phases[0].cores.len() as i64;
         let phases = self.phases() as i64;
         let (first, last) = (self.first * phases, (self.first + held) * phases - 1);
@@ -219,7 +224,7 @@ impl<'a> Lines<'a> {
         for line in from.max(first)..=to.min(last) {
             let (events, [start, end]) = self.line(line);
             outside &= events.is_empty();
-            inside &= left >= f64::from(start) + MARGIN && right < f64::from(end) - MARGIN;
+            inside &= left >= f64::from(start) + margin && right < f64::from(end) - margin;
             if !outside && !inside {
                 return Verdict::Cut;
             }

@@ -181,7 +181,8 @@ impl Hull {
     }
 
     fn observe(&mut self, runs: &Runs, leaves: Leaves, projection: &Projection) {
-        let view = View::new(runs, leaves, projection, &self.centres);
+        let lookup = projection.lookup();
+        let view = View::new(runs, leaves, &lookup, &self.centres);
         let sight = match Lines::new(view, self.grid.size(), self.grid.counts(), &mut self.lines) {
             Some(lines) => Sight::Lines(lines),
             None => Sight::Boxes(Boxes::new(view, &mut self.sums)),

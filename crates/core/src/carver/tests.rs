@@ -17,6 +17,7 @@ fn camera(f: f64) -> Camera {
         phi: std::f64::consts::FRAC_PI_2,
         width: 80,
         height: 60,
+        glass: None,
     }
 }
 
@@ -239,7 +240,8 @@ proptest! {
     fn capillaries_are_carved_by_lines(projection in capillary(0.1, 0.02, 40_000.0), mask in mask()) {
         let grid = VoxelGrid::new(BoxUm { min: [-100.0; 3], max: [100.0; 3] }, 5.0).unwrap();
         let (runs, centres) = (Runs::new(&mask).unwrap(), definition::centres(&grid));
-        let view = View::new(&runs, Leaves::default(), &projection, &centres);
+        let lookup = projection.lookup();
+        let view = View::new(&runs, Leaves::default(), &lookup, &centres);
         prop_assert!(Lines::new(view, grid.size(), grid.counts(), &mut lines::Buffers::default()).is_some());
     }
 }

@@ -3,7 +3,7 @@
 use super::body::Known;
 use super::{FinView, SAME_PX, SharedFins, centre};
 use crate::calibration::Side;
-use crate::geometry::Projection;
+use crate::geometry::Lookup;
 use crate::profile::{ColumnEdges, Columns};
 use std::f64::consts::PI;
 
@@ -36,14 +36,15 @@ impl SharedFins {
     /// fin becomes that of the body.
     pub fn amended(&self, view: &FinView) -> Columns {
         let width = view.turn.columns.width();
+        let lookup = view.projection.lookup();
         let mut fins = Rows::new(width);
         for fin in &self.fins {
             let centre = |x: f64| self.slice(x).map_or([0.0; 2], |slice| centre(&slice.body));
-            each_column(&fin.points_um, &view.projection, width, &centre, |u, v, middle| {
+            each_column(&fin.points_um, &lookup, width, &centre, |u, v, middle| {
                 fins.add(u, v, if v < middle { Side::Upper } else { Side::Lower });
             });
         }
-        let bodies = self.body_of(view, width);
+        let bodies = self.body_of(view, &lookup, width);
         view.turn.columns.mapped(|u, own| {
             let row = |side: Side| {
                 let by_all = bodies.get(u, side);
@@ -69,17 +70,20 @@ impl SharedFins {
     }
 
     /// The edges of the body by all views in this view.
-    fn body_of(&self, view: &FinView, width: usize) -> Rows {
+    fn body_of(&self, view: &FinView, lookup: &Lookup, width: usize) -> Rows {
         let mut rows = Rows::new(width);
         for side in Side::BOTH {
-            let theta = if side == Side::Upper { PI } else { 0.0 } - view.turn.omega;
-            let (sin, cos) = theta.sin_cos();
+            let towards = if side == Side::Upper { PI } else { 0.0 } - view.turn.omega;
             let touch = self.slices.iter().filter(|slice| slice.known == Known::Body).map(|slice| {
+                // The ray that touches is turned by the glass.
+                let near = towards - view.projection.turn_rad(side.sign() * slice.body.at(towards)[0]);
+                let theta = towards - view.projection.turn_rad(side.sign() * slice.body.at(near)[0]);
+                let (sin, cos) = theta.sin_cos();
                 let [h, slope] = slice.body.at(theta);
                 [slice.x_um, h * cos - slope * sin, h * sin + slope * cos]
             });
             let touch: Vec<[f64; 3]> = touch.collect();
-            each_column(&touch, &view.projection, width, &|_| [0.0; 2], |u, v, _| rows.add(u, v, side));
+            each_column(&touch, lookup, width, &|_| [0.0; 2], |u, v, _| rows.add(u, v, side));
         }
         rows
     }
@@ -102,14 +106,14 @@ fn amended(side: Side, own: f64, body: Option<f64>, fin: Option<f64>, least_px: 
 /// a place along the capillary.
 pub(super) fn each_column(
     points_um: &[[f64; 3]],
-    projection: &Projection,
+    lookup: &Lookup,
     width: usize,
     centre_um: &dyn Fn(f64) -> [f64; 2],
     mut seen: impl FnMut(usize, f64, f64),
 ) {
     let projected = |&[x, y, z]: &[f64; 3]| {
         let [centre_y, centre_z] = centre_um(x);
-        let ((u, v), (_, middle)) = (projection.project([x, y, z])?, projection.project([x, centre_y, centre_z])?);
+        let ((u, v), (_, middle)) = (lookup.project([x, y, z])?, lookup.project([x, centre_y, centre_z])?);
         Some([u, v, middle])
     };
     let mut before: Option<[f64; 3]> = None;

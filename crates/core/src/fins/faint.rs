@@ -173,7 +173,7 @@ impl<'a> Search<'a> {
         let sight = |view: &'a FinView<'a>| {
             let (borders, body) = (view.borders?, view.body?);
             let row = |u: usize| body.get(u).map_or([f64::NAN; 2], |e| [e.upper, e.lower]);
-            Some(Sight { borders, projection: view.projection, edges: (0..borders.width()).map(row).collect() })
+            Some(Sight { borders, lookup: view.projection.lookup(), edges: (0..borders.width()).map(row).collect() })
         };
         let step = (views.len() / VIEWS_MOST).max(1);
         let mut sights: Vec<Sight> = views.iter().step_by(step).map(sight).collect::<Option<_>>()?;
@@ -367,8 +367,8 @@ fn amend(sights: &mut [Sight], fin: &Fin, grid: &Grid) {
         let after = grid.stations.partition_point(|station| station.x_um < x_um);
         grid.stations.get(after).or(grid.stations.last()).map_or([0.0; 2], |station| station.centre_um)
     };
-    for Sight { projection, edges, .. } in sights {
-        each_column(&fin.points_um, projection, edges.len(), &centre, |u, v, middle| {
+    for Sight { lookup, edges, .. } in sights {
+        each_column(&fin.points_um, lookup, edges.len(), &centre, |u, v, middle| {
             let lower = v >= middle;
             let edge = &mut edges[u][usize::from(lower)];
             if edge.is_nan() || (v > *edge) == lower {
@@ -401,7 +401,20 @@ mod tests {
     fn camera() -> Camera {
         let (f, k) = (60_000.0, 1.0 / PX_UM);
         let (ux, uy) = ((WIDTH - 1) as f64 / 2.0, (HEIGHT - 1) as f64 / 2.0);
-        Camera { f, kx: k, ky: k, ux, uy, s: 0.0, alpha: 0.0, gamma: 0.0, phi: FRAC_PI_2, width: WIDTH as u32, height: HEIGHT as u32 }
+        Camera {
+            f,
+            kx: k,
+            ky: k,
+            ux,
+            uy,
+            s: 0.0,
+            alpha: 0.0,
+            gamma: 0.0,
+            phi: FRAC_PI_2,
+            width: WIDTH as u32,
+            height: HEIGHT as u32,
+            glass: None,
+        }
     }
 
     /// The fins that are found on a cylinder with a sheet whose border takes `contrast` standard deviations of a pixel's noise.

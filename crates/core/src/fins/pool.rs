@@ -7,7 +7,7 @@
 
 use super::body::Known;
 use super::{FinSlice, centre};
-use crate::geometry::Projection;
+use crate::geometry::Lookup;
 use crate::parallel::prelude::*;
 use crate::profile::FinBorders;
 use std::f64::consts::TAU;
@@ -34,7 +34,7 @@ pub(super) const FEW: f64 = 0.15;
 #[derive(Debug, Clone)]
 pub(super) struct Sight<'a> {
     pub borders: &'a FinBorders,
-    pub projection: Projection,
+    pub lookup: Lookup,
     /// Rows of the upper and lower edge of what is known, by column. NaN where nothing is known.
     pub edges: Vec<[f64; 2]>,
 }
@@ -139,8 +139,12 @@ impl Grid {
     /// Adds the responses of one view.
     fn add(&self, station: &Station, sight: &Sight, sums: &mut [f32], views: &mut [u16]) {
         let Station { x_um, centre_um: [y, z], radii } = station;
-        let rows = sight.projection.rows();
-        let base = rows.map(|r| r[0] * x_um + r[1] * y + r[2] * z + r[3]);
+        let rows = sight.lookup.rows();
+        let image = |y: f64, z: f64| {
+            let [y, z] = sight.lookup.apparent([y, z]);
+            rows.map(|r| r[0] * x_um + r[1] * y + r[2] * z + r[3])
+        };
+        let base = image(*y, *z);
         if base[2] <= 0.0 {
             return;
         }
@@ -150,14 +154,13 @@ impl Grid {
             if end <= first {
                 continue;
             }
-            let slope = rows.map(|r| (r[1] * cos + r[2] * sin) * self.step_um);
             let seen = |j: f64| {
-                let w = base[2] + j * slope[2];
-                (w > 0.0).then(|| ((base[0] + j * slope[0]) / w, (base[1] + j * slope[1]) / w))
+                let [u, v, w] = image(y + j * self.step_um * cos, z + j * self.step_um * sin);
+                (w > 0.0).then(|| (u / w, v / w))
             };
             let last = f64::from(end - 1);
-            // Along a ray across the slice the row changes evenly, and the column by less than a px.
-            let (Some((_, v_first)), Some((_, v_last)), Some((u, _))) =
+            // Along a ray across the slice the row changes evenly, through glass by a parabola, and the column by less than a px.
+            let (Some((_, v_first)), Some((_, v_last)), Some((u, v_middle))) =
                 (seen(f64::from(first)), seen(last), seen(f64::midpoint(f64::from(first), last)))
             else {
                 continue;
@@ -183,8 +186,12 @@ impl Grid {
             };
             let (top, responses) = sight.borders.column(column, lower);
             let cells = a * self.radii + usize::from(begin)..a * self.radii + usize::from(end);
-            let mut row = (v_first + f64::from(begin - first) * per_step - top as f64) as f32;
-            let per_step = per_step as f32;
+            // How far the parabola is beside the straight line, per square of a step.
+            let steps = last - f64::from(first);
+            let bend = if steps > 1.0 { 4.0 * (f64::midpoint(v_first, v_last) - v_middle) / (steps * steps) } else { 0.0 };
+            let at = f64::from(begin - first);
+            let mut row = (v_first + at * per_step - bend * at * (steps - at) - top as f64) as f32;
+            let (mut per_step, bend) = ((per_step + bend * (2.0 * at + 1.0 - steps)) as f32, 2.0 * bend as f32);
             for (sum, n) in sums[cells.clone()].iter_mut().zip(&mut views[cells]) {
                 let whole = row.floor();
                 let index = whole as usize;
@@ -196,6 +203,7 @@ impl Grid {
                     *n += 1;
                 }
                 row += per_step;
+                per_step += bend;
             }
         }
     }

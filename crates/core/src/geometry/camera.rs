@@ -1,6 +1,7 @@
 //! The camera's parameter vector psi (paper, section 2.2; the orbiting form of the projection).
 
-use super::{Projection, VoxelGrid};
+use super::glass::Through;
+use super::{GlassTube, Projection, VoxelGrid};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -34,6 +35,9 @@ pub struct Camera {
     pub width: u32,
     /// Height of the sensor, px.
     pub height: u32,
+    /// The glass tube that the specimen is seen through. Where it is left out, nothing turns the rays: recordings without it were measured so.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub glass: Option<GlassTube>,
 }
 
 fn quarter_turn() -> f64 {
@@ -79,6 +83,7 @@ impl Camera {
             phi: quarter_turn(),
             width,
             height,
+            glass: None,
         }
     }
 
@@ -97,6 +102,24 @@ impl Camera {
         {
             if !found.is_finite() {
                 return Err(CameraError::Value { name, found, rule: "" });
+            }
+        }
+        if let Some(tube) = self.glass {
+            let GlassTube { bore_radius_um: bore, outer_radius_um: outer, inside, glass, outside } = tube;
+            for (name, found) in [("glass.inside", inside), ("glass.glass", glass), ("glass.outside", outside)] {
+                if !(1.0..=2.5).contains(&found) {
+                    return Err(CameraError::Value { name, found, rule: " from 1 to 2.5, a refractive index" });
+                }
+            }
+            if !(bore.is_finite() && bore > 0.0) {
+                return Err(CameraError::Value { name: "glass.bore_radius_um", found: bore, rule: " above 0" });
+            }
+            if !(outer.is_finite() && outer >= bore) {
+                return Err(CameraError::Value {
+                    name: "glass.outer_radius_um",
+                    found: outer,
+                    rule: " that is not less than that of the bore",
+                });
             }
         }
         if self.width == 0 || self.height == 0 {
@@ -126,7 +149,8 @@ impl Camera {
         let mut p = nalgebra::Matrix3x4::zeros();
         p.fixed_columns_mut::<3>(0).copy_from(&(k * r.matrix()));
         p.set_column(3, &(k * centre));
-        Projection::from_rows(std::array::from_fn(|i| std::array::from_fn(|j| p[(i, j)])))
+        let through = self.glass.map(|tube| Through { tube, turned: [omega.cos(), omega.sin()], axis_um: [centre.y, centre.z] });
+        Projection::from_rows(std::array::from_fn(|i| std::array::from_fn(|j| p[(i, j)])), through)
     }
 }
 

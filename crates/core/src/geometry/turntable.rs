@@ -172,6 +172,7 @@ impl Turntable {
             phi: FRAC_PI_2,
             width: sensor[0],
             height: sensor[1],
+            glass: None,
         };
         let frame = AxisFrame { origin: origin.into(), axes: *axes.matrix(), scale };
         let mut table = Self { camera, omega, frame, off_px: 0.0, axis_off_deg };
@@ -263,7 +264,20 @@ mod tests {
 
     fn camera() -> Camera {
         let (k, f) = (0.18, 60_000.0);
-        Camera { f, kx: k, ky: 1.1 * k, ux: 500.0, uy: 520.0, s: 3.0, alpha: 0.01, gamma: -0.02, phi: FRAC_PI_2, width: 1024, height: 1024 }
+        Camera {
+            f,
+            kx: k,
+            ky: 1.1 * k,
+            ux: 500.0,
+            uy: 520.0,
+            s: 3.0,
+            alpha: 0.01,
+            gamma: -0.02,
+            phi: FRAC_PI_2,
+            width: 1024,
+            height: 1024,
+            glass: None,
+        }
     }
 
     const CORNERS: [[f64; 3]; 4] = [[2000.0, 300.0, 300.0], [-2000.0, 300.0, -300.0], [1500.0, -300.0, 300.0], [-1500.0, -300.0, -300.0]];

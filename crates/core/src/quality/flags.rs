@@ -31,6 +31,8 @@ pub(crate) struct FlagFacts<'a> {
     pub is_nonconvex: bool,
     /// Whether the specimen may have fins, and the fins that the views show are shorter than half of it.
     pub misses_fins: bool,
+    /// Whether the rays are turned as if the capillary had turned in the other sense.
+    pub is_sense_wrong: bool,
     /// The VRV check of the turn's calibration. `None` where the turn is measured with the rig's camera.
     pub vrv: Option<VrvVerdict>,
 }
@@ -58,6 +60,7 @@ pub(crate) fn flags(facts: &FlagFacts, quality: &Quality) -> Vec<StoredFlag> {
     raise(facts.vrv.is_none(), Flag::Uncalibrated);
     raise(facts.vrv == Some(VrvVerdict::NotLargest), Flag::CalibrationGate);
     raise(quality.raises(Flag::WrongSteps), Flag::WrongSteps);
+    raise(facts.is_sense_wrong, Flag::WrongSense);
     add_raised(&mut flags, quality);
     flags
 }
@@ -96,6 +99,7 @@ mod tests {
         looks_dead: &[false, true, false],
         is_nonconvex: false,
         misses_fins: false,
+        is_sense_wrong: false,
         vrv: Some(VrvVerdict::Passed),
     };
 
@@ -139,6 +143,7 @@ mod tests {
             (FlagFacts { looks_dead: &[true, true, false], ..GOOD }, Flag::DeadLooking),
             (FlagFacts { is_nonconvex: true, ..GOOD }, Flag::Nonconvex),
             (FlagFacts { misses_fins: true, ..GOOD }, Flag::FinsUnseen),
+            (FlagFacts { is_sense_wrong: true, ..GOOD }, Flag::WrongSense),
             (FlagFacts { vrv: None, ..GOOD }, Flag::Uncalibrated),
             (FlagFacts { vrv: Some(VrvVerdict::NotLargest), ..GOOD }, Flag::CalibrationGate),
         ] {

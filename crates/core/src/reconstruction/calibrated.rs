@@ -3,7 +3,8 @@
 use super::Reconstruction;
 use super::turn::ObservedView;
 use crate::calibration::{
-    Calibration, CalibrationError, GivenView, Moved, Priors, TurnView, ViewState, VrvCheck, VrvVerdict, calibrate, check_vrv, placed,
+    Calibration, CalibrationError, GivenView, GlassFound, Moved, Priors, TurnView, ViewState, VrvCheck, VrvVerdict, calibrate, check_vrv,
+    placed,
 };
 use crate::geometry::{Camera, Projection};
 use crate::quality::{TurnFinding, of_calibration};
@@ -215,6 +216,9 @@ pub struct CalibrationRecord {
     pub converged: bool,
     /// The view from which on the specimen lay elsewhere. `None` if it did not move.
     pub moved: Option<Moved>,
+    /// What the views say of the capillary's glass. `None` where the camera has none, or they say nothing of it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub glass: Option<GlassFound>,
     /// Volumes of the hull that no view misses: with this camera, the given one, and the best one that a search finds.
     #[serde(default)]
     pub vrv: Option<VrvCheck>,
@@ -233,6 +237,7 @@ impl From<&Judged> for CalibrationRecord {
             passes: c.passes,
             converged: c.converged,
             moved: c.moved,
+            glass: c.glass,
             vrv: Some(*vrv),
         }
     }

@@ -19,6 +19,7 @@ fn camera() -> Camera {
         phi: std::f64::consts::FRAC_PI_2,
         width: 160,
         height: 144,
+        glass: None,
     }
 }
 
@@ -220,9 +221,11 @@ fn a_turn_without_a_calibration_states_more_uncertainty_and_covers_the_truth() {
         assert!(spread.volume_calibration_um3 > calibrated.volume_calibration_um3, "{off_px} px: {spread:?} {calibrated:?}");
         assert!(spread.area_calibration_um2 > calibrated.area_calibration_um2, "{off_px} px: {spread:?} {calibrated:?}");
         assert!((m.volume_um3 - truth).abs() < 2.0 * m.volume_sd_um3.unwrap(), "{off_px} px: {} of {truth}, {spread:?}", m.volume_um3);
-        // The bore shows that the camera is off.
-        let blind = measured(&camera, false, None).spread.unwrap();
-        assert!(off_px == 0.0 || spread.volume_calibration_um3 > blind.volume_calibration_um3, "{off_px} px: {spread:?} {blind:?}");
+        // An axis beside the middle moves upper and lower edges in opposite ways, which changes no slice and is no noise. It takes so much
+        // off the voxels that the bore shows more uncertainty.
+        let off = 100.0 * (m.volume_um3 / truth - 1.0);
+        let bias = 100.0 * m.estimators.support.as_ref().unwrap().volume_bias_um3 / truth;
+        assert!(off.abs() < 0.5 && bias.abs() < 0.2, "{off_px} px: {off:+.2} %, bias {bias:+.2} %");
     }
 }
 

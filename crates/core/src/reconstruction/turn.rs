@@ -101,7 +101,7 @@ pub(super) const HULL_LEAST: f64 = 0.95;
 /// // A ball of 200 um radius on the axis looks the same from everywhere: a disc of 20 px at 10 um per px.
 /// let (f, k) = (60_000.0, 0.1);
 /// let phi = std::f64::consts::FRAC_PI_2;
-/// let camera = Camera { f, kx: k, ky: k, ux: 32.0, uy: 32.0, s: 0.0, alpha: 0.0, gamma: 0.0, phi, width: 65, height: 65 };
+/// let camera = Camera { f, kx: k, ky: k, ux: 32.0, uy: 32.0, s: 0.0, alpha: 0.0, gamma: 0.0, phi, width: 65, height: 65, glass: None };
 /// let mut disc = Mask::empty(65, 65);
 /// for (u, v) in (0..65).flat_map(|u| (0..65).map(move |v| (u, v))) {
 ///     disc.set(u, v, (u as f64 - 32.0).hypot(v as f64 - 32.0) <= 20.0);

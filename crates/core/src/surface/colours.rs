@@ -32,8 +32,9 @@ impl<'a> Colours<'a> {
 
     /// Adds the frame of a view.
     pub fn add(&mut self, projection: &Projection, picture: &Picture) {
+        let lookup = projection.lookup();
         for ((&vertex, normal), (sum, total)) in self.mesh.vertices.iter().zip(&self.normals).zip(&mut self.sums) {
-            let Some(colour) = projection.project(vertex).and_then(|at| between_pixels(picture, at)) else { continue };
+            let Some(colour) = lookup.project(vertex).and_then(|at| between_pixels(picture, at)) else { continue };
             // The depth falls by the cosine along a step of length 1 towards the camera.
             let outside: [f64; 3] = std::array::from_fn(|i| vertex[i] + normal[i]);
             let cosine = (projection.depth(vertex) - projection.depth(outside)).clamp(0.0, 1.0);

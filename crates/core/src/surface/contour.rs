@@ -8,7 +8,7 @@
 //! distances in views with different scales along and across the capillary can be compared.
 
 use crate::carver::Leaves;
-use crate::geometry::Projection;
+use crate::geometry::{Lookup, Projection};
 use crate::profile::{Mask, Polygon};
 
 /// The width of the band, as a sample.
@@ -39,6 +39,8 @@ pub enum ContourError {
 pub struct Contour {
     /// The projection into the crop. Sample (0, 0) of the crop is at column 0, row 0.
     rows: [[f64; 4]; 3],
+    /// Where rows of points along x are seen through glass.
+    lookup: Lookup,
     columns: usize,
     lines: usize,
     /// Distances in 32767ths of the band: half the memory of `f32`, with a resolution of a thousandth of a um.
@@ -120,7 +122,16 @@ impl Contour {
         let (tiles, tile_columns) = extremes(&samples, columns, lines);
         let band_um = band_um as f32;
         let samples = samples.iter().map(|um| (um / band_um * WHOLE_BAND).round() as i16).collect();
-        Ok(Self { rows: [shifted(0), shifted(1), p[2]], columns, lines, samples, tiles, tile_columns, band_um })
+        Ok(Self {
+            rows: [shifted(0), shifted(1), p[2]],
+            lookup: projection.lookup(),
+            columns,
+            lines,
+            samples,
+            tiles,
+            tile_columns,
+            band_um,
+        })
     }
 
     /// Where all points of a box between two corners lie.
@@ -128,7 +139,8 @@ impl Contour {
         let (mut from, mut to) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         for n in 0..8 {
             let corner: [f64; 3] = std::array::from_fn(|a| if n >> a & 1 == 0 { low[a] } else { high[a] });
-            let [u, v, w] = self.rows.map(|r| r[0] * corner[0] + r[1] * corner[1] + r[2] * corner[2] + r[3]);
+            let [y, z] = self.lookup.apparent([corner[1], corner[2]]);
+            let [u, v, w] = self.rows.map(|r| r[0] * corner[0] + r[1] * y + r[2] * z + r[3]);
             if w <= 0.0 {
                 return Side::Near;
             }
@@ -137,10 +149,11 @@ impl Contour {
                 to[a] = to[a].max(at);
             }
         }
-        // A hundredth of a pixel is added for the rounding of the points in between.
+        // A hundredth of a pixel is added for the rounding of the points in between, and a pixel where glass bends the box.
+        let more = if self.lookup.is_through_glass() { 1.0 } else { 0.01 };
         let tile = |at: f64, end: usize| (at.clamp(0.0, (end - 1) as f64) as usize) / TILE;
         let [first, last] =
-            [(from, -0.01), (to, 0.01)].map(|(at, more)| [tile(at[0] + more, self.columns), tile(at[1] + more, self.lines)]);
+            [(from, -more), (to, more)].map(|(at, more)| [tile(at[0] + more, self.columns), tile(at[1] + more, self.lines)]);
         let (mut least, mut largest) = (f32::INFINITY, f32::NEG_INFINITY);
         for row in first[1]..=last[1] {
             for [low, high] in &self.tiles[row * self.tile_columns..][first[0]..=last[0]] {
@@ -163,7 +176,8 @@ impl Contour {
 
     /// Distances of the points `start + n step e_x`, um.
     pub(super) fn row<const N: usize>(&self, start: [f64; 3], step: f64) -> [f32; N] {
-        let at = self.rows.map(|r| r[0] * start[0] + ((r[1] * start[1] + r[2] * start[2]) + r[3]));
+        let [y, z] = self.lookup.apparent([start[1], start[2]]);
+        let at = self.rows.map(|r| r[0] * start[0] + ((r[1] * y + r[2] * z) + r[3]));
         // In the small coordinates of the crop `f32` has a resolution of a ten-thousandth of a pixel.
         let at = at.map(|x| x as f32);
         let by = self.rows.map(|r| (r[0] * step) as f32);

@@ -7,7 +7,8 @@ use crate::profile::Mask;
 /// The silhouette of a mesh. A pixel is inside where its centre lies in the image of some triangle. Triangles with a corner
 /// that is not in front of the camera are left out.
 pub fn silhouette(mesh: &Mesh, projection: &Projection, width: usize, height: usize) -> Mask {
-    let points: Vec<Option<(f64, f64)>> = mesh.vertices.iter().map(|&v| projection.project(v)).collect();
+    let lookup = projection.lookup();
+    let points: Vec<Option<(f64, f64)>> = mesh.vertices.iter().map(|&v| lookup.project(v)).collect();
     let mut mask = Mask::empty(width, height);
     for triangle in &mesh.triangles {
         if let [Some(a), Some(b), Some(c)] = triangle.map(|v| points[v as usize]) {

@@ -14,6 +14,7 @@
 mod cases;
 mod checks;
 mod dust;
+mod glass;
 mod judge;
 mod optics;
 mod pictures;
@@ -22,5 +23,6 @@ mod scene;
 mod segmentation;
 mod shape;
 mod truth;
+mod tube;
 mod turning;
 mod volume;

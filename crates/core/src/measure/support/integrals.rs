@@ -24,10 +24,9 @@ impl Sections {
         inner - bend + self.caps().iter().map(|c| c.volume_um3()).sum::<f64>()
     }
 
-    /// What errors of the profiles add to the volume on average (jackknife): spurious harmonics enclose less.
+    /// What errors of the edges add to the volume on average: spurious harmonics enclose less.
     pub(super) fn volume_bias_um3(&self) -> f64 {
-        let n = self.without.len() as f64;
-        (n - 1.0) / n * self.without.iter().map(|c| c.square).sum::<f64>()
+        self.area_bias_um2 * self.step_um
     }
 
     /// What shifts of single views do to the volume: mean and standard deviation. Their odd harmonics are in the outline of
@@ -41,7 +40,7 @@ impl Sections {
 
     /// Standard deviation on another turn, by jackknife over the views.
     pub(super) fn volume_sd_um3(&self) -> f64 {
-        jackknife_sd(self.without.iter().map(|c| c.linear)).hypot(self.shift_bias_um3()[1])
+        jackknife_sd(self.without.iter().map(|c| c.volume)).hypot(self.shift_bias_um3()[1])
     }
 
     pub(super) fn area_sd_um2(&self) -> f64 {

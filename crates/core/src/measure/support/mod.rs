@@ -12,6 +12,7 @@ mod cap;
 mod corners;
 mod estimate;
 mod integrals;
+mod noise;
 mod sections;
 mod sensitivity;
 mod smoothing;

@@ -1,10 +1,12 @@
 //! Slices at every column, smoothed along the capillary.
 
 use super::corners::{Corners, corners_in_radius};
+use super::noise::area_bias_um2;
 use super::smoothing::{Change, Smoother};
-use crate::calibration::{Fit, Pose, Slice, SliceError, SlicesLost, Support, TurnView, basis, fit, harmonics};
+use crate::calibration::{Fit, Pose, Slice, SliceError, SlicesLost, Support, TurnView, basis, directions, fit, harmonics};
 use crate::fins::{FinSlice, SharedFins};
 use crate::parallel::prelude::*;
+use nalgebra::{DMatrix, DVector};
 use std::f64::consts::TAU;
 
 /// Slices to either side that the smoothing uses.
@@ -39,6 +41,8 @@ pub struct Sections {
     pub(super) corners_in_radius: f64,
     /// Whether fins were looked for.
     pub(crate) are_searched: bool,
+    /// What errors of the edges add to the areas of all slices, um^2.
+    pub(super) area_bias_um2: f64,
     /// What leaving out each view changes.
     pub(super) without: Vec<Change>,
 }
@@ -95,6 +99,8 @@ impl Section {
     }
 }
 
+/// Coefficients of the waves that are not counted as shifts of single views: the second and the fourth harmonic of the angle.
+const WAVES: usize = 4;
 /// Least slices of a specimen.
 const SLICES_LEAST: usize = 5;
 
@@ -189,7 +195,8 @@ impl Sections {
         let raw: Vec<Support> = found.iter().map(|(_, f)| f.support.clone()).collect();
         let changes: Vec<Vec<Vec<f64>>> =
             found.par_iter().map(|(slice, fit)| (0..views.len()).map(|view| fit.without(slice, view)).collect()).collect();
-        let smoothed: Vec<Option<(Section, Vec<Change>)>> = (0..raw.len())
+        let seen_from = directions(&omegas);
+        let smoothed: Vec<Option<(Section, Vec<Change>, f64)>> = (0..raw.len())
             .into_par_iter()
             .map(|at| {
                 let smoother = Smoother::new(&raw, at, REACH)?;
@@ -201,15 +208,18 @@ impl Sections {
                 let outline = section.outline();
                 section.gap_share = gap / pose.camera().ky / (2.0 * outline.coefficients[0]);
                 let changes = (0..views.len()).map(|view| smoother.change(&section, &outline, |j| &changes[j][view])).collect();
-                Some((section, changes))
+                let bias_um2 = area_bias_um2(&section, &smoother, &found, at, seen_from);
+                Some((section, changes, bias_um2))
             })
             .collect();
         let mut without = vec![Change::default(); views.len()];
         let mut slices = Vec::with_capacity(smoothed.len());
-        for (section, changes) in smoothed.into_iter().flatten() {
+        let mut bias_um2 = 0.0;
+        for (section, changes, bias) in smoothed.into_iter().flatten() {
             for (sum, change) in without.iter_mut().zip(&changes) {
                 sum.add(change, step_um);
             }
+            bias_um2 += bias;
             slices.push(section);
         }
         if slices.len() < SLICES_LEAST {
@@ -224,15 +234,25 @@ impl Sections {
             are_searched: fins.is_searched(),
             corners_in_radius: corners_in_radius(&omegas, series),
             shift_variance_um2: shift_variance(pose, views, series),
+            area_bias_um2: bias_um2,
             without,
         })
     }
 }
 
-/// Variance of the views' shifts, from their part that is observable: their mean and odd harmonics are gauge directions.
+/// Variance of the views' shifts, from their part that is observable and no wave: their mean and odd harmonics are gauge directions, and a
+/// shift that varies evenly with the angle, as of rays that the glass turns, is no error of single views.
 fn shift_variance(pose: &Pose, views: &[TurnView], series: usize) -> f64 {
-    let free = views.len() as f64 - (1 + 2 * series.div_ceil(2)) as f64;
-    let px2 = views.iter().map(|v| v.dy_px * v.dy_px).sum::<f64>() / free.max(2.0);
+    let free = views.len().saturating_sub(1 + 2 * series.div_ceil(2));
+    let waves = if free < WAVES + 3 { 0 } else { WAVES };
+    let rows = DMatrix::from_fn(views.len(), waves, |i, n| {
+        let (sin, cos) = ((2 * (n / 2 + 1)) as f64 * views[i].omega).sin_cos();
+        if n % 2 == 0 { cos } else { sin }
+    });
+    let shifts = DVector::from_iterator(views.len(), views.iter().map(|view| view.dy_px));
+    let right = rows.tr_mul(&shifts);
+    let explained = rows.tr_mul(&rows).cholesky().map_or(0.0, |normal| right.dot(&normal.solve(&right)));
+    let px2 = (shifts.norm_squared() - explained).max(0.0) / (free - waves).max(2) as f64;
     px2 / pose.camera().ky.powi(2)
 }
 
@@ -304,7 +324,20 @@ mod tests {
         let columns = Columns::from_coverage(width, height, &coverage);
         for kx in [0.09, 0.18, 0.54] {
             let (ky, f) = (0.18, 60_000.0);
-            let camera = Camera { f, kx, ky, ux: 40.0, uy: 29.5, s: 0.0, alpha: 0.0, gamma: 0.0, phi: FRAC_PI_2, width: 80, height: 60 };
+            let camera = Camera {
+                f,
+                kx,
+                ky,
+                ux: 40.0,
+                uy: 29.5,
+                s: 0.0,
+                alpha: 0.0,
+                gamma: 0.0,
+                phi: FRAC_PI_2,
+                width: 80,
+                height: 60,
+                glass: None,
+            };
             let views: Vec<TurnView> =
                 (0..12).map(|i| TurnView { columns: &columns, omega: TAU * f64::from(i) / 12.0, dy_px: 0.0 }).collect();
             let found = Sections::of(&Pose::new(&camera), &views, 1.0, [false; 2]).unwrap();

@@ -1,25 +1,22 @@
 //! Slices smoothed along the capillary, and what leaving out a view does to them.
 
 use super::sections::Section;
-use crate::calibration::Support;
+use crate::calibration::{Fit, Side, Sight, Slice, Support};
 use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::PI;
 
 /// What leaving out a view changes in one slice and, summed over the slices, in the specimen.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Change {
-    /// Change of the area of a slice (um^2) or of the volume (um^3): the part in proportion to the change of the outline, and
-    /// its square.
-    pub linear: f64,
-    pub square: f64,
+    /// Change of the area of a slice (um^2) or of the volume (um^3).
+    pub volume: f64,
     /// Change of the perimeter (um) or of the area (um^2).
     pub outline: f64,
 }
 
 impl Change {
     pub fn add(&mut self, other: &Self, step_um: f64) {
-        self.linear += other.linear * step_um;
-        self.square += other.square * step_um;
+        self.volume += other.volume * step_um;
         self.outline += other.outline * step_um;
     }
 }
@@ -62,6 +59,22 @@ impl<'a> Smoother<'a> {
         Some(Support { coefficients: coefficients.collect() })
     }
 
+    /// The residuals of the edges of `slice`, each by its weight, smoothed as the harmonics are, um. `found` are the slices that are smoothed.
+    pub fn residuals(&self, section: &Section, found: &[(Slice, Fit)], slice: &Slice) -> Vec<f64> {
+        let mut sums: Vec<f64> = Vec::new();
+        for ((slice, fit), weight) in found[self.first..].iter().zip(&self.by_size) {
+            let weight = weight * section.support.coefficients[0] / fit.support.coefficients[0];
+            for ((sight, residual), counts) in slice.sights.iter().zip(&fit.residuals).zip(&fit.weights) {
+                let at = edge(sight);
+                if at >= sums.len() {
+                    sums.resize(at + 1, 0.0);
+                }
+                sums[at] += weight * counts * residual;
+            }
+        }
+        slice.sights.iter().map(|sight| sums[edge(sight)]).collect()
+    }
+
     /// The change of the smoothed slice's area and perimeter that follows from changes of the raw coefficients.
     /// `outline` is the smoothed one with its fins.
     pub fn change<'c>(&self, section: &Section, outline: &Support, raw_change: impl Fn(usize) -> &'c [f64]) -> Change {
@@ -70,18 +83,21 @@ impl<'a> Smoother<'a> {
         let near = || self.near.iter().enumerate().map(|(j, s)| (&s.coefficients, raw_change(self.first + j)));
         let wider = Self::mean(&self.even, near().map(|(c, d)| c[0] * d[0])) / radius;
         let corners = section.corners();
-        let mut change = Change { linear: 2.0 * outline.coefficients[0] * wider, square: wider * wider, outline: 2.0 * PI * wider };
+        let mut change = Change { volume: 2.0 * outline.coefficients[0] * wider, outline: 2.0 * PI * wider };
         for k in 3..smooth.coefficients.len() {
             let shape = Self::mean(&self.by_size, near().map(|(c, d)| (d[k] - c[k] / c[0] * d[0]) / c[0]));
             let by = radius * shape + wider * smooth.coefficients[k] / radius;
             let loss = corners.area_loss(k.div_ceil(2));
-            change.linear -= loss * outline.coefficients[k] * by;
-            change.square -= loss / 2.0 * by * by;
+            change.volume -= loss * outline.coefficients[k] * by;
         }
-        change.linear *= PI;
-        change.square *= PI;
+        change.volume *= PI;
         change
     }
+}
+
+/// Number of an edge among those of all views.
+fn edge(sight: &Sight) -> usize {
+    2 * sight.view + usize::from(sight.side == Side::Lower)
 }
 
 /// Weights of a Savitzky-Golay filter of second order at place `at` of evenly spaced values: the share of each value in the

@@ -15,7 +15,7 @@ const CENTRE: [f64; 3] = [12.0, 21.0, -13.0];
 fn camera(ky: f64, width: u32) -> Camera {
     let f = 60_000.0;
     let kx = 1.0 / 5.5;
-    Camera { f, kx, ky, ux: 80.3, uy: 90.2, s: 0.0, alpha: 0.0, gamma: 0.0, phi: FRAC_PI_2, width, height: 180 }
+    Camera { f, kx, ky, ux: 80.3, uy: 90.2, s: 0.0, alpha: 0.0, gamma: 0.0, phi: FRAC_PI_2, width, height: 180, glass: None }
 }
 
 /// The ball's distance inside its outline, um at the ball's depth: positive where the ray through a pixel meets it.
