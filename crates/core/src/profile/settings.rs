@@ -142,7 +142,7 @@ pub struct FringeSettings {
 
 impl Default for FringeSettings {
     fn default() -> Self {
-        Self { reach_bore: 0.35, along_px: 6.0, bar: 2.0, most: 6.0, run_px: 60.0, least: 2.3, opaque_sigma: 12.0, kink: 0.8 }
+        Self { reach_bore: 0.35, along_px: 6.0, bar: 2.0, most: 4.0, run_px: 60.0, least: 2.3, opaque_sigma: 12.0, kink: 0.8 }
     }
 }
 
@@ -225,7 +225,7 @@ impl Default for SegmentSettings {
             fringe: FringeSettings::default(),
             edge: EdgeSettings::default(),
             faint_sigma: 2.0,
-            closing_px: 3,
+            closing_px: 2,
             opening_px: 2,
             wall_margin_px: 2.5,
             speck_bore2: 0.002,

@@ -7,7 +7,8 @@
 //! ```
 //! The level set is compact and sharp. Dust does not disturb it, but it loses what is transparent. Means over many blocks show
 //! what is transparent, but a speck has as much contrast as a fin. So the specks beside the body are found first and not
-//! averaged. Whatever is fainter still has only its border, which [`super::fringe`] follows.
+//! averaged. What is faint is added to the body only with evidence that it is a part of it: each block is dark itself, both sides
+//! show, and it is larger than dust. Whatever is fainter still has only its border, which [`super::fringe`] follows.
 
 use super::bubble::{Bubbles, Disc};
 use super::coarse::{Coarse, bent};
@@ -22,6 +23,10 @@ use crate::profile::settings::{Method, SegmentSettings};
 /// Smallest piece of the level set that counts as body, share of the squared bore. Smaller ones are dust and debris.
 const BODY_BORE2: f64 = 0.015;
 
+/// Share of the contrast that is asked of a mean that a block must have itself. A mean reaches beyond the end of something dark, where a
+/// block shows water. Smoothed as it is, a block's noise is a quarter of that share.
+const OWN: f32 = 0.7;
+
 /// Finds the blocks of the specimen. The memory is reused from frame to frame.
 #[derive(Debug, Default)]
 pub(in crate::profile) struct Hybrid {
@@ -34,6 +39,7 @@ pub(in crate::profile) struct Hybrid {
     pub pieces: Pieces,
     bubbles: Bubbles,
     near: Region,
+    added: Region,
     /// For each column of pixels, the blocks on both sides and its place between their middles.
     columns: Vec<(usize, usize, f32)>,
     /// One row of blocks, interpolated between two rows.
@@ -51,8 +57,7 @@ impl Hybrid {
             self.specks.find(coarse, bore, &self.specimen, &mut self.scratch);
             let (body, specks) = (&self.specks.body.set, &self.specks.blocks.set);
             self.faint.find(coarse, |i| coarse.within[i] && !body[i] && !specks[i]);
-            let (faint, least) = (&self.faint.contrast, bent(settings.faint_sigma as f32));
-            self.specimen.grow(|i| coarse.within[i] && faint[i] >= least, &mut self.scratch);
+            self.add_faint(coarse, bore, bent(settings.faint_sigma as f32));
         }
         self.tidy(coarse, settings);
         self.keep_specimen(coarse, bore, settings);
@@ -73,6 +78,26 @@ impl Hybrid {
         let bodies = &self.pieces.sizes[..bodies];
         for (set, label) in self.specimen.set.iter_mut().zip(&self.pieces.labels) {
             *set &= bodies.iter().any(|(body, _)| body == label);
+        }
+    }
+
+    /// Adds what is faint and connected to the body: where the mean around a block and the block itself differ from water, as far as both
+    /// sides show. What reaches a wall shows one side only, and the wall's shade or dirt on the glass would look the same. What is no
+    /// larger than a speck is left out too.
+    fn add_faint(&mut self, coarse: &Coarse, bore: &Bore, least: f32) {
+        let (w, within, mean, own) = (coarse.width, &coarse.within, &self.faint.contrast, &coarse.smooth[0]);
+        self.added.take(w, within.iter().zip(mean).zip(own).map(|((within, mean), own)| *within && *mean >= least && *own >= OWN * least));
+        let (added, body) = (&mut self.added.set, &self.specimen.set);
+        added.iter_mut().zip(body).for_each(|(added, body)| *added &= !body);
+        leave_walls(added, within, w);
+        self.near.copy(&self.specimen);
+        self.near.grow(|i| added[i], &mut self.scratch);
+        added.iter_mut().zip(&self.near.set).for_each(|(added, near)| *added &= near);
+        self.pieces.find(&self.added, &mut self.scratch);
+        let bore_blocks = bore.mean_px / coarse.step as f64;
+        self.specks.mark_small(&self.pieces, w, bore_blocks);
+        for ((set, near), label) in self.specimen.set.iter_mut().zip(&self.near.set).zip(&self.pieces.labels) {
+            *set |= *near && !self.specks.is_marked(*label);
         }
     }
 
@@ -150,6 +175,24 @@ impl Hybrid {
     }
 }
 
+/// Removes the blocks that reach a wall along their column.
+fn leave_walls(set: &mut [bool], within: &[bool], width: usize) {
+    let end = set.len();
+    let is_at_wall = |i: usize| i < width || i + width >= end || !within[i - width] || !within[i + width];
+    for i in 0..end {
+        if !set[i] || !is_at_wall(i) {
+            continue;
+        }
+        for on in [usize::checked_add, usize::checked_sub] {
+            let mut next = Some(i);
+            while let Some(at) = next.filter(|&at| at == i || at < end && set[at]) {
+                set[at] = false;
+                next = on(at, width);
+            }
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -167,5 +210,73 @@ mod tests {
         let pixels = inside.iter().filter(|i| **i).count();
         assert!((4 * 4 * 9 - 8..=4 * 4 * 9 + 28).contains(&pixels), "{pixels}");
         assert!(inside[10 * 30 + 14] && !inside[10 * 30 + 7] && !inside[3 * 30 + 14]);
+    }
+
+    const WIDTH: usize = 120;
+    const HEIGHT: usize = 60;
+
+    /// The blocks that are added to a body in columns 10 .. 40 and rows 20 .. 40, where `extra` is the contrast of what is beside it. The
+    /// walls hide 4 rows on each side.
+    fn added(extra: impl Fn(usize, usize) -> f32) -> Vec<(usize, usize)> {
+        let in_body = |u: usize, v: usize| (10..40).contains(&u) && (20..40).contains(&v);
+        let mut noise = crate::profile::synthetic::Noise::new(21);
+        let map = (0..WIDTH * HEIGHT).map(|i| {
+            let (u, v) = (i % WIDTH, i / WIDTH);
+            (if in_body(u, v) { 20.0 } else { extra(u, v) }) + noise.next() as f32
+        });
+        let mut coarse = Coarse::of_lightness(WIDTH, map.collect());
+        coarse.step = 1;
+        coarse.within = (0..WIDTH * HEIGHT).map(|i| (4..HEIGHT - 4).contains(&(i / WIDTH))).collect();
+        let bore = bore(WIDTH, HEIGHT);
+        let mut hybrid = Hybrid::default();
+        hybrid.specimen.take(WIDTH, (0..WIDTH * HEIGHT).map(|i| in_body(i % WIDTH, i / WIDTH)));
+        hybrid.specks.find(&coarse, &bore, &hybrid.specimen, &mut hybrid.scratch);
+        let (body, specks) = (&hybrid.specks.body.set, &hybrid.specks.blocks.set);
+        hybrid.faint.find(&coarse, |i| coarse.within[i] && !body[i] && !specks[i]);
+        hybrid.add_faint(&coarse, &bore, 2.0);
+        let set = hybrid.specimen.set;
+        (0..WIDTH * HEIGHT).map(|i| (i % WIDTH, i / WIDTH)).filter(|&(u, v)| set[v * WIDTH + u] && !in_body(u, v)).collect()
+    }
+
+    /// This contrast in these columns and rows.
+    fn patch(contrast: f32, columns: std::ops::Range<usize>, rows: std::ops::Range<usize>) -> impl Fn(usize, usize) -> f32 {
+        move |u, v| if columns.contains(&u) && rows.contains(&v) { contrast } else { 0.0 }
+    }
+
+    /// Of a fin of 400 blocks the border may be lost, and the mean over 9 blocks may not widen it.
+    #[test]
+    fn a_faint_fin_is_added_and_water_around_it_is_not() {
+        let found = added(patch(4.0, 15..55, 10..20));
+        let (within, beside) = found.iter().partition::<Vec<(usize, usize)>, _>(|(u, v)| (15..55).contains(u) && (10..20).contains(v));
+        assert!(within.len() > 300, "{} of 400", within.len());
+        let far = beside.iter().filter(|(u, v)| *v < 8 || *u < 13 || *u > 56 || *v > 41).count();
+        assert!(far == 0 && beside.len() < 100, "{} beside, {far} of them far", beside.len());
+    }
+
+    /// A shade that lies all along the wall shows no border on that side, whatever it is.
+    #[test]
+    fn what_reaches_a_wall_is_not_added() {
+        for rows in [4..20, 40..56] {
+            let found = added(patch(4.0, 15..55, rows.clone()));
+            let at = found.iter().filter(|(u, v)| (15..38).contains(u) && rows.contains(v)).count();
+            assert!(at < 30, "{at} of 368 blocks at rows {rows:?}");
+        }
+    }
+
+    /// Three specks in a row beside the body are too long for one speck, and no larger than dust.
+    #[test]
+    fn what_is_no_larger_than_dust_is_not_added() {
+        let found = added(patch(8.0, 20..29, 16..19));
+        assert!(found.len() < 4, "{found:?}");
+    }
+
+    #[test]
+    fn runs_leave_the_walls() {
+        let rows = ["........", "#.##....", "#.#..#..", "..##.#..", "..#.....", "###...##", "........"];
+        let mut set: Vec<bool> = rows.iter().flat_map(|row| row.chars().map(|c| c == '#')).collect();
+        let within: Vec<bool> = (0..set.len()).map(|i| (1..6).contains(&(i / 8))).collect();
+        leave_walls(&mut set, &within, 8);
+        let left: Vec<usize> = (0..set.len()).filter(|&i| set[i]).collect();
+        assert_eq!(left, [2 * 8 + 5, 3 * 8 + 3, 3 * 8 + 5]);
     }
 }

@@ -66,6 +66,13 @@ impl Rows {
     }
 }
 
+/// The places of a chunk in a map with its additional columns.
+fn own(chunk: usize, coarse: &Coarse) -> std::ops::Range<usize> {
+    let chunks = coarse.width.div_ceil(CHUNK);
+    let (here, from) = (Rows::of(chunk / chunks, coarse).here, chunk % chunks * CHUNK);
+    here + from..here + (from + CHUNK).min(coarse.width)
+}
+
 /// Repeats the first and the last block of each row.
 fn repeat_ends(map: &mut [f32], width: usize) {
     for row in map.chunks_exact_mut(width + 2) {
@@ -105,6 +112,8 @@ impl LevelSet {
             }
         }
         self.keep_away_from_background(coarse);
+        self.active.fill(true);
+        self.beside.fill(true);
         repeat_ends(&mut self.phi, w);
         let mut flipped = 0;
         for step in 1..=settings.steps {
@@ -153,32 +162,32 @@ impl LevelSet {
             }
         }
         for (at, _) in self.beside.iter().enumerate().filter(|(_, beside)| !**beside) {
-            let (here, from) = (Rows::of(at / chunks, coarse).here, at % chunks * CHUNK);
-            let own = here + from..here + (from + CHUNK).min(w);
-            self.phi[own.clone()].fill(-BAND);
-            self.within[own].fill(false);
+            self.phi[own(at, coarse)].fill(-BAND);
+            self.within[own(at, coarse)].fill(false);
         }
     }
 
-    /// Finds the blocks within the band, and those beside them.
+    /// Finds the blocks within the band, and those beside them. Only the chunks at the front and beside it can have changed since the last
+    /// step.
     fn find_front(&mut self, coarse: &Coarse) {
-        let w = coarse.width;
-        for (near, phi) in self.near.iter_mut().zip(&self.phi) {
-            *near = phi.abs() < BAND;
-        }
-        self.active.clear();
-        for v in 0..coarse.height {
-            let rows = Rows::of(v, coarse);
-            let (near, within) = (&self.near[rows.here..rows.here + w], &self.within[rows.here..rows.here + w]);
-            let [left, right, above, below] = rows.beside(&self.near, 0, w);
-            let front = &mut self.front[rows.here..rows.here + w];
-            for u in 0..w {
-                let in_reach = near[u] | left[u] | right[u] | above[u] | below[u];
-                front[u] = within[u] & in_reach;
+        let (w, chunks) = (coarse.width, coarse.width.div_ceil(CHUNK));
+        for (at, _) in self.active.iter().enumerate().filter(|(_, active)| **active) {
+            let own = own(at, coarse);
+            for (near, phi) in self.near[own.clone()].iter_mut().zip(&self.phi[own]) {
+                *near = phi.abs() < BAND;
             }
-            self.active.extend(front.chunks(CHUNK).map(|chunk| chunk.iter().fold(false, |any, front| any | front)));
         }
-        let chunks = w.div_ceil(CHUNK);
+        for (at, active) in self.active.iter_mut().enumerate().filter(|(at, _)| self.beside[*at]) {
+            let (rows, from, own) = (Rows::of(at / chunks, coarse), at % chunks * CHUNK, own(at, coarse));
+            let (near, within) = (&self.near[own.clone()], &self.within[own.clone()]);
+            let [left, right, above, below] = rows.beside(&self.near, from, own.len());
+            *active = false;
+            for (u, front) in self.front[own].iter_mut().enumerate() {
+                let in_reach = near[u] | left[u] | right[u] | above[u] | below[u];
+                *front = within[u] & in_reach;
+                *active |= *front;
+            }
+        }
         self.beside.clear();
         self.beside.extend_from_slice(&self.active);
         for (at, _) in self.active.iter().enumerate().filter(|(_, active)| **active) {

@@ -66,6 +66,11 @@ impl Bounds {
         (self.right - self.left).max(self.bottom - self.top) + 1
     }
 
+    /// Whether a piece of so many blocks is no larger than a speck.
+    fn is_small(&self, size: usize, bore_blocks: f64) -> bool {
+        size as f64 <= MOST_BORE2 * bore_blocks * bore_blocks && self.extent() as f64 <= MOST_BORE * bore_blocks
+    }
+
     /// The rows and columns from `reach` before to `reach` beyond the bounds, in a map of that size.
     fn wider(&self, reach: usize, width: usize, height: usize) -> (std::ops::Range<usize>, std::ops::Range<usize>) {
         let span = |from: usize, to: usize, end: usize| from.saturating_sub(reach)..(to + reach + 1).min(end);
@@ -93,7 +98,7 @@ impl Specks {
             let own = self.bounds[label as usize];
             let (extent, area) = (own.extent() as f64, size as f64);
             let compact = own.extent() <= SMALL || area >= COMPACT * extent * extent;
-            if area > MOST_BORE2 * bore_blocks * bore_blocks || extent > MOST_BORE * bore_blocks || !compact {
+            if !own.is_small(size, bore_blocks) || !compact {
                 continue;
             }
             let (rows, columns) = own.wider(RING, w, h);
@@ -110,6 +115,21 @@ impl Specks {
         for (set, body) in self.blocks.set.iter_mut().zip(beside) {
             *set &= !body;
         }
+    }
+
+    /// Marks the pieces that are no larger than a speck.
+    pub fn mark_small(&mut self, pieces: &Pieces, width: usize, bore_blocks: f64) {
+        bounds(pieces, width, &mut self.bounds);
+        self.is_speck.clear();
+        self.is_speck.resize(self.bounds.len(), false);
+        for &(label, size) in &pieces.sizes {
+            self.is_speck[label as usize] = self.bounds[label as usize].is_small(size, bore_blocks);
+        }
+    }
+
+    /// Whether [`Self::mark_small`] marked the piece of this label.
+    pub fn is_marked(&self, label: u32) -> bool {
+        self.is_speck[label as usize]
     }
 
     /// Replaces the specks' pixels by the median of the pixels around them.
