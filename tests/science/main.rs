@@ -19,4 +19,7 @@ mod quality;
 mod refine;
 mod shape;
 mod truth;
+mod turning;
 mod vrv;
+#[path = "../../crates/core/tests/second_renderer/wrong_turns.rs"]
+mod wrong_turns;

@@ -24,7 +24,8 @@ use crate::quality::{
     views_needed,
 };
 use crate::reconstruction::{
-    Calibrated, CalibrationRecord, HullModel, Judged, LiveVolume, Model, NotCalibrated, Reconstruction, ReconstructionSettings, TurnModel,
+    Calibrated, CalibrationRecord, Finned, HullModel, Judged, LiveVolume, Model, NotCalibrated, Reconstruction, ReconstructionSettings,
+    TurnModel,
 };
 use crate::surface::Mesh;
 pub use error::PipelineError;
@@ -333,9 +334,10 @@ impl Pipeline {
             self.reconstruction.observe_closure(&last.mask, &last.edge, first);
         }
         let calibrated = self.calibrated.take().unwrap_or_else(|| self.reconstruction.calibrate());
-        let turn_findings = self.turn_findings(&calibrated);
+        let finned = self.reconstruction.finned(calibrated, self.settings.sphere);
+        let turn_findings = self.turn_findings(&finned);
         let TurnModel { model, fallback, hull, calibration, projections, reprojected_areas, closure: pose_offset, fins } =
-            self.reconstruction.measure(calibrated, self.turning.middle_v(), self.settings.sphere)?;
+            self.reconstruction.measure(finned, self.turning.middle_v(), self.settings.sphere)?;
         if let Ok(found) = &calibration {
             self.judged(&found.calibration.views, &reprojected_areas);
         }
@@ -371,12 +373,10 @@ impl Pipeline {
     }
 
     /// Why the views do not show one specimen that turns, the cause before its consequences.
-    fn turn_findings(&mut self, calibrated: &Calibrated) -> Vec<TurnFinding> {
+    fn turn_findings(&mut self, finned: &Finned) -> Vec<TurnFinding> {
         let mut findings = self.turning.findings();
         if !self.settings.sphere {
-            let by_number = |i: u32| self.carved.get(i as usize).copied().unwrap_or(i);
-            let of_calibration = self.reconstruction.turn_findings(calibrated, self.turning.middle_v());
-            findings.extend(of_calibration.into_iter().map(|finding| finding.numbered(by_number)));
+            findings.extend(self.reconstruction.turn_findings(finned, &self.carved, self.turning.middle_v()));
         }
         findings
     }

@@ -28,6 +28,7 @@ mod refined;
 mod turn;
 
 pub use calibrated::{Calibrated, CalibrationRecord, CalibrationSettings, Judged, NotCalibrated};
+pub use finned::Finned;
 pub use refined::is_seen_around;
 pub use turn::{Reconstruction, TurnModel};
 

@@ -22,6 +22,8 @@ const SLICES: usize = 48;
 const SLICES_LEAST: usize = 8;
 /// Angles at which each view is tried.
 const ANGLES: usize = 72;
+/// Halves of the turn that are compared with the rest: one of them is within an eighth of the turn of where a wrong half begins.
+const HALVES: usize = 4;
 
 /// A view at its own angle, and at the angle where it fits the other views best.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -38,21 +40,48 @@ pub(crate) struct Placed {
 pub(crate) fn placed(camera: &Camera, views: &[TurnView], counts: &[bool]) -> Vec<Option<Placed>> {
     let pose = Pose::new(camera);
     let xs = places(&pose, views);
-    (0..views.len())
-        .into_par_iter()
-        .map(|view| {
-            let others: Vec<TurnView> = (0..views.len()).filter(|&i| i != view && counts[i]).map(|i| views[i]).collect();
-            let slices = fitted(&pose, &others, &xs);
-            if slices.len() < SLICES_LEAST {
-                return None;
-            }
-            let at = |off_rad: f64| distance_px(&pose, &slices, &TurnView { omega: views[view].omega + off_rad, ..views[view] });
-            let own_px = at(0.0);
-            let tried = (1..ANGLES).map(|step| TAU * step as f64 / ANGLES as f64).map(|off_rad| (at(off_rad), off_rad));
-            let (best_px, off_rad) = tried.fold((own_px, 0.0), |best, next| if next.0 < best.0 { next } else { best });
-            own_px.is_finite().then_some(Placed { own_px, best_px, off_rad: if off_rad > PI { off_rad - TAU } else { off_rad } })
-        })
-        .collect()
+    let among_others = |view: usize| {
+        let others: Vec<TurnView> = (0..views.len()).filter(|&i| i != view && counts[i]).map(|i| views[i]).collect();
+        placed_among(&pose, &fitted(&pose, &others, &xs), &views[view], Shift::AsGiven)
+    };
+    (0..views.len()).into_par_iter().map(among_others).collect()
+}
+
+/// Places the views of one half of the turn among those of the other, for several halves. A view shows two opposite tangents of each slice, so
+/// half a turn shows all sides. What is wrong with a whole half does not spoil the slices of the other. `None` for a view that is in the half that
+/// the slices are from, and for one that cannot be compared.
+pub(crate) fn placed_by_halves(camera: &Camera, views: &[TurnView], counts: &[bool]) -> Vec<Vec<Option<Placed>>> {
+    let pose = Pose::new(camera);
+    let xs = places(&pose, views);
+    let mut by_angle: Vec<usize> = (0..views.len()).filter(|&i| counts[i]).collect();
+    by_angle.sort_by(|&a, &b| views[a].omega.total_cmp(&views[b].omega));
+    let half = |first: usize| {
+        let members: Vec<usize> = by_angle.iter().cycle().skip(first).take(by_angle.len() / 2 + 1).copied().collect();
+        let slices = fitted(&pose, &members.iter().map(|&i| views[i]).collect::<Vec<_>>(), &xs);
+        let is_member = |i: usize| members.contains(&i);
+        (0..views.len()).map(|i| placed_among(&pose, &slices, &views[i], Shift::Free).filter(|_| !is_member(i) && counts[i])).collect()
+    };
+    (0..HALVES).into_par_iter().map(|at| half(at * by_angle.len() / HALVES)).collect()
+}
+
+/// The place of a view among the slices of others.
+fn placed_among(pose: &Pose, slices: &[(Slice, Fit)], view: &TurnView, shift: Shift) -> Option<Placed> {
+    if slices.len() < SLICES_LEAST {
+        return None;
+    }
+    let at = |off_rad: f64| distance_px(pose, slices, &TurnView { omega: view.omega + off_rad, ..*view }, shift);
+    let own_px = at(0.0);
+    let tried = (1..ANGLES).map(|step| TAU * step as f64 / ANGLES as f64).map(|off_rad| (at(off_rad), off_rad));
+    let (best_px, off_rad) = tried.fold((own_px, 0.0), |best, next| if next.0 < best.0 { next } else { best });
+    own_px.is_finite().then_some(Placed { own_px, best_px, off_rad: if off_rad > PI { off_rad - TAU } else { off_rad } })
+}
+
+/// Whether a view may lie higher or lower than the calibration says.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Shift {
+    AsGiven,
+    /// The calibration of a turn of which half is wrong is wrong itself.
+    Free,
 }
 
 /// Places of the slices, um.
@@ -78,11 +107,18 @@ fn fitted(pose: &Pose, views: &[TurnView], xs: &[f64]) -> Vec<(Slice, Fit)> {
 }
 
 /// Distance of the edges of a view from the slices, px. Infinite for a view that shows less than half of their edges.
-fn distance_px(pose: &Pose, slices: &[(Slice, Fit)], view: &TurnView) -> f64 {
+fn distance_px(pose: &Pose, slices: &[(Slice, Fit)], view: &TurnView, shift: Shift) -> f64 {
     let residual = |(slice, fit): &(Slice, Fit), side: Side| {
         let tangent = pose.tangent(slice.x_um, view, side, Some(&fit.support))?;
-        Some(tangent.offset_um - fit.support.at(tangent.theta)[0])
+        Some((side.sign(), tangent.offset_um - fit.support.at(tangent.theta)[0]))
     };
-    let residuals: Vec<f64> = slices.iter().flat_map(|slice| Side::BOTH.map(|side| residual(slice, side))).flatten().collect();
-    if residuals.len() < slices.len() { f64::INFINITY } else { trimmed_rms(residuals.into_iter()) * pose.camera().ky }
+    let residuals: Vec<(f64, f64)> = slices.iter().flat_map(|slice| Side::BOTH.map(|side| residual(slice, side))).flatten().collect();
+    if residuals.len() < slices.len() {
+        return f64::INFINITY;
+    }
+    let down_um = match shift {
+        Shift::AsGiven => 0.0,
+        Shift::Free => median(residuals.iter().map(|(sign, off_um)| sign * off_um).collect()),
+    };
+    trimmed_rms(residuals.into_iter().map(|(sign, off_um)| off_um - sign * down_um)) * pose.camera().ky
 }

@@ -1,13 +1,15 @@
 //! The calibration of a turn from its own views, compared with the given camera.
 
 use super::Reconstruction;
+use super::finned::Finned;
 use super::turn::ObservedView;
 use crate::calibration::{
     Calibration, CalibrationError, GivenView, GlassFound, Moved, Priors, TurnView, ViewState, VrvCheck, VrvVerdict, calibrate, check_vrv,
-    placed,
+    placed, placed_by_halves,
 };
 use crate::geometry::{Camera, Projection};
-use crate::quality::{TurnFinding, of_calibration};
+use crate::profile::Columns;
+use crate::quality::{Places, TurnFinding, of_calibration};
 use crate::range::{Range, Ranged};
 use crate::ranges;
 use serde::{Deserialize, Serialize};
@@ -138,27 +140,32 @@ pub(super) fn given<'a>(observed: &'a [ObservedView], order: &[usize]) -> Vec<Gi
 }
 
 impl Reconstruction {
-    /// What the calibration shows of the turn, beside what the comparison of the views shows. `middle_v` is the row of the middle of the bore, px, where
-    /// the walls are known. The views are numbered in the order of observing.
-    pub fn turn_findings(&self, calibrated: &Calibrated, middle_v: Option<f64>) -> Vec<TurnFinding> {
+    /// What the calibration shows of the turn, beside what the comparison of the views shows. `numbers` are those of the views in the order of
+    /// observing. `middle_v` is the row of the middle of the bore, px, where the walls are known.
+    pub fn turn_findings(&self, finned: &Finned, numbers: &[u32], middle_v: Option<f64>) -> Vec<TurnFinding> {
+        let Finned { views: observed, fins, calibrated } = finned;
         let states = calibrated.states();
         let found = calibrated.found.as_ref().ok().map(|judged| &judged.calibration);
         let is_bad = |i: usize| states.get(i).is_some_and(|state| state.bad.is_some());
-        let views: Vec<TurnView> = self
-            .observed
-            .iter()
-            .enumerate()
-            .map(|(i, view)| TurnView {
-                columns: view.body.as_ref().unwrap_or(&view.columns),
+        let with = |columns: fn(&ObservedView) -> &Columns| -> Vec<TurnView> {
+            let posed = observed.iter().enumerate().map(|(i, view)| TurnView {
+                columns: columns(view),
                 omega: found.map_or(view.omega, |c| c.angle(view.omega)),
                 dy_px: states.get(i).map_or(0.0, |state| state.dy_px),
-            })
-            .collect();
+            });
+            posed.collect()
+        };
+        let views = with(|view| view.body.as_ref().unwrap_or(&view.columns));
         let counts: Vec<bool> = (0..views.len()).map(|i| !is_bad(i)).collect();
-        let placed = placed(found.map_or(&self.camera, |c| &c.camera), &views, &counts);
+        let camera = found.map_or(&self.camera, |c| &c.camera);
+        let places = Places {
+            bodies: placed(camera, &views, &counts),
+            by_halves: placed_by_halves(camera, &views, &counts),
+            with_common_fins: fins.is_searched().then(|| placed(camera, &with(|view| &view.columns), &counts)),
+        };
         let bad: Vec<usize> = (0..views.len()).filter(|&i| is_bad(i)).collect();
         let axis_off_px = found.filter(|c| c.sd.uy_px < AXIS_KNOWN_PX).zip(middle_v).map(|(c, middle_v)| c.camera.uy - middle_v);
-        of_calibration(&placed, &bad, axis_off_px)
+        of_calibration(&places, numbers, &bad, axis_off_px)
     }
 
     /// Calibrates on the views so far and compares the result with the given camera.

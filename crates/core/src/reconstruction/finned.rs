@@ -12,17 +12,18 @@ use crate::fins::{self, FinView, SharedFins};
 use crate::parallel::prelude::*;
 
 /// Views amended by the fins, and their calibration.
-pub(super) struct Finned {
+#[derive(Debug)]
+pub struct Finned {
     /// In the order of observing.
-    pub views: Vec<ObservedView>,
-    pub fins: SharedFins,
-    pub calibrated: Calibrated,
+    pub(super) views: Vec<ObservedView>,
+    pub(super) fins: SharedFins,
+    pub(super) calibrated: Calibrated,
 }
 
 impl Reconstruction {
     /// Finds fins, amends the views by them and calibrates again. A sphere has no fins. The views of a specimen that moved
     /// have none in common, and without a calibration it is not known where they meet: such views stay as they are.
-    pub(super) fn finned(&self, calibrated: Calibrated, sphere: bool) -> Finned {
+    pub fn finned(&self, calibrated: Calibrated, sphere: bool) -> Finned {
         let unchanged = |calibrated| Finned { views: self.observed.clone(), fins: SharedFins::default(), calibrated };
         let Ok(Judged { calibration, .. }) = &calibrated.found else { return unchanged(calibrated) };
         if sphere || calibration.moved.is_some() {

@@ -276,7 +276,7 @@ impl Reconstruction {
     ///
     /// As [`HullModel::finish`].
     pub fn finish(&self, sphere: bool) -> Result<TurnModel, ReconstructionError> {
-        self.measure(self.calibrate(), None, sphere)
+        self.measure(self.finned(self.calibrate(), sphere), None, sphere)
     }
 
     /// Carves again with a calibration on all views, and measures. `middle_v` is the row of the middle of the bore, px, where the walls
@@ -285,8 +285,8 @@ impl Reconstruction {
     /// # Errors
     ///
     /// As [`HullModel::finish`].
-    pub fn measure(&self, calibrated: Calibrated, middle_v: Option<f64>, sphere: bool) -> Result<TurnModel, ReconstructionError> {
-        let Finned { views: observed, fins, calibrated } = self.finned(calibrated, sphere);
+    pub fn measure(&self, finned: Finned, middle_v: Option<f64>, sphere: bool) -> Result<TurnModel, ReconstructionError> {
+        let Finned { views: observed, fins, calibrated } = finned;
         let used = calibrated.used(self);
         let Calibrated { order, found } = calibrated;
         let given = given(&observed, &order);

@@ -3,7 +3,8 @@
 //! ```text
 //!   shape ──> optics ──┐                                  checks         the renderer itself
 //!   specimen  chords   ├──> scene ──> frame, truth ──┬──> segmentation   profiles against the true silhouette
-//!   dust ──────────────┘    lamp, glass, sensor      └──> volume         whole turns against the ideal hull
+//!   dust ──────────────┘    lamp, glass, sensor      ├──> volume         whole turns against the ideal hull
+//!                                                    └──> turning        turns that are none, put together by wrong_turns
 //!      cases: the scenes of the tests by seed
 //! ```
 //! `random`, `shape`, `optics`, `dust` and `scene` are the renderer. They use the standard library and rayon, and no code of carved or of
@@ -26,3 +27,4 @@ mod truth;
 mod tube;
 mod turning;
 mod volume;
+mod wrong_turns;

@@ -155,12 +155,13 @@ pub(super) fn turn(
     step(Step::Carved)?;
     let calibrated = reconstruction.calibrate();
     step(Step::Calibrated)?;
+    let finned = reconstruction.finned(calibrated, sphere);
     let mut turn_findings = turning.findings();
     if !sphere {
-        let by_number = |at: u32| seen.get(at as usize).map_or(at, |&i| i as u32);
-        turn_findings.extend(reconstruction.turn_findings(&calibrated, None).into_iter().map(|finding| finding.numbered(by_number)));
+        let numbers: Vec<u32> = seen.iter().map(|&i| i as u32).collect();
+        turn_findings.extend(reconstruction.turn_findings(&finned, &numbers, None));
     }
-    let TurnModel { model, fallback, hull, calibration, projections, fins, .. } = reconstruction.measure(calibrated, None, sphere)?;
+    let TurnModel { model, fallback, hull, calibration, projections, fins, .. } = reconstruction.measure(finned, None, sphere)?;
     let vrv = calibration.as_ref().ok().map(|judged| judged.vrv);
     let calibration = calibration.map(|judged| judged.calibration);
     let shown: Vec<&View> = seen.iter().map(|&i| &views[i]).collect();

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!  a view's outline and the grey of its bore ─┬─ nothing changes while the ledger turns ────────────── still
-//!                                             ├─ another angle, the same picture ───────────────────── repeated
+//!                                             ├─ another angle, the same exposure ──────────────────── repeated
 //!                                             ├─ a neighbour fits only with left and right exchanged ── mirrored
 //!                                             └─ the ends of the specimen differ from view to view ─── ends
 //!  the calibration of the turn ───────────────┬─ a view fits the others elsewhere, or nowhere ──────── elsewhere, foreign
@@ -14,143 +14,20 @@
 //! What no picture of a specimen tells: a whole turn that is mirrored, or that is recorded in the other sense. Both show the mirror image of the
 //! specimen, with the same volume and area (`calibration::mark` finds both on the rig). A sphere looks alike from all sides and is not judged.
 
+mod findings;
 mod outlines;
 mod pixels;
+mod placing;
 
-use crate::calibration::Placed;
-use crate::flag::Flag;
+use crate::parallel::prelude::*;
 use crate::profile::{Columns, Picture, Profile};
 use crate::statistics::median;
+pub use findings::TurnFinding;
 use outlines::{Mirror, distance_px, shape_distance_px};
-use pixels::{BorePicture, change};
-use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use pixels::{BorePicture, Difference, Sampling, difference};
+pub(crate) use placing::{OFF_BORE_PX, Places, of_calibration};
+use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::TAU;
-
-/// Why the views do not show one specimen that turns at the angles of the ledger.
-#[derive(Debug, Clone, PartialEq, thiserror::Error, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-#[serde(tag = "finding", rename_all = "snake_case")]
-pub enum TurnFinding {
-    /// The specimen does not turn while the angles do.
-    #[error(
-        "the specimen does not turn: from view {first} to view {last} the ledger turns by {ledger_deg:.0} deg, and no edge moves by more than {moved_px:.1} px. \
-         Check the motor's supply, the coupling and the belt, and whether the specimen turns with the glass"
-    )]
-    Still {
-        /// First view of the stretch.
-        first: u32,
-        /// Last view of the stretch.
-        last: u32,
-        /// Angle between them by the ledger, deg.
-        ledger_deg: f64,
-        /// Largest distance of two outlines of the stretch, px.
-        moved_px: f64,
-    },
-    /// Views of different angles are the same picture.
-    #[error("views {view} and {other} are the same picture, and their angles differ by {apart_deg:.0} deg. Give each view its own picture")]
-    Repeated {
-        /// The view.
-        view: u32,
-        /// The other view.
-        other: u32,
-        /// Difference of their angles, deg.
-        apart_deg: f64,
-    },
-    /// Some views are mirrored against others.
-    #[error(
-        "some views have left and right exchanged: view {view} fits view {before} only mirrored (outlines {mirrored_px:.1} px apart instead of {found_px:.1} px). \
-         Switch the reversing of the camera and of the program that stores the pictures off, and take the views again"
-    )]
-    Mirrored {
-        /// The view before the first exchange.
-        before: u32,
-        /// The view after it.
-        view: u32,
-        /// Distance of their outlines as they are, px.
-        found_px: f64,
-        /// The same with one of them mirrored, px.
-        mirrored_px: f64,
-    },
-    /// The ends of the specimen are not at the same places in all views.
-    #[error(
-        "{share_percent:.0} % of the specimen is outside the part of the capillary that the views have in common; {most_percent:.0} % are allowed. The views show \
-         different specimens, some are mirrored, or the specimen slid along the capillary: look at the pictures, and take the turn again"
-    )]
-    Ends {
-        /// Share of the profiles' area, %.
-        share_percent: f64,
-        /// Largest share allowed, %.
-        most_percent: f64,
-    },
-    /// A view fits the others at another angle, or upside down.
-    #[error(
-        "view {view} fits the others {off_deg:+.0} deg from its angle ({best_px:.1} px instead of {own_px:.1} px), and so do {others} more views. Near 180 deg the \
-         picture is upside down. Otherwise pictures were exchanged, or the angles are not those of the pictures: check their order, their number and the steps \
-         per revolution"
-    )]
-    Elsewhere {
-        /// The view that fits worst at its own angle.
-        view: u32,
-        /// Angle at which it fits, minus its own, deg.
-        off_deg: f64,
-        /// Distance of its edges from the other views' model at its own angle, px.
-        own_px: f64,
-        /// The same where it fits, px.
-        best_px: f64,
-        /// Number of other views of which the same is true.
-        others: usize,
-    },
-    /// Several views fit the turn at no angle.
-    #[error(
-        "{views} of {of} views, the first of them {view}, fit the others at no angle: they show another specimen, or are no good pictures. Look at them"
-    )]
-    Foreign {
-        /// The first of them.
-        view: u32,
-        /// Number of these views.
-        views: usize,
-        /// Number of all views.
-        of: usize,
-    },
-    /// The axis that fits the views is not where the glass turns.
-    #[error(
-        "the axis that fits the views lies {found_px:.1} px from the middle of the bore; {most_px:.0} px are allowed. The glass does not turn as the ledger says, \
-         or the specimen does not turn with it: check the coupling and how the glass is held, and take the turn again"
-    )]
-    OffBore {
-        /// Distance of the axis from the middle of the bore, px, at the specimen.
-        found_px: f64,
-        /// Largest distance allowed, px.
-        most_px: f64,
-    },
-}
-
-impl TurnFinding {
-    /// The same with other numbers of its views.
-    #[must_use]
-    pub fn numbered(self, number: impl Fn(u32) -> u32) -> Self {
-        match self {
-            Self::Elsewhere { view, off_deg, own_px, best_px, others } => {
-                Self::Elsewhere { view: number(view), off_deg, own_px, best_px, others }
-            }
-            Self::Foreign { view, views, of } => Self::Foreign { view: number(view), views, of },
-            other => other,
-        }
-    }
-
-    /// Its flag.
-    pub fn flag(&self) -> Flag {
-        match self {
-            Self::Still { .. } => Flag::RotationSuspect,
-            Self::Repeated { .. } => Flag::RepeatedViews,
-            Self::Mirrored { .. } => Flag::MirroredViews,
-            Self::Ends { .. } => Flag::SpecimenEndsDiffer,
-            Self::Elsewhere { .. } | Self::Foreign { .. } => Flag::ViewsDisagree,
-            Self::OffBore { .. } => Flag::AxisOffBore,
-        }
-    }
-}
 
 /// Least views of a stretch that stands still.
 const STILL_VIEWS: usize = 3;
@@ -170,6 +47,15 @@ const STILL_MOST_PX: f64 = 1.5;
 const LONG: f64 = 1.4;
 /// Least difference of the angles of two views that may not be the same picture, deg.
 const REPEATED_DEG: f64 = 2.0;
+/// Largest distance of the outlines of one exposure that was stored twice, px: coding and another gain move an edge by less.
+const REPEATED_PX: f64 = 1.0;
+/// One exposure stored twice differs by at most this share of what two exposures differ by, inside and beside the specimen. Coding can
+/// at most remove the noise of one of the two, which leaves half of the variance. Other exposures of one camera have 1.
+const REPEATED_SHARE: f64 = 0.65;
+/// Least variance of two exposures, grey levels^2. Less is not the sensor's noise but rounding, which differs from view to view.
+const REPEATED_LEAST: f64 = 0.5;
+/// Views next to a view by angle that show what two exposures differ by.
+const REFERENCES: usize = 2;
 /// A mirrored neighbour's outline must be nearer than this share of the distance as it is, and by so many px.
 const MIRRORED_SHARE: f64 = 0.6;
 const MIRRORED_PX: f64 = 5.0;
@@ -179,44 +65,6 @@ const NEIGHBOURS_DEG: f64 = 46.0;
 const COMMON: f64 = 0.75;
 /// Largest share of the profiles' area outside the common part, %.
 const ENDS_PERCENT: f64 = 6.0;
-
-/// A view belongs elsewhere if its distance from the other views' model falls below this share at another angle, was more than this, px, and that
-/// angle is further off than this, deg. In good turns of three larvae of the second renderer no view fell below 0.6.
-const ELSEWHERE_SHARE: f64 = 0.55;
-const ELSEWHERE_PX: f64 = 1.0;
-const ELSEWHERE_DEG: f64 = 12.0;
-/// A single view belongs elsewhere only from this distance on, px: on frames with the look of a VAST, one view of a good turn was at 1.4 px.
-const ELSEWHERE_ALONE_PX: f64 = 3.0;
-/// Least number and least share of the views that fit at no angle, for more than single bad pictures.
-const FOREIGN_LEAST: usize = 2;
-const FOREIGN_SHARE: f64 = 0.1;
-/// Largest distance of the axis from the middle of the bore, px: glass that is not round, and chucks that hold it off their axis.
-pub(crate) const OFF_BORE_PX: f64 = 12.0;
-
-/// What the calibration of a turn shows. `bad` are the views that it left out; `axis_off_px` is the axis minus the middle of the bore.
-pub(crate) fn of_calibration(placed: &[Option<Placed>], bad: &[usize], axis_off_px: Option<f64>) -> Vec<TurnFinding> {
-    let belongs_elsewhere =
-        |p: &Placed| p.own_px > ELSEWHERE_PX && p.best_px < ELSEWHERE_SHARE * p.own_px && p.off_rad.to_degrees().abs() >= ELSEWHERE_DEG;
-    let mut elsewhere: Vec<(usize, Placed)> =
-        placed.iter().enumerate().filter_map(|(i, p)| Some((i, (*p).filter(belongs_elsewhere)?))).collect();
-    if let [(_, alone)] = elsewhere[..]
-        && alone.own_px < ELSEWHERE_ALONE_PX
-    {
-        elsewhere.clear();
-    }
-    let worst = elsewhere.iter().max_by(|a, b| a.1.own_px.total_cmp(&b.1.own_px)).map(|(i, p)| TurnFinding::Elsewhere {
-        view: *i as u32,
-        off_deg: p.off_rad.to_degrees(),
-        own_px: p.own_px,
-        best_px: p.best_px,
-        others: elsewhere.len() - 1,
-    });
-    let is_foreign = bad.len() >= FOREIGN_LEAST && bad.len() as f64 >= FOREIGN_SHARE * placed.len() as f64;
-    let foreign = (worst.is_none() && is_foreign).then(|| TurnFinding::Foreign { view: bad[0] as u32, views: bad.len(), of: placed.len() });
-    let off_bore =
-        axis_off_px.filter(|px| px.abs() > OFF_BORE_PX).map(|px| TurnFinding::OffBore { found_px: px.abs(), most_px: OFF_BORE_PX });
-    [worst, foreign, off_bore].into_iter().flatten().collect()
-}
 
 /// A view of the turn.
 #[derive(Debug, Clone)]
@@ -321,8 +169,9 @@ impl Turning {
         let distances = [distance_px(&a.body, &b.body, 0.0)?, distance_px(&a.body, &b.body, down_px)?];
         let moved_px = distances[0].min(distances[1]);
         let allowed = (STILL_PX_PER_DEG * apart_deg).clamp(STILL_LEAST_PX, STILL_MOST_PX);
-        let pixels = || a.bore.as_ref().zip(b.bore.as_ref()).and_then(|(x, y)| change((x, &a.body), (y, &b.body)));
-        let is_same = moved_px <= allowed && (apart_deg >= STILL_OUTLINES_DEG || pixels().is_none_or(|change| change <= STILL_CHANGE));
+        let pixels = || a.bore.as_ref().zip(b.bore.as_ref()).and_then(|(x, y)| difference((x, &a.body), (y, &b.body), Sampling::All));
+        let is_same =
+            moved_px <= allowed && (apart_deg >= STILL_OUTLINES_DEG || pixels().is_none_or(|found| found.change() <= STILL_CHANGE));
         is_same.then_some(moved_px)
     }
 
@@ -340,20 +189,60 @@ impl Turning {
         median(shapes.collect()) >= LONG
     }
 
-    /// Two views of different angles that are one picture, grey value by grey value.
+    /// Two views of different angles that are one exposure: they differ by less than the noise of the sensor makes two exposures differ,
+    /// which the neighbours of both show.
     fn repeated(&self) -> Option<TurnFinding> {
-        let pairs = (0..self.views.len()).flat_map(|b| (0..b).map(move |a| (a, b)));
-        let same = |&(a, b): &(usize, usize)| {
-            let (first, second) = (&self.views[a], &self.views[b]);
-            let turns = (second.omega - first.omega) / TAU;
-            let apart_deg = 360.0 * (turns - turns.round()).abs();
-            apart_deg >= REPEATED_DEG && first.bore.is_some() && first.bore == second.bore
+        let n = self.views.len();
+        let bore = |at: usize| self.views[at].bore.as_ref();
+        let pairs: Vec<(usize, usize)> = (0..n)
+            .flat_map(|b| (0..b).map(move |a| (a, b)))
+            .filter(|&(a, b)| self.apart_around_deg(a, b) >= REPEATED_DEG && bore(a).is_some() && bore(b).is_some())
+            .filter(|&(a, b)| {
+                distance_px(&self.views[a].body, &self.views[b].body, 0.0).map_or_else(|| bore(a) == bore(b), |px| px <= REPEATED_PX)
+            })
+            .collect();
+        let references: Vec<[Vec<(usize, usize)>; 2]> =
+            pairs.iter().map(|&(a, b)| [(a, b), (b, a)].map(|(of, not)| self.references(of, not))).collect();
+        let compared: BTreeSet<(usize, usize)> = references.iter().flatten().flatten().chain(&pairs).copied().collect();
+        let compared: Vec<(usize, usize)> = compared.into_iter().collect();
+        let differences: Vec<((usize, usize), Option<Difference>)> =
+            compared.into_par_iter().map(|pair| (pair, self.difference(pair))).collect();
+        let differences: BTreeMap<(usize, usize), Difference> =
+            differences.into_iter().filter_map(|(pair, difference)| Some((pair, difference?))).collect();
+        let is_one = |pair: &(usize, usize), references: &[Vec<(usize, usize)>; 2]| {
+            let Some(own) = differences.get(pair) else { return bore(pair.0) == bore(pair.1) };
+            let of_view = |pairs: &Vec<(usize, usize)>, part: fn(&Difference) -> f64| {
+                pairs.iter().filter_map(|pair| differences.get(pair)).map(part).min_by(f64::total_cmp).unwrap_or(0.0)
+            };
+            // The stored copy of a picture may have lost its noise, so that the view with more noise tells what is usual.
+            let usual = |part: fn(&Difference) -> f64| references.iter().map(|pairs| of_view(pairs, part)).fold(0.0, f64::max);
+            let is_less = |part: fn(&Difference) -> f64| usual(part) > REPEATED_LEAST && part(own) < REPEATED_SHARE * usual(part);
+            bore(pair.0) == bore(pair.1) || is_less(|d| d.inside) && is_less(|d| d.beside)
         };
-        pairs.into_iter().find(same).map(|(a, b)| TurnFinding::Repeated {
+        let found = pairs.iter().zip(&references).find(|(pair, references)| is_one(pair, references));
+        found.map(|(&(a, b), _)| TurnFinding::Repeated {
             view: self.views[a].index,
             other: self.views[b].index,
             apart_deg: self.apart_deg(a, b),
         })
+    }
+
+    fn difference(&self, (at, other): (usize, usize)) -> Option<Difference> {
+        let (a, b) = (&self.views[at], &self.views[other]);
+        difference((a.bore.as_ref()?, &a.body), (b.bore.as_ref()?, &b.body), Sampling::Third)
+    }
+
+    /// The views nearest to one by angle, without another, as pairs with it.
+    fn references(&self, of: usize, not: usize) -> Vec<(usize, usize)> {
+        let mut others: Vec<usize> = (0..self.views.len()).filter(|at| *at != of && *at != not).collect();
+        others.sort_by(|a, b| self.apart_around_deg(of, *a).total_cmp(&self.apart_around_deg(of, *b)));
+        others.into_iter().take(REFERENCES).map(|at| (at.min(of), at.max(of))).collect()
+    }
+
+    /// Angle between two views, deg, whole turns left out.
+    fn apart_around_deg(&self, at: usize, other: usize) -> f64 {
+        let turns = (self.views[other].omega - self.views[at].omega) / TAU;
+        360.0 * (turns - turns.round()).abs()
     }
 
     /// The first neighbour that fits only mirrored.

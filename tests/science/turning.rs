@@ -1,0 +1,45 @@
+//! Whether the views show one specimen that turns, on the emulated rig with frames that look like those of a VAST.
+
+use crate::closures;
+use crate::wrong_turns::{self, Turn};
+use carved::cli::emulated;
+use carved_core::frame::{PixelFormat, RawFrame};
+use hardware_sim::scene::{Capillary, Exposure, Larva, Look, Scene, SceneSettings};
+
+/// A larva in the middle of the capillary, and another one of the same age.
+fn turn(seed: u64, views: usize) -> Turn {
+    let mut settings = closures::settings();
+    settings.planned_views = views as u32;
+    let dpf = 3 + (seed % 3) as u8;
+    let real = SceneSettings::real(1 + seed % 7);
+    let capillary = Capillary { bore_diameter_um: Capillary::default().bore_diameter_um, ..real.capillary };
+    let rig = SceneSettings { camera: emulated::scene_camera(&settings.camera), capillary, ..real };
+    let of = |seed: u64| {
+        let scene = Scene::new(rig.clone());
+        scene.load(Larva::new(dpf, seed).unwrap().with_look(Look::healthy(dpf, seed)).specimen().centred()).unwrap();
+        scene
+    };
+    let (scene, other) = (of(seed), of(seed + 5000));
+    Turn::new(
+        views,
+        settings,
+        Box::new(move |angle_rad, number, is_other| {
+            let rgb = if is_other { &other } else { &scene }.render(&Exposure { angle_rad, number }).demosaicked();
+            RawFrame::new(rgb.width, rgb.height, PixelFormat::RGB8Packed, rgb.data).unwrap()
+        }),
+    )
+}
+
+#[test]
+fn a_turn_that_is_none_is_named_on_the_emulated_rig() {
+    let few = ["still", "every second view mirrored", "the second half upside down"];
+    let wrong = turn(1, 12).judged("larva 1", &few);
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// Turns of many larvae: `CARVED_TURNS=50 cargo test --test science turning::survey -- --ignored --nocapture`
+#[test]
+#[ignore = "a survey: it prints what is missed"]
+fn survey() {
+    wrong_turns::survey(|seed, views| (format!("larva {seed}"), turn(seed, views)));
+}
