@@ -6,6 +6,7 @@
 //!   dust ──────────────┘    lamp, glass, sensor      ├──> volume         whole turns against the ideal hull
 //!                                                    └──> turning        turns that are none, put together by wrong_turns
 //!      cases: the scenes of the tests by seed
+//!      tube: exact silhouettes through a glass tube, ray by ray ──> glass: their volumes, the glass and the sense that they show
 //! ```
 //! `random`, `shape`, `optics`, `dust` and `scene` are the renderer. They use the standard library and rayon, and no code of carved or of
 //! `hardware-sim`. docs/second-renderer.md has the model and the results.
