@@ -215,7 +215,12 @@ fn found_glass(tube: &GlassTube, mut matrix: DMatrix<f64>, right: &DVector<f64>)
     is_known.then(|| GlassFound {
         outer_radius_um,
         outer_radius_sd_um: outer_radius_um * sd / found,
-        is_sense_right: (strength.abs() > SENSE_SURE * strength_sd && strength.abs() > SENSE_LEAST).then_some(strength > 0.0),
+        is_sense_right: match strength {
+            _ if strength.abs() < SENSE_SURE * strength_sd => None,
+            RIGHT_LEAST.. => Some(true),
+            ..WRONG_MOST => Some(false),
+            _ => None,
+        },
     })
 }
 
@@ -223,10 +228,11 @@ fn found_glass(tube: &GlassTube, mut matrix: DMatrix<f64>, right: &DVector<f64>)
 const NEAR_THE_WALL: f64 = 0.85;
 /// A ratio of the radii with a larger standard deviation says nothing: thin and thick walls differ by 0.2.
 const RATIO_SD_MOST: f64 = 0.1;
-/// Standard deviations from which on rays are turned one way or the other, and the least share of what the given glass does. Errors of
-/// the edges make some of it.
+/// Standard deviations from which on rays are turned one way or the other, and the least and largest share of what the given glass does.
+/// Corners of fins draw the share half of the way to 1: a finned larva without glass has 0.53.
 const SENSE_SURE: f64 = 5.0;
-const SENSE_LEAST: f64 = 0.5;
+const RIGHT_LEAST: f64 = 0.75;
+const WRONG_MOST: f64 = -0.5;
 
 /// What the rays of one turn say of the glass.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
