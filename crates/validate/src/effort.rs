@@ -24,6 +24,8 @@ pub struct Effort {
     pub live: usize,
     /// Rendered turns with fins, of each age.
     pub finned_frames: usize,
+    /// Rendered turns that look as those of `make run`.
+    pub demo: usize,
     pub coverage: usize,
     /// Edge of a voxel for the larvae that are carved, um.
     pub voxel_um: f64,
@@ -43,6 +45,7 @@ impl Effort {
         early: 1000,
         live: 60,
         finned_frames: 20,
+        demo: 24,
         coverage: 1000,
         voxel_um: 6.93,
     };
@@ -55,6 +58,7 @@ impl Effort {
         finned: 2,
         calibrated: 4,
         finned_frames: 0,
+        demo: 0,
         coverage: 8,
         voxel_um: 17.1,
         ..Self::FULL.with_seeds(1)
@@ -73,6 +77,7 @@ impl Effort {
             early: seeds,
             live: seeds,
             finned_frames: seeds,
+            demo: seeds,
             coverage: seeds,
             ..self
         }

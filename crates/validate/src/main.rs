@@ -24,6 +24,7 @@ mod fins;
 mod frames;
 mod larvae;
 mod live;
+mod look;
 mod orders;
 mod plot;
 mod published;
@@ -70,11 +71,12 @@ enum Part {
     Early,
     Live,
     Fins,
+    Look,
 }
 
 type Run = fn(&Work) -> anyhow::Result<Section>;
 
-const PARTS: [(Part, Run); 11] = [
+const PARTS: [(Part, Run); 12] = [
     (Part::Beads, beads::run),
     (Part::Larvae, larvae::run),
     (Part::Solids, solids::run),
@@ -86,6 +88,7 @@ const PARTS: [(Part, Run); 11] = [
     (Part::Early, early::run),
     (Part::Live, live::run),
     (Part::Fins, fins::run),
+    (Part::Look, look::run),
 ];
 
 fn main() -> anyhow::Result<()> {

@@ -8,6 +8,7 @@
 use super::capillary::{Capillary, Wall};
 use super::nuisance::{Dust, Nuisances};
 use super::optics::Optics;
+use super::phantom::{Larva, LarvaError, Look, Specimen};
 use super::seeded::{Seeded, mixed};
 use super::{Camera, SceneSettings};
 
@@ -33,6 +34,23 @@ impl SceneSettings {
             optics: Optics::default().with_real_light(seed).with_noise(NOISE),
             nuisances: Nuisances { seed, ..Nuisances::default() }.with_real_dust(seed),
         }
+    }
+
+    /// The same seen by another camera, in the bore of the reference scene.
+    pub fn real_in(camera: &Camera, seed: u64) -> Self {
+        let real = Self::real(seed);
+        let capillary = Capillary { bore_diameter_um: Capillary::default().bore_diameter_um, ..real.capillary };
+        Self { camera: camera.clone(), capillary, ..real }
+    }
+}
+
+impl Specimen {
+    /// A healthy larva as VAST frames show it. It nearly fills the bore, so it lies in the middle.
+    ///
+    /// # Errors
+    /// Refuses an age that no larva has.
+    pub fn as_on_a_vast(dpf: u8, seed: u64) -> Result<Self, LarvaError> {
+        Ok(Larva::new(dpf, seed)?.with_look(Look::healthy(dpf, seed)).specimen().centred())
     }
 }
 

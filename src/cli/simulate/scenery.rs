@@ -9,7 +9,7 @@ use carved_devices::sampler::{Expected, Loaded, Sampler};
 use carved_devices::{DeviceError, RotationAxis};
 use carved_store::EVENTS;
 use hardware_sim::scene::phantom::LarvaError;
-use hardware_sim::scene::{Capillary, Contents, Larva, Look, Scene, SceneSettings, Specimen};
+use hardware_sim::scene::{Contents, Scene, SceneSettings, Specimen};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::Arc;
@@ -54,11 +54,7 @@ fn scene_settings(config: &Config, appearance: Appearance, noise: u64) -> SceneS
     let camera = emulated::scene_camera(&config.optics);
     let mut settings = match appearance {
         Appearance::Clean => SceneSettings { camera, ..SceneSettings::default() },
-        Appearance::Real => {
-            let real = SceneSettings::real(REAL_SEED);
-            let capillary = Capillary { bore_diameter_um: Capillary::default().bore_diameter_um, ..real.capillary };
-            SceneSettings { camera, capillary, ..real }
-        }
+        Appearance::Real => SceneSettings::real_in(&camera, REAL_SEED),
     };
     settings.optics.noise_seed = settings.optics.noise_seed.wrapping_add(noise);
     settings
@@ -66,12 +62,10 @@ fn scene_settings(config: &Config, appearance: Appearance, noise: u64) -> SceneS
 
 /// The larva of a well.
 fn larva(dpf: u8, seed: u64, appearance: Appearance) -> Result<Specimen, LarvaError> {
-    let larva = Larva::new(dpf, seed)?;
-    Ok(match appearance {
-        Appearance::Clean => larva.specimen(),
-        // It nearly fills the bore, so it lies in the middle.
-        Appearance::Real => larva.with_look(Look::healthy(dpf, seed)).specimen().centred(),
-    })
+    match appearance {
+        Appearance::Clean => Specimen::larva(dpf, seed),
+        Appearance::Real => Specimen::as_on_a_vast(dpf, seed),
+    }
 }
 
 /// The contents of the wells of every plate, and the scene in which they appear.
@@ -168,6 +162,7 @@ impl Sampler for SceneSampler {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use hardware_sim::scene::Capillary;
 
     #[test]
     fn every_larva_of_the_demo_fits_the_real_looking_bore() {
