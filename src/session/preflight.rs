@@ -9,12 +9,14 @@ use super::Instrument;
 use super::{Check, gate};
 use crate::api::NoticesStatus;
 use crate::config::Config;
+use carved_core::statistics::median;
 use carved_devices::acquisition::grab;
 use carved_devices::cancel::CancelToken;
 use carved_devices::outputs::{self, OutputUse};
 use carved_devices::{DeviceError, Position};
 use carved_records::{BeadGate, Fault, GateStatus, Light, Method, Mode, PlannedWell, RunPlan, SpecimenKind};
 use carved_store::{Budget, bytes_per_specimen, size};
+use std::collections::VecDeque;
 use std::time::Duration;
 
 /// The state of the devices.
@@ -64,7 +66,7 @@ const BRIGHT: f64 = 250.0;
 /// Largest allowed share of saturated pixels. Glare on the glass causes a few percent.
 const SATURATED: f64 = 0.25;
 
-/// Difference between the blur of the newest specimen and the configured one from which on the focus is off, px. From specimen to
+/// Difference between the blur of the newest specimen and that of the rig from which on the focus is off, px. From specimen to
 /// specimen the blur varies by 0.07 px. No number is wrong then, because each edge is placed with the blur of its own frame.
 const FOCUS_OFF_PX: f64 = 0.15;
 
@@ -100,17 +102,45 @@ pub fn light(seen: &Light) -> Result<String, (String, &'static str)> {
     }
 }
 
-/// Compares the blur of the newest specimen with the method.
-///
-/// # Errors
-/// Both blurs, and what to do.
-fn focus(found_px: f64, configured_px: f64) -> Result<String, (String, &'static str)> {
-    let found =
-        format!("the newest specimen is blurred by {found_px:.2} px, and the method's segment.edge.blur_px is {configured_px:.2} px");
-    if (found_px - configured_px).abs() > FOCUS_OFF_PX {
-        Err((found, "focus the camera; if it is in focus, write the blur that was found into the method"))
-    } else {
-        Ok(found)
+/// Blurs of the newest specimens that were measured since the start, px. The newest one is the last.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Blurs(VecDeque<f64>);
+
+impl Blurs {
+    /// Specimens that are remembered.
+    const KEPT: usize = 10;
+    /// Earlier specimens that show how a rig usually is, at least.
+    const LEAST: usize = 3;
+
+    pub fn add(&mut self, blur_px: f64) {
+        if self.0.len() == Self::KEPT {
+            self.0.pop_front();
+        }
+        self.0.push_back(blur_px);
+    }
+
+    /// The median of those before the newest. `None` where too few are known.
+    fn usual_px(&self) -> Option<f64> {
+        let earlier: Vec<f64> = self.0.iter().copied().take(self.0.len().saturating_sub(1)).collect();
+        (earlier.len() >= Self::LEAST).then(|| median(earlier))
+    }
+
+    /// Compares the newest blur with that of the specimens before it, or with the method's where too few are known. `None` before the
+    /// first specimen.
+    fn focus(&self, configured_px: f64) -> Option<Result<String, (String, &'static str)>> {
+        let newest_px = *self.0.back()?;
+        let (usual_px, whose) = match self.usual_px() {
+            Some(usual_px) => (usual_px, "the median of the specimens before it"),
+            None => (configured_px, "the method's segment.edge.blur_px"),
+        };
+        let found = format!("the newest specimen is blurred by {newest_px:.2} px, and {whose} is {usual_px:.2} px");
+        Some(if (newest_px - usual_px).abs() <= FOCUS_OFF_PX {
+            Ok(found)
+        } else if self.usual_px().is_some() {
+            Err((found, "look whether the lens, the camera or the capillary has moved, and focus the camera"))
+        } else {
+            Err((found, "focus the camera; if it is in focus, write the blur that was found into the method"))
+        })
     }
 }
 
@@ -124,7 +154,7 @@ pub struct Known<'a> {
     /// The rig's newest bead gate.
     pub gate: Option<&'a GateStatus>,
     /// Blur of the newest specimen, px. `None` if none was measured since the daemon's start.
-    pub blur_px: Option<f64>,
+    pub blurs: &'a Blurs,
     /// Barcode of the plate inside, if it was handed over.
     pub plate_handed_over: Option<&'a str>,
     /// The well whose specimen has to be taken out before a run starts.
@@ -211,7 +241,7 @@ pub fn checks(config: &Config, plan: &RunPlan, seen: &DeviceReport, known: &Know
                 Some(why) => Err((why, "run beads before larvae; what is measured without is flagged")),
             },
         ));
-        checks.extend(known.blur_px.map(|found_px| check("focus", false, focus(found_px, method.segment.edge.blur_px))));
+        checks.extend(known.blurs.focus(method.segment.edge.blur_px).map(|focus| check("focus", false, focus)));
         let needed = needed_bytes(config, method, plan.plate_map.len());
         let found = |free: u64| format!("{} are needed at most, {} are free", size(needed), size(free));
         checks.push(check(
@@ -273,7 +303,7 @@ mod tests {
                 notices: None,
                 mode: Mode::Hardware,
                 gate: None,
-                blur_px: None,
+                blurs: &Blurs::default(),
                 plate_handed_over: None,
                 left: None,
                 free_bytes: Some(u64::MAX),
@@ -290,11 +320,29 @@ mod tests {
     /// A wrong focus is a fact of the rig. It is reported once before a run, not with every specimen.
     #[test]
     fn a_focus_that_is_not_the_configured_one_is_named_and_blocks_nothing() {
-        assert!(focus(1.0, 1.1).is_ok() && focus(1.24, 1.1).is_ok());
+        let focus = |px: f64| Blurs([px].into()).focus(1.1).unwrap();
+        assert_eq!(Blurs::default().focus(1.1), None);
+        assert!(focus(1.0).is_ok() && focus(1.24).is_ok());
         for found_px in [0.9, 1.3] {
-            let (found, what_to_do) = focus(found_px, 1.1).unwrap_err();
+            let (found, what_to_do) = focus(found_px).unwrap_err();
             assert!(found.contains(&format!("{found_px:.2} px")) && found.contains("1.10 px") && what_to_do.contains("focus"), "{found}");
         }
+    }
+
+    /// A rig that is always blurred otherwise than the method says is as it always is. A rig whose blur changes is not.
+    #[test]
+    fn the_focus_is_compared_with_that_of_the_rig_s_own_specimens() {
+        let mut blurs = Blurs::default();
+        for px in [1.41, 1.46, 1.38, 1.44] {
+            blurs.add(px);
+        }
+        assert!(blurs.focus(1.1).unwrap().unwrap().contains("1.41 px"));
+        blurs.add(1.62);
+        let (found, what_to_do) = blurs.focus(1.1).unwrap().unwrap_err();
+        assert!(found.contains("1.62 px") && what_to_do.contains("moved"), "{found}");
+        // Later specimens are as blurred: this is how the rig is now.
+        (0..2 * Blurs::KEPT).for_each(|_| blurs.add(1.62));
+        assert!(blurs.focus(1.1).unwrap().is_ok() && blurs.0.len() == Blurs::KEPT);
     }
 
     fn lit(background: f64, saturated: f64) -> bool {

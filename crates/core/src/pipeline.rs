@@ -18,7 +18,9 @@ use crate::geometry::{Camera, VoxelGrid};
 use crate::measure::facing::Facing;
 use crate::measure::shape::Shape;
 use crate::measure::{Fallback, Measurement};
-use crate::profile::{Detection, EmptyCapillary, FinBorders, Mask, Picture, Polygon, Profile, ProfileError, SegmentSettings, Segmenters};
+use crate::profile::{
+    Columns, Detection, EmptyCapillary, FinBorders, Mask, Picture, Polygon, Profile, ProfileError, SegmentSettings, Segmenters,
+};
 use crate::quality::{
     CalibrationOff, Estimate, FlagFacts, Quality, QualitySettings, Spoiled, TurnFacts, TurnFinding, Turning, ViewStrip, flags, spoiled,
     views_needed,
@@ -54,10 +56,19 @@ pub struct PipelineSettings {
     pub sphere: bool,
 }
 
-/// The profile of the closure view.
+/// The profile of the view at 0 or at 360 deg.
 struct ClosureProfile {
     mask: Mask,
     edge: Vec<Polygon>,
+    /// The edges without fins: a fin that only one of the two frames shows is no movement.
+    body: Columns,
+}
+
+impl ClosureProfile {
+    fn of(profile: &Profile) -> Self {
+        let body = Columns::from_outlines(&profile.body, profile.mask.width(), profile.mask.height());
+        Self { mask: profile.mask.clone(), edge: profile.edge.clone(), body }
+    }
 }
 
 /// A measured specimen with all that its numbers come from.
@@ -83,7 +94,7 @@ pub struct Pipeline {
     /// The views that carved, compared with each other.
     turning: Turning,
     /// The newest profile of view 0. `None` when the newest take of view 0 has no profile.
-    first: Option<Mask>,
+    first: Option<ClosureProfile>,
     /// The newest profile of the view at 360 deg. It is compared with `first` only when the result is requested, so that the
     /// result does not depend on the order of the takes.
     closure: Option<ClosureProfile>,
@@ -187,7 +198,7 @@ impl Pipeline {
             ..ViewRecord::default()
         };
         if index == 0 {
-            self.first = frame.profile.as_ref().ok().filter(|p| p.mask.area_px() > 0).map(|p| p.mask.clone());
+            self.first = frame.profile.as_ref().ok().filter(|p| p.mask.area_px() > 0).map(ClosureProfile::of);
         }
         match &frame.profile {
             Ok(p) if p.mask.area_px() == 0 => record.reason = Some("no specimen in the frame".into()),
@@ -211,15 +222,14 @@ impl Pipeline {
     /// Takes the view at 360 deg. It is compared with view 0 and never carved. A newer take replaces an older one, also when
     /// the newer one has no profile.
     pub fn observe_closure(&mut self, frame: &SegmentedFrame) {
-        let profile = frame.profile.as_ref().ok();
-        self.closure = profile.map(|p| ClosureProfile { mask: p.mask.clone(), edge: p.edge.clone() });
+        self.closure = frame.profile.as_ref().ok().map(ClosureProfile::of);
     }
 
     /// The closure view against view 0. `None` when either has no profile.
     fn closure(&self) -> Option<ClosureRecord> {
-        let (first, last) = (self.first.as_ref()?, &self.closure.as_ref()?.mask);
-        let shift_px = first.centroid().zip(last.centroid()).map_or([0.0; 2], |(a, b)| [b[0] - a[0], b[1] - a[1]]);
-        Some(ClosureRecord { iou: first.iou(last), shift_px, pose_offset: None })
+        let (first, last) = (self.first.as_ref()?, self.closure.as_ref()?);
+        let shift_px = first.mask.centroid().zip(last.mask.centroid()).map_or([0.0; 2], |(a, b)| [b[0] - a[0], b[1] - a[1]]);
+        Some(ClosureRecord { iou: first.body.iou(&last.body), shift_px, pose_offset: None })
     }
 
     /// Replaces a view by a newer take of it.

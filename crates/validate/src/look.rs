@@ -187,7 +187,6 @@ impl View {
 
 /// Captured frames of a larva, and what is true of it.
 struct Larva {
-    scene: Scene,
     camera: carved_core::geometry::Camera,
     hull_um: [f64; 2],
     length_um: f64,
@@ -226,7 +225,7 @@ impl Larva {
             views.insert(stop, View { frame: look(ledger[stop], stop as u64)?, edge, body });
         }
         let closure = look(std::f64::consts::TAU, CAPTURED as u64)?;
-        Ok(Self { scene, camera, hull_um: [truth.hull_volume_um3, truth.hull_area_um2], length_um, views, closure })
+        Ok(Self { camera, hull_um: [truth.hull_volume_um3, truth.hull_area_um2], length_um, views, closure })
     }
 
     fn measured(&self, asd: usize, outlines: Outlines) -> anyhow::Result<Measured> {
@@ -235,20 +234,11 @@ impl Larva {
         for (view, stop) in even_stops(asd).into_iter().enumerate() {
             pipeline.observe(view as u32, ledger[stop], &self.views[&stop].with(outlines)?)?;
         }
-        pipeline.observe_closure(&self.closure);
+        if outlines == Outlines::Found {
+            pipeline.observe_closure(&self.closure);
+        }
         let (_, record) = pipeline.finish()?;
         let m = &record.measurement;
-        if std::env::var_os("LOOK_DEBUG").is_some() {
-            let s = m.estimators.support.as_ref();
-            println!(
-                "  {asd} {outlines:?} V {:+.2} A {:+.2} L {:+.2} bias {:+.2} sd {:.2} fins {} res {:?} blur {:?} {:?} {:?} {:?}",
-                off(m.volume_um3, self.hull_um[0]), off(m.area_um2, self.hull_um[1]), off(m.length_um, self.length_um),
-                s.map_or(f64::NAN, |s| 100.0 * s.volume_bias_um3 / m.volume_um3),
-                100.0 * m.volume_sd_um3.unwrap_or(f64::NAN) / self.hull_um[0], record.fins.len(),
-                s.map(|s| s.residual_um), record.blur_px(), m.fallback, record.flags,
-                record.quality.as_ref().map(|q| q.checks.iter().filter(|c| c.over).map(|c| (c.name.clone(), c.found, c.limit)).collect::<Vec<_>>())
-            );
-        }
         Ok(Measured {
             volume: off(m.volume_um3, self.hull_um[0]),
             area: off(m.area_um2, self.hull_um[1]),
@@ -260,6 +250,9 @@ impl Larva {
 }
 
 fn pipeline(camera: &carved_core::geometry::Camera, planned_views: usize) -> anyhow::Result<Pipeline> {
+    pipeline_of(camera, planned_views, false)
+}
+fn pipeline_of(camera: &carved_core::geometry::Camera, planned_views: usize, sphere: bool) -> anyhow::Result<Pipeline> {
     Ok(Pipeline::new(PipelineSettings {
         camera: camera.clone(),
         grid: VoxelGrid::new(BOX_UM, VOXEL_UM)?,
@@ -282,18 +275,17 @@ pub fn run(work: &Work) -> anyhow::Result<Section> {
     let each = work.each("as make run shows them", larvae, |i| {
         let (dpf, seed) = (3 + (i % 3) as u8, work.seed + 120_000 + i);
         let larva = Larva::of(dpf, seed)?;
-        if std::env::var_os("LOOK_DEBUG").is_some() { println!("larva {dpf} dpf, seed {seed}"); }
         let mut errors = EdgeErrors::default();
         even_stops(21).iter().for_each(|stop| larva.views[stop].add_errors(&mut errors));
         let turns = ASDS.iter().flat_map(|asd| Outlines::ALL.map(|outlines| ((*asd, outlines.name()), larva.measured(*asd, outlines))));
         let turns = turns.map(|(key, turn)| Ok((key, turn?))).collect::<anyhow::Result<BTreeMap<_, _>>>()?;
-        drop(larva.scene);
         Ok((errors, turns))
     })?;
     let mut rows = Vec::new();
     for asd in ASDS {
         for outlines in Outlines::ALL {
-            let of = |number: fn(&Measured) -> f64| each.iter().map(|(_, turns)| number(&turns[&(asd, outlines.name())])).collect::<Vec<f64>>();
+            let of =
+                |number: fn(&Measured) -> f64| each.iter().map(|(_, turns)| number(&turns[&(asd, outlines.name())])).collect::<Vec<f64>>();
             let t = student(0.95, asd - 1);
             let held: Vec<f64> = of(|m| m.volume / m.stated).iter().map(|share| share / t).collect();
             rows.push(vec![
@@ -324,7 +316,14 @@ pub fn run(work: &Work) -> anyhow::Result<Section> {
             sorted.sort_by(f64::total_cmp);
             let short = 100.0 * errors.iter().filter(|e| **e < -1.5).count() as f64 / errors.len() as f64;
             let Summary { mean, sd, .. } = Summary::of(errors);
-            vec![(*place).to_owned(), errors.len().to_string(), format!("{mean:+.3}"), format!("{:+.3}", sorted[sorted.len() / 2]), format!("{sd:.2}"), format!("{short:.1}")]
+            vec![
+                (*place).to_owned(),
+                errors.len().to_string(),
+                format!("{mean:+.3}"),
+                format!("{:+.3}", sorted[sorted.len() / 2]),
+                format!("{sd:.2}"),
+                format!("{short:.1}"),
+            ]
         })
         .collect();
     for (asd, [mean, sd, worst]) in [(21, [0.25, 0.35, 0.9]), (12, [0.4, f64::INFINITY, 1.5])] {
@@ -336,7 +335,12 @@ pub fn run(work: &Work) -> anyhow::Result<Section> {
         ));
     }
     section.text = format!(
-        "{}{}Flags at 21 views: {}\n\n",
+        "Simulation: {larvae} larvae of 3, 4 and 5 dpf with the look of `make run`: light, walls, dust and bodies as on a VAST. The\n\
+         seeds draw the larva and the scene. Frames are rendered, segmented and measured by the pipeline of the instrument. The\n\
+         true value is the ideal visual hull of body and fins, and the length of the longest silhouette. The other rows replace\n\
+         outlines by exact ones, part by part: they say what segmentation costs. `holds` is the share of the intervals (Student's\n\
+         t, 95 %) that contain the true volume. The second table has the distances of the found edges from the exact ones at 21\n\
+         views, column by column and before the views are compared.\n\n{}{}Flags at 21 views: {}\n\n",
         table(&["ASD", "outlines", "volume, %: mean ± SD, worst", "area, %", "length, %", "stated SD, %", "holds, %"], &rows),
         table(&["where", "edges", "outside by, px: mean", "median", "SD", "short by more than 1.5 px, %"], &places),
         flags.iter().map(|(flag, n)| format!("`{flag}` {n}")).collect::<Vec<_>>().join(", ")

@@ -88,7 +88,7 @@ pub(super) fn task_done(d: &mut DriverState, done: Done) {
                 mode: d.mode,
                 gate: d.calibration.as_ref().and_then(|c| c.gate.as_ref()),
                 plate_handed_over: d.state().plate.handed_over(),
-                blur_px: d.blur_px,
+                blurs: &d.blurs,
                 left: d.loader.keeps_run_out(d.specimens()),
                 free_bytes: store.free_bytes(),
                 budget: room::budget(&d.config, store),

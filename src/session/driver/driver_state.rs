@@ -2,6 +2,7 @@
 //! is published. Nothing here decides what a run does next.
 
 use super::super::handle::{Publisher, Refusal};
+use super::super::preflight::Blurs;
 use super::super::state::{self, HOLDABLE, Machine, Trigger};
 use super::super::worker::RunError;
 use super::super::{State, Status, fault, gate};
@@ -40,8 +41,7 @@ pub(super) struct DriverState {
     /// The rig's newest calibration, as of the last lookup.
     pub(super) speed: DiskSpeed,
     pub(super) calibration: Option<CalibrationStatus>,
-    /// Blur of the newest specimen that was measured since the start, px. `None` before the first.
-    pub(super) blur_px: Option<f64>,
+    pub(super) blurs: Blurs,
     pub(super) run: Option<RunInProgress>,
     /// The newest run once it has ended, or is left to the next start.
     past_run: Option<RunRecord>,
@@ -72,7 +72,7 @@ impl DriverState {
             room: DiskRoom::default(),
             speed: DiskSpeed::of(heartbeat.disk().clone()),
             calibration: None,
-            blur_px: None,
+            blurs: Blurs::default(),
             run: None,
             past_run: None,
             life: Life::Starting,

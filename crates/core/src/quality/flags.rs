@@ -54,7 +54,7 @@ pub(crate) fn flags(facts: &FlagFacts, quality: &Quality) -> Vec<StoredFlag> {
     raise(moved, Flag::Moved);
     raise(quality.is_undecided() && !moved && !facts.is_sphere, Flag::ClosureUndecided);
     raise(!facts.has_closure, Flag::NoClosure);
-    raise(most(facts.looks_dead), Flag::DeadLooking);
+    raise(most(facts.looks_dead) && !facts.is_sphere, Flag::DeadLooking);
     raise(facts.is_nonconvex, Flag::Nonconvex);
     raise(facts.misses_fins, Flag::FinsUnseen);
     raise(facts.vrv.is_none(), Flag::Uncalibrated);
@@ -150,6 +150,7 @@ mod tests {
             assert_eq!(raised(&facts), [flag]);
         }
         assert!(raised(&FlagFacts { looks_dead: &[], ..GOOD }).is_empty(), "nothing is known of them");
+        assert!(raised(&FlagFacts { looks_dead: &[true; 3], is_sphere: true, ..GOOD }).is_empty(), "a bead does not live");
     }
 
     #[test]

@@ -133,6 +133,19 @@ impl Columns {
         Some((self.edges.iter().position(Option::is_some)?, self.edges.iter().rposition(Option::is_some)?))
     }
 
+    /// Intersection over union of the areas between the edges. 1 for two that show nothing.
+    pub(crate) fn iou(&self, other: &Self) -> f64 {
+        let (mut both, mut any) = (0.0, 0.0);
+        for u in 0..self.width().max(other.width()) {
+            let length = |e: Option<ColumnEdges>| e.map_or(0.0, |e| e.lower - e.upper);
+            let (a, b) = (self.get(u), other.get(u));
+            let shared = a.zip(b).map_or(0.0, |(a, b)| (a.lower.min(b.lower) - a.upper.max(b.upper)).max(0.0));
+            both += shared;
+            any += length(a) + length(b) - shared;
+        }
+        if any > 0.0 { both / any } else { 1.0 }
+    }
+
     /// Area covered, px^2.
     pub fn area_px(&self) -> f64 {
         self.edges.iter().flatten().map(|e| e.lower - e.upper - e.gap).sum()
@@ -216,6 +229,15 @@ mod tests {
         assert_eq!(columns.get(6), Some(ColumnEdges { upper: 4.25, lower: 22.5, gap: 9.75 }));
         assert_eq!(columns.extent(), Some((4, 9)));
         assert_eq!(columns.area_px(), 6.0 * 6.0 + 3.0 * 2.5);
+    }
+
+    #[test]
+    fn two_squares_that_share_half_their_height_overlap_by_a_third() {
+        let square =
+            |v: f64| Columns::from_outlines(&[Polygon { vertices: vec![[2.5, v], [12.5, v], [12.5, v + 8.0], [2.5, v + 8.0]] }], 20, 30);
+        assert!((square(4.0).iou(&square(8.0)) - 1.0 / 3.0).abs() < 1e-12);
+        assert_eq!((square(4.0).iou(&square(4.0)), square(4.0).iou(&square(20.0))), (1.0, 0.0));
+        assert_eq!(Columns::from_outlines(&[], 20, 30).iou(&Columns::from_outlines(&[], 20, 30)), 1.0);
     }
 
     #[test]
