@@ -341,7 +341,9 @@ mod tests {
         let (found, what_to_do) = blurs.focus(1.1).unwrap().unwrap_err();
         assert!(found.contains("1.62 px") && what_to_do.contains("moved"), "{found}");
         // Later specimens are as blurred: this is how the rig is now.
-        (0..2 * Blurs::KEPT).for_each(|_| blurs.add(1.62));
+        for _ in 0..2 * Blurs::KEPT {
+            blurs.add(1.62);
+        }
         assert!(blurs.focus(1.1).unwrap().is_ok() && blurs.0.len() == Blurs::KEPT);
     }
 

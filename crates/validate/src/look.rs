@@ -250,9 +250,6 @@ impl Larva {
 }
 
 fn pipeline(camera: &carved_core::geometry::Camera, planned_views: usize) -> anyhow::Result<Pipeline> {
-    pipeline_of(camera, planned_views, false)
-}
-fn pipeline_of(camera: &carved_core::geometry::Camera, planned_views: usize, sphere: bool) -> anyhow::Result<Pipeline> {
     Ok(Pipeline::new(PipelineSettings {
         camera: camera.clone(),
         grid: VoxelGrid::new(BOX_UM, VOXEL_UM)?,
@@ -276,7 +273,9 @@ pub fn run(work: &Work) -> anyhow::Result<Section> {
         let (dpf, seed) = (3 + (i % 3) as u8, work.seed + 120_000 + i);
         let larva = Larva::of(dpf, seed)?;
         let mut errors = EdgeErrors::default();
-        even_stops(21).iter().for_each(|stop| larva.views[stop].add_errors(&mut errors));
+        for stop in even_stops(21) {
+            larva.views[&stop].add_errors(&mut errors);
+        }
         let turns = ASDS.iter().flat_map(|asd| Outlines::ALL.map(|outlines| ((*asd, outlines.name()), larva.measured(*asd, outlines))));
         let turns = turns.map(|(key, turn)| Ok((key, turn?))).collect::<anyhow::Result<BTreeMap<_, _>>>()?;
         Ok((errors, turns))

@@ -48,7 +48,9 @@ pub(super) fn progress(d: &mut DriverState, progress: Progress) {
             d.event(Some(&well), EventData::ViewTaken(view));
         }
         Progress::Measured { well, glb, end, blur_px } => {
-            blur_px.into_iter().for_each(|px| d.blurs.add(px));
+            if let Some(px) = blur_px {
+                d.blurs.add(px);
+            }
             // Unless the pictures show the next specimen by now.
             d.publisher.set_live(|l| {
                 if l.shown.as_ref().is_some_and(|shown| shown.well == well) {

@@ -5,6 +5,7 @@ use super::{FinView, SAME_PX, SharedFins, centre};
 use crate::calibration::Side;
 use crate::geometry::Lookup;
 use crate::profile::{ColumnEdges, Columns};
+use std::collections::BTreeSet;
 use std::f64::consts::PI;
 
 /// An own edge that stands out of the view's own body by more than this is one of a fin, px.
@@ -24,6 +25,12 @@ impl Rows {
         self.0[side as usize][u]
     }
 
+    /// What lies between the rows of a column.
+    fn between(&self, u: usize) -> Option<ColumnEdges> {
+        let (upper, lower) = (self.get(u, Side::Upper)?, self.get(u, Side::Lower)?);
+        Some(ColumnEdges { upper, lower, gap: 0.0 })
+    }
+
     /// Adds a row where it lies further out than what is there.
     fn add(&mut self, u: usize, v: f64, side: Side) {
         let here = &mut self.0[side as usize][u];
@@ -33,19 +40,23 @@ impl Rows {
 
 impl SharedFins {
     /// The edges of a view: of the body, and of the fins where they lie further out. An edge that stands out of the body where there is no
-    /// fin becomes that of the body.
+    /// fin becomes that of the body. Columns beyond the ends that the view shows have edges where they lie between fins.
     pub fn amended(&self, view: &FinView) -> Columns {
         let width = view.turn.columns.width();
         let lookup = view.projection.lookup();
-        let mut fins = Rows::new(width);
-        for fin in &self.fins {
+        let (mut fins, mut outermost, mut curves) = (Rows::new(width), Rows::new(width), vec![BTreeSet::new(); width]);
+        for (number, fin) in self.fins.iter().enumerate() {
             let centre = |x: f64| self.slice(x).map_or([0.0; 2], |slice| centre(&slice.body));
             each_column(&fin.points_um, &lookup, width, &centre, |u, v, middle| {
                 fins.add(u, v, if v < middle { Side::Upper } else { Side::Lower });
+                outermost.add(u, v, Side::Upper);
+                outermost.add(u, v, Side::Lower);
+                curves[u].insert(number);
             });
         }
         let bodies = self.body_of(view, &lookup, width);
-        view.turn.columns.mapped(|u, own| {
+        let beyond = |u: usize| outermost.between(u).filter(|_| curves[u].len() > 1);
+        view.turn.columns.mapped(beyond, |u, own| {
             let row = |side: Side| {
                 let by_all = bodies.get(u, side);
                 let by_itself = view.body.and_then(|columns| columns.get(u)).map(|edges| side.of(edges));

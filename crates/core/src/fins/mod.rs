@@ -162,6 +162,9 @@ fn centre(outline: &Support) -> [f64; 2] {
 const SAME_PX: f64 = 2.5;
 /// Least share of the edges of a slice that must show a body, where bodies are known apart.
 const SHARE_LEAST: f64 = 0.6;
+/// How far beyond the ends that single views show fins are searched, px. The fin around the tail is the faintest, and its tip is further
+/// from the body than that of any other: 10 to 30 px in emulated larvae.
+const BEYOND_PX: usize = 48;
 /// Where the edges of the body are not known apart, those of fins are taken out of them this many times.
 const ROUNDS: usize = 4;
 
@@ -171,6 +174,8 @@ pub(crate) fn find(pose: &Pose, views: &[FinView]) -> SharedFins {
     let Some((first, last)) = extents.iter().map(|e| e.0).min().zip(extents.iter().map(|e| e.1).max()) else {
         return SharedFins::default();
     };
+    let width = views.iter().map(|v| v.turn.columns.width()).max().unwrap_or(0);
+    let (first, last) = (first.saturating_sub(BEYOND_PX), (last + BEYOND_PX).min(width.saturating_sub(1)));
     let px_um = 1.0 / pose.camera().ky;
     let widest = points::widest_gap(directions(&views.iter().map(|v| v.turn.omega).collect::<Vec<_>>()));
     let mut slices: Vec<Slice> = (first..=last).into_par_iter().map(|u| Slice::of(pose.slice(u as f64), pose, views)).collect();
@@ -236,7 +241,7 @@ mod tests {
     use super::*;
     use crate::geometry::Camera;
     use crate::measure::support::{Sections, SupportEstimate};
-    use crate::profile::ColumnEdges;
+    use crate::profile::{ColumnEdges, Polygon};
     use std::f64::consts::{PI, TAU};
 
     const WIDTH: usize = 200;
@@ -260,18 +265,21 @@ mod tests {
         let pose = Pose::new(&camera);
         let projection = camera.projection(omega);
         let body = Columns::from_coverage(WIDTH, HEIGHT, &vec![255; WIDTH * HEIGHT]);
-        body.mapped(|u, _| {
-            let x_um = pose.slice(u as f64);
-            let row = |side: Side| {
-                let theta = if side == Side::Upper { PI } else { 0.0 } - omega;
-                let (sin, cos) = theta.sin_cos();
-                let at = |h: f64| projection.project([x_um, h * cos, h * sin]).unwrap().1;
-                let body = at(BODY_UM);
-                let fin = seen_px.zip(fin_um(x_um)).map(|(px, [y, z])| (px, at(y * cos + z * sin)));
-                fin.filter(|(px, fin)| side.sign() * (fin - body) >= *px).map_or(body, |(_, fin)| fin)
-            };
-            ColumnEdges { upper: row(Side::Upper), lower: row(Side::Lower), gap: 0.0 }
-        })
+        body.mapped(
+            |_| None,
+            |u, _| {
+                let x_um = pose.slice(u as f64);
+                let row = |side: Side| {
+                    let theta = if side == Side::Upper { PI } else { 0.0 } - omega;
+                    let (sin, cos) = theta.sin_cos();
+                    let at = |h: f64| projection.project([x_um, h * cos, h * sin]).unwrap().1;
+                    let body = at(BODY_UM);
+                    let fin = seen_px.zip(fin_um(x_um)).map(|(px, [y, z])| (px, at(y * cos + z * sin)));
+                    fin.filter(|(px, fin)| side.sign() * (fin - body) >= *px).map_or(body, |(_, fin)| fin)
+                };
+                ColumnEdges { upper: row(Side::Upper), lower: row(Side::Lower), gap: 0.0 }
+            },
+        )
     }
 
     /// The columns of all views: as found, without fins, and true.
@@ -338,12 +346,36 @@ mod tests {
         }
     }
 
+    /// A view of which the tail's fin shows nothing beyond column 100 gets it from the fins that all views share. One fin alone is no sheet.
+    #[test]
+    fn beyond_its_end_a_specimen_is_what_lies_between_its_fins() {
+        let (camera, pose) = (camera(), Pose::new(&camera()));
+        let body = Polygon { vertices: vec![[-0.5, 70.0], [99.5, 70.0], [99.5, 90.0], [-0.5, 90.0]] };
+        let columns = Columns::from_outlines(&[body], WIDTH, HEIGHT);
+        let fin = |y_um: f64| Fin { points_um: (80..140).map(|u| [pose.slice(f64::from(u)), y_um, 0.0]).collect(), edges: 20 };
+        let slice = |u: usize| FinSlice {
+            x_um: pose.slice(u as f64),
+            known: if u < 100 { Known::Body } else { Known::NoBody },
+            body: Support { coefficients: vec![30.0, 0.0, 0.0] },
+            points_um: Vec::new(),
+        };
+        let with = |fins: Vec<Fin>| SharedFins { fins, slices: (0..WIDTH).map(slice).collect() };
+        for omega in [0.0, 0.6, PI / 2.0] {
+            let turn = TurnView { columns: &columns, omega, dy_px: 0.0 };
+            let view = FinView { turn, body: Some(&columns), borders: None, projection: camera.projection(omega) };
+            let seen = with(vec![fin(40.0), fin(-40.0)]).amended(&view);
+            let between = seen.get(120).map(|e| e.lower - e.upper).unwrap();
+            assert!((between - 80.0 * camera.ky * omega.cos()).abs() < 0.05, "{omega} rad: {between} px");
+            assert_eq!((seen.get(160), with(vec![fin(40.0)]).amended(&view).get(120)), (None, None), "{omega} rad");
+        }
+    }
+
     /// What only one view shows is no fin: the edge there becomes that of the body.
     #[test]
     fn a_spur_of_one_view_is_dropped() {
         let mut turn = Turn::new(21);
         let spur = |columns: &Columns| {
-            columns.mapped(|u, own| if (10..30).contains(&u) { ColumnEdges { upper: own.upper - 9.0, ..own } } else { own })
+            columns.mapped(|_| None, |u, own| if (10..30).contains(&u) { ColumnEdges { upper: own.upper - 9.0, ..own } } else { own })
         };
         turn.found[5] = spur(&turn.found[5]);
         for knows_body in [true, false] {

@@ -92,10 +92,10 @@ impl Columns {
         Self { edges, height }
     }
 
-    /// The same with other edges, by column, where there are any.
-    pub(crate) fn mapped(&self, edges: impl Fn(usize, ColumnEdges) -> ColumnEdges) -> Self {
-        let edges = self.edges.iter().enumerate().map(|(u, own)| own.map(|own| edges(u, own))).collect();
-        Self { edges, height: self.height }
+    /// The same with other edges, by column, and those of `missing` in the columns that have none.
+    pub(crate) fn mapped(&self, missing: impl Fn(usize) -> Option<ColumnEdges>, edges: impl Fn(usize, ColumnEdges) -> ColumnEdges) -> Self {
+        let of = |(u, own): (usize, &Option<ColumnEdges>)| own.map_or_else(|| missing(u), |own| Some(edges(u, own)));
+        Self { edges: self.edges.iter().enumerate().map(of).collect(), height: self.height }
     }
 
     /// Columns of the image.

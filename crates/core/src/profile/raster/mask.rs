@@ -68,14 +68,14 @@ impl Mask {
     pub(crate) fn with_edges(&self, old: &Columns, new: &Columns) -> Self {
         let mut mask = self.clone();
         for u in 0..self.width {
-            let (Some(old), Some(new)) = (old.get(u), new.get(u)) else { continue };
-            if old == new {
+            let (old, Some(new)) = (old.get(u), new.get(u)) else { continue };
+            if old == Some(new) {
                 continue;
             }
             for v in 0..self.height {
                 let row = v as f64;
                 let within = new.upper <= row && row <= new.lower;
-                let kept = self.get(u, v) || row < old.upper || row > old.lower;
+                let kept = self.get(u, v) || old.is_none_or(|old| row < old.upper || row > old.lower);
                 mask.set(u, v, within && kept);
             }
         }
