@@ -238,7 +238,7 @@ fn borosilicate() -> f64 {
 const VAST_BORE_UM: f64 = 600.0;
 
 impl RawOptics {
-    /// The tube of the capillary. `None` where it turns no ray.
+    /// The tube of the capillary. `None` where it turns no ray, and where a value is out of its range, which is reported elsewhere.
     pub fn glass(&self) -> Option<GlassTube> {
         let bore_radius_um = self.bore_um.unwrap_or(VAST_BORE_UM) / 2.0;
         let tube = GlassTube {
@@ -248,7 +248,9 @@ impl RawOptics {
             glass: self.index_glass,
             outside: self.index_outside,
         };
-        (!tube.is_clear()).then_some(tube)
+        let indices = [self.index_inside, self.index_glass, self.index_outside];
+        let is_tube = bore_radius_um > 0.0 && self.wall_um >= 0.0 && indices.into_iter().all(|index| index >= 1.0);
+        (is_tube && !tube.is_clear()).then_some(tube)
     }
 }
 

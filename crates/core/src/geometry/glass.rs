@@ -40,7 +40,7 @@ impl GlassTube {
     /// bore it is that at the wall.
     pub fn turn(&self, b_um: f64) -> [f64; 2] {
         let reach = self.reach_um();
-        let b = b_um.clamp(-reach, reach);
+        let b = b_um.max(-reach).min(reach);
         let sine = |index: f64, radius: f64| {
             let per_um = self.inside / (index * radius);
             let sine = b * per_um;
@@ -58,7 +58,7 @@ impl GlassTube {
     /// The derivative of [`Self::turn`] by the ratio of the radii, bore over outer face, rad. `eps` is nearly straight in this ratio.
     pub fn turn_by_ratio(&self, b_um: f64) -> f64 {
         let reach = self.reach_um();
-        let b = b_um.clamp(-reach, reach) * self.inside;
+        let b = b_um.max(-reach).min(reach) * self.inside;
         let slope = |index: f64| {
             let sine = b / (index * self.outer_radius_um);
             b / (index * self.bore_radius_um) / (1.0 - sine * sine).sqrt()

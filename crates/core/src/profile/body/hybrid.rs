@@ -7,8 +7,8 @@
 //! ```
 //! The level set is compact and sharp. Dust does not disturb it, but it loses what is transparent. Means over many blocks show
 //! what is transparent, but a speck has as much contrast as a fin. So the specks beside the body are found first and not
-//! averaged. What is faint is added to the body only with evidence that it is a part of it: each block is dark itself, both sides
-//! show, and it is larger than dust. Whatever is fainter still has only its border, which [`super::fringe`] follows.
+//! averaged. What is faint is added to the body only with evidence that it is a part of it: each block is dark itself, and both
+//! sides show. Whatever is fainter still has only its border, which [`super::fringe`] follows.
 
 use super::bubble::{Bubbles, Disc};
 use super::coarse::{Coarse, bent};
@@ -57,7 +57,7 @@ impl Hybrid {
             self.specks.find(coarse, bore, &self.specimen, &mut self.scratch);
             let (body, specks) = (&self.specks.body.set, &self.specks.blocks.set);
             self.faint.find(coarse, |i| coarse.within[i] && !body[i] && !specks[i]);
-            self.add_faint(coarse, bore, bent(settings.faint_sigma as f32));
+            self.add_faint(coarse, bent(settings.faint_sigma as f32));
         }
         self.tidy(coarse, settings);
         self.keep_specimen(coarse, bore, settings);
@@ -82,9 +82,8 @@ impl Hybrid {
     }
 
     /// Adds what is faint and connected to the body: where the mean around a block and the block itself differ from water, as far as both
-    /// sides show. What reaches a wall shows one side only, and the wall's shade or dirt on the glass would look the same. What is no
-    /// larger than a speck is left out too.
-    fn add_faint(&mut self, coarse: &Coarse, bore: &Bore, least: f32) {
+    /// sides show. What reaches a wall shows one side only, and the wall's shade or dirt on the glass would look the same.
+    fn add_faint(&mut self, coarse: &Coarse, least: f32) {
         let (w, within, mean, own) = (coarse.width, &coarse.within, &self.faint.contrast, &coarse.smooth[0]);
         self.added.take(w, within.iter().zip(mean).zip(own).map(|((within, mean), own)| *within && *mean >= least && *own >= OWN * least));
         let (added, body) = (&mut self.added.set, &self.specimen.set);
@@ -92,13 +91,7 @@ impl Hybrid {
         leave_walls(added, within, w);
         self.near.copy(&self.specimen);
         self.near.grow(|i| added[i], &mut self.scratch);
-        added.iter_mut().zip(&self.near.set).for_each(|(added, near)| *added &= near);
-        self.pieces.find(&self.added, &mut self.scratch);
-        let bore_blocks = bore.mean_px / coarse.step as f64;
-        self.specks.mark_small(&self.pieces, w, bore_blocks);
-        for ((set, near), label) in self.specimen.set.iter_mut().zip(&self.near.set).zip(&self.pieces.labels) {
-            *set |= *near && !self.specks.is_marked(*label);
-        }
+        self.specimen.copy(&self.near);
     }
 
     /// Removes the specks that were found from the pixels of the bore's window.
@@ -233,7 +226,7 @@ mod tests {
         hybrid.specks.find(&coarse, &bore, &hybrid.specimen, &mut hybrid.scratch);
         let (body, specks) = (&hybrid.specks.body.set, &hybrid.specks.blocks.set);
         hybrid.faint.find(&coarse, |i| coarse.within[i] && !body[i] && !specks[i]);
-        hybrid.add_faint(&coarse, &bore, 2.0);
+        hybrid.add_faint(&coarse, 2.0);
         let set = hybrid.specimen.set;
         (0..WIDTH * HEIGHT).map(|i| (i % WIDTH, i / WIDTH)).filter(|&(u, v)| set[v * WIDTH + u] && !in_body(u, v)).collect()
     }
@@ -261,13 +254,6 @@ mod tests {
             let at = found.iter().filter(|(u, v)| (15..38).contains(u) && rows.contains(v)).count();
             assert!(at < 30, "{at} of 368 blocks at rows {rows:?}");
         }
-    }
-
-    /// Three specks in a row beside the body are too long for one speck, and no larger than dust.
-    #[test]
-    fn what_is_no_larger_than_dust_is_not_added() {
-        let found = added(patch(8.0, 20..29, 16..19));
-        assert!(found.len() < 4, "{found:?}");
     }
 
     #[test]

@@ -117,21 +117,6 @@ impl Specks {
         }
     }
 
-    /// Marks the pieces that are no larger than a speck.
-    pub fn mark_small(&mut self, pieces: &Pieces, width: usize, bore_blocks: f64) {
-        bounds(pieces, width, &mut self.bounds);
-        self.is_speck.clear();
-        self.is_speck.resize(self.bounds.len(), false);
-        for &(label, size) in &pieces.sizes {
-            self.is_speck[label as usize] = self.bounds[label as usize].is_small(size, bore_blocks);
-        }
-    }
-
-    /// Whether [`Self::mark_small`] marked the piece of this label.
-    pub fn is_marked(&self, label: u32) -> bool {
-        self.is_speck[label as usize]
-    }
-
     /// Replaces the specks' pixels by the median of the pixels around them.
     pub fn remove_from(&mut self, plane: &mut Plane, coarse: &Coarse, scratch: &mut Scratch) {
         let (w, h, step) = (coarse.width, coarse.height, coarse.step);

@@ -138,8 +138,9 @@ impl EdgeFinder {
         self.seen_as = (sigma, kind);
         let width = darkness.width;
         let of = |range: &std::ops::Range<usize>| {
-            let mut points = Vec::with_capacity(range.len());
-            (self.place(range.clone(), width, limits, settings, &mut points), points)
+            let (mut vertices, mut points) = (Vec::with_capacity(range.len()), Vec::with_capacity(range.len()));
+            self.place(range.clone(), width, limits, settings, &mut vertices, &mut points);
+            (Polygon { vertices }, points)
         };
         let (edge, points) = along.ranges.iter().map(of).unzip();
         self.along = along;
@@ -156,9 +157,8 @@ impl EdgeFinder {
         placed.clear();
         for range in &outlines.ranges {
             points.clear();
-            let edge = self.place(range.clone(), darkness.width, limits, settings, &mut points);
             let first = placed.points.len();
-            placed.points.extend(edge.vertices);
+            self.place(range.clone(), darkness.width, limits, settings, &mut placed.points, &mut points);
             placed.ranges.push(first..placed.points.len());
         }
         outline::smoothed(&placed, settings.outline_smoothing_px / STEP_PX, STEP_PX, &mut self.smoother, &mut along);
@@ -173,7 +173,9 @@ impl EdgeFinder {
         let (along, mut points) = (std::mem::take(&mut self.along), std::mem::take(&mut self.points));
         let of = |range: &std::ops::Range<usize>| {
             points.clear();
-            self.place(range.clone(), darkness.width, limits, settings, &mut points)
+            let mut vertices = Vec::with_capacity(range.len());
+            self.place(range.clone(), darkness.width, limits, settings, &mut vertices, &mut points);
+            Polygon { vertices }
         };
         let edge = along.ranges.iter().map(of).collect();
         (self.along, self.points) = (along, points);
@@ -288,8 +290,9 @@ impl EdgeFinder {
         width: usize,
         limits: &Limits,
         settings: &EdgeSettings,
+        vertices: &mut Vec<[f64; 2]>,
         points: &mut Vec<EdgePoint>,
-    ) -> Polygon {
+    ) {
         let last_u = (width - 1) as f64;
         let (sigma, kind) = self.seen_as;
         let model = self.models.get(sigma, kind);
@@ -319,7 +322,7 @@ impl EdgeFinder {
             });
             [u, free.max(least).min(most)]
         });
-        Polygon { vertices: moved.collect() }
+        vertices.extend(moved);
     }
 }
 
