@@ -55,12 +55,11 @@ class Results:
 
         return frame_of_csv(self._transport.request("GET", "/v1/table.csv", params={"runs": ",".join(run_ids)}).text)
 
-    def statistics(
-        self, run_id: str, *, flagged: Literal["sound", "included", "excluded"] = "sound"
-    ) -> dict[str, Any]:
+    def statistics(self, run_id: str, *, flagged: Literal["sound", "included", "excluded"] = "sound") -> dict[str, Any]:
         """Groups, Z' and dose-response curves of a run, by quantity: `docs/statistics.md`.
 
-        `flagged` says which specimens with flags count: those whose number is neither a bound nor doubtful, all, or none.
+        `flagged` says which specimens with flags count: `sound` those whose number is no bound and not doubtful, `included`
+        all, `excluded` none.
         """
         return self._kept(f"{_path(run_id)}/statistics", {"flagged": flagged})
 
