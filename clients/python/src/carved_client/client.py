@@ -181,8 +181,8 @@ class CarvedClient(Results):
     ) -> PlateMap:
         """Reads a plate map in a lab's own format. `ProblemError.problem.errors` lists every mistake with its line.
 
-        `plate` names one of several plates of a MIHCSME file. `plate_format` is the number of wells of the plate: a well that is not on it
-        is a mistake.
+        `plate` names one of several plates of a MIHCSME file. `plate_format` is the number of wells of the plate: a
+        well that is not on it is a mistake.
         """
         chosen = {"plate": plate, "plate_format": plate_format}
         body = self._json(

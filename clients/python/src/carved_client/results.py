@@ -58,8 +58,8 @@ class Results:
     def statistics(self, run_id: str, *, flagged: Literal["sound", "included", "excluded"] = "sound") -> dict[str, Any]:
         """Groups, Z' and dose-response curves of a run, by quantity: `docs/statistics.md`.
 
-        `flagged` says which specimens with flags count: `sound` those whose number is no bound and not doubtful, `included`
-        all, `excluded` none.
+        `flagged` says which specimens with flags count: `sound` those whose number is no bound and not doubtful,
+        `included` all, `excluded` none.
         """
         return self._kept(f"{_path(run_id)}/statistics", {"flagged": flagged})
 
