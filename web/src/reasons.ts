@@ -13,6 +13,11 @@ const REASONS: Record<string, string> = {
   two: "two larvae",
 };
 
+/** Whether a number with these flags is a bound: part of the specimen was not measured. */
+export function isBoundBy(flags: readonly string[]): boolean {
+  return flags.some((flag) => FLAGS[flag]?.isBound === true);
+}
+
 /** What a flag means, and what to do. A run of another version may have a flag that this page does not know. */
 export function flagWords(flag: string): string {
   const entry = FLAGS[flag];

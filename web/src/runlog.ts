@@ -5,8 +5,7 @@ import { element, setText, show } from "./dom.ts";
 import { capitalised, counted, moment, duration, nanolitres, words } from "./format.ts";
 import { Latest } from "./latest.ts";
 import { OUTCOMES, PHASES } from "./plain.ts";
-import { FLAGS } from "./flags.ts";
-import { flagWords, reasonWords } from "./reasons.ts";
+import { flagWords, isBoundBy, reasonWords } from "./reasons.ts";
 import { runKey } from "./stored.ts";
 import type { Phase, RunEvent, RunOutcome, RunStatus, SpecimenOutcome } from "./status.ts";
 
@@ -115,9 +114,10 @@ function done(data: Data, well: string): Entry {
   const flags = Array.isArray(data["flags"]) ? (data["flags"] as string[]) : [];
   if (typeof volume === "number") {
     const sd = data["volume_sd_um3"];
-    const isBound = flags.some((flag) => FLAGS[flag]?.isBound === true);
     said.push(
-      isBound ? `, at least ${nanolitres(volume)}` : `, ${nanolitres(volume, typeof sd === "number" ? sd : null)}`,
+      isBoundBy(flags)
+        ? `, at least ${nanolitres(volume)}`
+        : `, ${nanolitres(volume, typeof sd === "number" ? sd : null)}`,
     );
   }
   if (typeof data["reason"] === "string") said.push(`: ${reasonWords(data["reason"]).replace(/\.$/, "")}`);

@@ -1,8 +1,7 @@
 // The position of a well on its plate, and its condition.
 
 import { capitalised, counted } from "./format.ts";
-import { FLAGS } from "./flags.ts";
-import { reasonWords } from "./reasons.ts";
+import { isBoundBy, reasonWords } from "./reasons.ts";
 import type { PlannedWell, SpecimenStatus, WellStatus } from "./status.ts";
 import { treatmentWords } from "./treatment.ts";
 
@@ -119,7 +118,7 @@ function isBefore(well: string, other: string | undefined, wells: readonly WellS
 
 /** Whether the true volume and area are larger than the numbers: part of the specimen was not measured. */
 export function isBound(well: WellStatus): boolean {
-  return well.flags.some((flag) => FLAGS[flag]?.isBound === true);
+  return isBoundBy(well.flags);
 }
 
 /** `larva, 3 dpf`, `bead`. */

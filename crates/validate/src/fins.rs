@@ -3,24 +3,17 @@
 use super::document::{Goal, Section, table};
 use super::effort::Work;
 use super::statistics::{Summary, share_within, student};
-use super::turn::{CAPTURED, even_plan, even_stops, off};
+use super::turn::{CAPTURED, even_plan, even_stops, off, pipeline};
 use crate::camera::camera;
 use carved_core::flag::Flag;
 use carved_core::frame::{PixelFormat, RawFrame};
-use carved_core::geometry::{BoxUm, VoxelGrid};
-use carved_core::pipeline::{Pipeline, PipelineSettings, SegmentedFrame};
-use carved_core::profile::SegmentSettings;
-use carved_core::quality::QualitySettings;
-use carved_core::reconstruction::ReconstructionSettings;
+use carved_core::pipeline::SegmentedFrame;
 use hardware_sim::scene::{Exposure, Larva, Look, Placement, REAL_NOISE, Scene, SceneSettings};
 
 /// Views of the turns that are measured: even subsets of the captured ones.
 const ASDS: [usize; 3] = [12, 21, CAPTURED];
 /// Rows of the sensor: the bore and what is beside it.
 const ROWS: u32 = 256;
-/// The volume by support functions does not depend on the voxels, which are coarse to save time.
-const VOXEL_UM: f64 = 20.0;
-const BOX_UM: BoxUm = BoxUm { min: [-2800.0, -350.0, -350.0], max: [2800.0, 350.0, 350.0] };
 
 /// A kind of larvae and frames.
 struct Set {
@@ -85,20 +78,7 @@ fn measured(set: &Set, dpf: u8, seed: u64) -> anyhow::Result<Vec<Measured>> {
     let camera = camera(&settings.camera);
     let scene = Scene::new(settings);
     scene.load(specimen)?;
-    let pipeline = |planned_views: usize| {
-        Pipeline::new(PipelineSettings {
-            camera: camera.clone(),
-            grid: VoxelGrid::new(BOX_UM, VOXEL_UM)?,
-            planned_views: planned_views as u32,
-            segment: SegmentSettings::default(),
-            empty_capillary: None,
-            reconstruction: ReconstructionSettings::default(),
-            quality: QualitySettings::default(),
-            sphere: false,
-        })
-        .map_err(anyhow::Error::from)
-    };
-    let all = pipeline(CAPTURED)?;
+    let all = pipeline(&camera, CAPTURED)?;
     let ledger = even_plan(CAPTURED);
     let frames = ledger.iter().enumerate().map(|(view, &angle_rad)| {
         let rgb = scene.render(&Exposure { angle_rad, number: view as u64 });
@@ -106,7 +86,7 @@ fn measured(set: &Set, dpf: u8, seed: u64) -> anyhow::Result<Vec<Measured>> {
     });
     let frames: Vec<SegmentedFrame> = frames.collect::<anyhow::Result<_>>()?;
     let of = |asd: usize| {
-        let mut pipeline = pipeline(asd)?;
+        let mut pipeline = pipeline(&camera, asd)?;
         for (view, stop) in even_stops(asd).into_iter().enumerate() {
             pipeline.observe(view as u32, ledger[stop], &frames[stop])?;
         }

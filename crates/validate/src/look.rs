@@ -8,15 +8,12 @@
 use super::document::{Goal, Section, table};
 use super::effort::Work;
 use super::statistics::{Summary, share_within, student};
-use super::turn::{CAPTURED, even_plan, even_stops, off};
+use super::turn::{CAPTURED, even_plan, even_stops, off, pipeline};
 use crate::camera::camera;
 use carved_core::flag::StoredFlag;
 use carved_core::frame::{PixelFormat, RawFrame};
-use carved_core::geometry::{BoxUm, VoxelGrid};
-use carved_core::pipeline::{Pipeline, PipelineSettings, SegmentedFrame};
-use carved_core::profile::{ColumnEdges, Columns, Mask, Polygon, Profile, SegmentSettings};
-use carved_core::quality::QualitySettings;
-use carved_core::reconstruction::ReconstructionSettings;
+use carved_core::pipeline::SegmentedFrame;
+use carved_core::profile::{ColumnEdges, Columns, Mask, Polygon, Profile};
 use hardware_sim::scene::{Camera, Exposure, Outline, Scene, SceneSettings, Specimen};
 use std::collections::BTreeMap;
 
@@ -24,9 +21,6 @@ use std::collections::BTreeMap;
 const ASDS: [usize; 4] = [4, 7, 12, 21];
 /// Rows of the sensor: the bore and what is beside it.
 const ROWS: u32 = 256;
-/// The volume by support functions does not depend on the voxels, which are coarse to save time.
-const VOXEL_UM: f64 = 20.0;
-const BOX_UM: BoxUm = BoxUm { min: [-2800.0, -350.0, -350.0], max: [2800.0, 350.0, 350.0] };
 
 /// The outlines that are measured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -247,19 +241,6 @@ impl Larva {
             flags: record.flags,
         })
     }
-}
-
-fn pipeline(camera: &carved_core::geometry::Camera, planned_views: usize) -> anyhow::Result<Pipeline> {
-    Ok(Pipeline::new(PipelineSettings {
-        camera: camera.clone(),
-        grid: VoxelGrid::new(BOX_UM, VOXEL_UM)?,
-        planned_views: planned_views as u32,
-        segment: SegmentSettings::default(),
-        empty_capillary: None,
-        reconstruction: ReconstructionSettings::default(),
-        quality: QualitySettings::default(),
-        sphere: false,
-    })?)
 }
 
 pub fn run(work: &Work) -> anyhow::Result<Section> {

@@ -11,9 +11,10 @@ use carved_core::carver::{Carver, Leaves};
 use carved_core::geometry::{BoxUm, Camera, Projection, VoxelGrid};
 use carved_core::measure::support::{Sections, SupportEstimate, calibration_sd};
 use carved_core::measure::{self, Spread, fit_sphere};
-use carved_core::profile::{Columns, Mask, Polygon};
-use carved_core::quality::Estimate;
-use carved_core::reconstruction::{SurfaceSettings, is_seen_around};
+use carved_core::pipeline::{Pipeline, PipelineSettings};
+use carved_core::profile::{Columns, Mask, Polygon, SegmentSettings};
+use carved_core::quality::{Estimate, QualitySettings};
+use carved_core::reconstruction::{ReconstructionSettings, SurfaceSettings, is_seen_around};
 use carved_core::surface::{self, Fairing, Occupancy};
 use hardware_sim::analytic::{self, Disturbance, Phantom};
 use hardware_sim::scene::{self, Truth};
@@ -210,6 +211,22 @@ pub fn calibrated_views<'a>(turn: &Turn, masks: &'a [Mask], stops: &[usize], fou
         .filter(|(at, _)| found.views[*at].bad.is_none())
         .map(|(at, &stop)| (&masks[stop], found.projection(at, turn.ledger[stop])))
         .collect()
+}
+
+/// The pipeline of the instrument, for turns of one camera that are rendered. The volume by support functions does not depend on the voxels,
+/// which are coarse to save time.
+pub fn pipeline(camera: &Camera, planned_views: usize) -> anyhow::Result<Pipeline> {
+    let bounds = BoxUm { min: [-2800.0, -350.0, -350.0], max: [2800.0, 350.0, 350.0] };
+    Ok(Pipeline::new(PipelineSettings {
+        camera: camera.clone(),
+        grid: VoxelGrid::new(bounds, 20.0)?,
+        planned_views: planned_views as u32,
+        segment: SegmentSettings::default(),
+        empty_capillary: None,
+        reconstruction: ReconstructionSettings::default(),
+        quality: QualitySettings::default(),
+        sphere: false,
+    })?)
 }
 
 /// The paper's box at a sampling density.

@@ -31,8 +31,10 @@ mod wording;
 
 use super::signals::{INTERRUPTED, Signals};
 #[cfg(feature = "simulate")]
-use crate::cli::simulate::controller::Make;
+use crate::cli::simulate::controller::{Make, hasten};
 use anyhow::Context;
+#[cfg(feature = "simulate")]
+use carved_devices::rotation::RotationDriver;
 use carved_store::durable;
 use dialogue::Person;
 use machine::Machine;
@@ -112,7 +114,9 @@ impl Work {
             let Emulation { simulate, controller, time_scale } = &args.emulation;
             let started = simulate.then(|| emulated::EmulatedRig::start(*controller, *time_scale)).transpose()?;
             if let Some(started) = &started {
-                bench.emulate(rig::Emulated { port: started.port(), camera: started.camera(), time_scale: *time_scale });
+                let time_scale = *time_scale;
+                let hasten = Box::new(move |rotation: &mut RotationDriver| hasten(rotation, time_scale));
+                bench.emulate(rig::Emulated { port: started.port(), camera: started.camera(), hasten });
                 started.follow(machine.state())?;
             }
             started

@@ -17,7 +17,7 @@ use carved_core::units::StepsPerRevolution;
 use carved_devices::acquisition::{Next, RevolutionPlan, revolve};
 use carved_devices::cancel::CancelToken;
 use carved_devices::outputs::{views_off, views_on};
-use carved_devices::rotation::{Port, entry, identify, protocols, serial_ports};
+use carved_devices::rotation::{Port, RotationDriver, entry, identify, protocols, serial_ports};
 use carved_devices::{Rig, RotationAxis, StopHandle, camera};
 use carved_records::{LedgerEntry, Method, ViewOrder};
 use carved_store::{durable, frames};
@@ -91,8 +91,8 @@ pub type Show = Option<Box<dyn Fn(Shown) + Send>>;
 pub struct Emulated {
     pub port: Listed,
     pub camera: Listed,
-    /// Speed-up over real time.
-    pub time_scale: f64,
+    /// What the driver must permit at the speed of the rig.
+    pub hasten: Box<dyn Fn(&mut RotationDriver) + Send>,
 }
 
 /// Time for a rendered picture, ms: on a busy machine it takes seconds.
@@ -134,8 +134,7 @@ impl RealBench {
                 camera.frame_timeout_ms = RENDERED_MS;
             }
             config.acquisition.grab_deadline_ms = 3 * RENDERED_MS;
-            #[cfg(feature = "simulate")]
-            crate::cli::simulate::controller::hasten(&mut config.rotation, rig.time_scale);
+            (rig.hasten)(&mut config.rotation);
         }
         Ok(config)
     }

@@ -89,9 +89,7 @@ impl Hybrid {
         let (added, body) = (&mut self.added.set, &self.specimen.set);
         added.iter_mut().zip(body).for_each(|(added, body)| *added &= !body);
         leave_walls(added, within, w);
-        self.near.copy(&self.specimen);
-        self.near.grow(|i| added[i], &mut self.scratch);
-        self.specimen.copy(&self.near);
+        self.specimen.grow(|i| added[i], &mut self.scratch);
     }
 
     /// Removes the specks that were found from the pixels of the bore's window.

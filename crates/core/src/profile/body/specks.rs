@@ -66,11 +66,6 @@ impl Bounds {
         (self.right - self.left).max(self.bottom - self.top) + 1
     }
 
-    /// Whether a piece of so many blocks is no larger than a speck.
-    fn is_small(&self, size: usize, bore_blocks: f64) -> bool {
-        size as f64 <= MOST_BORE2 * bore_blocks * bore_blocks && self.extent() as f64 <= MOST_BORE * bore_blocks
-    }
-
     /// The rows and columns from `reach` before to `reach` beyond the bounds, in a map of that size.
     fn wider(&self, reach: usize, width: usize, height: usize) -> (std::ops::Range<usize>, std::ops::Range<usize>) {
         let span = |from: usize, to: usize, end: usize| from.saturating_sub(reach)..(to + reach + 1).min(end);
@@ -98,7 +93,7 @@ impl Specks {
             let own = self.bounds[label as usize];
             let (extent, area) = (own.extent() as f64, size as f64);
             let compact = own.extent() <= SMALL || area >= COMPACT * extent * extent;
-            if !own.is_small(size, bore_blocks) || !compact {
+            if area > MOST_BORE2 * bore_blocks * bore_blocks || extent > MOST_BORE * bore_blocks || !compact {
                 continue;
             }
             let (rows, columns) = own.wider(RING, w, h);
