@@ -152,7 +152,7 @@ pub(super) fn abort(d: &mut DriverState) {
 
 /// Continues a held run, once the causes of the hold are over.
 pub(super) fn unhold(d: &mut DriverState, by: ResumedBy) -> Result<(), Refusal> {
-    d.nothing_check_faults()?;
+    d.check_faults()?;
     let Some(run) = &mut d.run else { return Ok(()) };
     if d.devices.at_rest().is_none() {
         return Err(Refusal::Busy);
@@ -173,7 +173,7 @@ pub(super) fn proceed(d: &mut DriverState) {
     let must_leave_first = d.must_leave_first().is_some();
     if must_leave_first && d.loader.fills_capillary() {
         d.transition(Trigger::WaitForLoader);
-    } else if d.devices.at_rest().is_none() || d.nothing_check_faults().is_err() || d.waits_for_operator() {
+    } else if d.devices.at_rest().is_none() || d.check_faults().is_err() || d.waits_for_operator() {
         // A device was lost, or a fault was found, while the run waited for the loader. Nothing moves before somebody continues the run,
         // or before the cause is over.
         rest(d, true);

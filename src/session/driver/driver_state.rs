@@ -161,7 +161,7 @@ impl DriverState {
         self.publish(|s| show_left(s, self.specimens(), views_planned));
     }
 
-    pub fn nothing_check_faults(&self) -> Result<(), Refusal> {
+    pub fn check_faults(&self) -> Result<(), Refusal> {
         faults::check_faults(&self.state().faults, self.devices.lost())
     }
 

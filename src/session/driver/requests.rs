@@ -96,7 +96,7 @@ fn put_run(d: &mut DriverState, id: &str, plan: RunPlan) -> Result<Accepted, Ref
     plan.check(&d.config.methods).map_err(Refusal::InvalidPlan)?;
     gate::refuses(&d.config, d.mode, &plan).map_or(Ok(()), |mistake| Err(Refusal::InvalidPlan(vec![mistake])))?;
     commands::check_startable(d.run.is_some(), d.machine())?;
-    d.nothing_check_faults()?;
+    d.check_faults()?;
     if let Some(left) = d.loader.keeps_run_out(d.specimens()) {
         return Err(capillary_full(d.newest_run().map(|newest| newest.id.as_str()), left));
     }

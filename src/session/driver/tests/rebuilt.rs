@@ -73,7 +73,7 @@ pub fn follows_from_the_state(b: &Bench, when: &str) {
     assert_eq!(b.status().plate.bring, None, "the worker has not asked for a specimen yet, {when}");
 
     // It waits for a person, or because its cause has come back too often.
-    let needs_a_person = known.is_held_by_operator() || known.waits_for_operator() || b.d.nothing_check_faults().is_err();
+    let needs_a_person = known.is_held_by_operator() || known.waits_for_operator() || b.d.check_faults().is_err();
     let status = b.status();
     if status.state == State::Held {
         assert!(needs_a_person || !resume::is_automatic(run, Some(known)), "nothing holds it, {when}");

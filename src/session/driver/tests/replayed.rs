@@ -322,7 +322,7 @@ fn check(sampling: Sampling, steps: &[Step]) {
                 Step::DiskFails(_) | Step::DiskHasRoom if is_dying => {}
                 _ => takes(&mut b, &axis_answers, step).await,
             }
-            let may_work = b.d.nothing_check_faults().is_ok() && !b.d.waits_for_operator();
+            let may_work = b.d.check_faults().is_ok() && !b.d.waits_for_operator();
             assert!(worked || !b.works() || may_work, "work begins under a fault, {when}");
             let dies = is_dying && disk_trace::was_full();
             if dies || matches!(step, Step::Crash | Step::ShutDown(_)) {

@@ -31,7 +31,7 @@ fn names_a_way_on(b: &Bench) -> Result<(), String> {
             Some(NextCommand::Acknowledge) if hold.fault_seq.is_none_or(|seq| open(seq).is_none() || ends_by_itself(seq)) => {
                 return Err("the fault to acknowledge does not end with that".into());
             }
-            Some(NextCommand::Unhold) if b.d.nothing_check_faults().is_err() => return Err("unhold would be refused".into()),
+            Some(NextCommand::Unhold) if b.d.check_faults().is_err() => return Err("unhold would be refused".into()),
             None if !goes_on && !status.faults.iter().any(|fault| fault.ends_by_itself) => {
                 return Err("it waits for a command and does not name it".into());
             }
