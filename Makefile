@@ -1,7 +1,7 @@
 # `make run` shows the instrument at work on its emulated rig; `make help` lists the rest.
 
 .DEFAULT_GOAL := help
-.PHONY: help build run test test-rust test-page test-python test-module test-qa test-service test-features test-slurm qa fuzz tutorial lint bench deb
+.PHONY: help build run test test-doc test-page test-python test-module test-qa test-service test-features test-slurm qa fuzz tutorial lint bench deb
 .PHONY: deb-test offline offline-test wheel web contract deny deps-build deps-web deps-python deps-test deps-slurm deps-bench deps-package
 .PHONY: deps-machine
 
@@ -28,16 +28,13 @@ build: deps-build $(PAGE) ## the daemon, release, with the operator's page insid
 run: build ## build, then the emulated rig with its demo plate (ARGS="..." goes to carved simulate)
 	$(TARGET_DIR)/release/carved simulate --frames $(FRAMES) $(ARGS)
 
-# Most integration tests wait for a daemon or for a motor that moves in real time: three at a time per core keep the cores busy.
-test: export RUST_TEST_THREADS ?= $(shell expr 3 '*' $$(nproc))
-
-# The daemon that the page, the Python client and the rows of reliability are tested against is the one that `cargo test` has built for the
-# integration tests, so that nothing is compiled twice.
+# The daemon that the page, the Python client and the rows of reliability are tested against is the one that is built for the integration
+# tests, so that nothing is compiled twice.
 test: deps-build deps-test deps-python $(PAGE) ## unit, integration and doc tests; the page's in headless Chromium; the Python client's and module's; short rows of reliability; the unit file
-	$(MAKE) --no-print-directory --keep-going test-rust test-page test-python test-module test-qa test-service
+	CARGO="$(CARGO)" scripts/test
 
-test-rust:
-	$(CARGO) test --workspace --locked --no-fail-fast
+test-doc:
+	$(CARGO) test --workspace --doc --locked
 
 test-page test-python test-module test-qa test-service: export CARVED_BIN = $(abspath $(TARGET_DIR))/debug/carved
 
