@@ -1,10 +1,10 @@
 """Compares the types of the package with `docs/openapi.json`, the contract that the daemon serves.
 
-    class of an answer       each field is in the schema; the class accepts every value that the schema allows
-    class of a request       as above, and each property of the schema is a field; a required one has no default
+    class of an answer       each property of the schema is a field, which accepts every value that the schema allows
+    class of a request       as above; a required property has no default
     Literal                  the same values as the schema's enum
 
-An answer may have more properties than its class: the client ignores them.
+An answer of a newer daemon may have more properties than its class: the client ignores them.
 """
 
 from __future__ import annotations
@@ -53,6 +53,9 @@ class Contract:
         if schema is None:
             yield f"{name} is not in the contract"
             return
+        if schema_name is None:
+            for missing in sorted(set(schema["properties"]) - {field.name for field, _ in _fields(cls)}):
+                yield f"{cls.__name__} has no {missing}: {schema['properties'][missing]}"
         for field, hint in _fields(cls):
             at = f"{cls.__name__}.{field.name} of {name}"
             has_default = _has_default(field)

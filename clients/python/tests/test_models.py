@@ -76,6 +76,10 @@ def _field_renamed(schemas: Schemas) -> None:
     schemas["Plate"]["properties"]["at_place"] = schemas["Plate"]["properties"].pop("present")
 
 
+def _new_field(schemas: Schemas) -> None:
+    schemas["WellStatus"]["properties"]["length_um"] = {"type": ["number", "null"]}
+
+
 def _becomes_nullable(schemas: Schemas) -> None:
     schemas["RunStatus"]["properties"]["started"]["type"] = ["string", "null"]
 
@@ -104,7 +108,7 @@ def _plan_demands_more(schemas: Schemas) -> None:
 CHANGES = [
     *(_type, _item_type, _integer_becomes_fraction, _new_state, _state_removed, _enum_renamed, _text_becomes_enum),
     *(_field_renamed, _becomes_nullable, _reference_becomes_nullable, _is_never_null_any_more, _may_be_missing),
-    *(_plan_has_another_field, _plan_demands_more),
+    *(_new_field, _plan_has_another_field, _plan_demands_more),
 ]
 
 

@@ -56,6 +56,8 @@ class Problem:
     accepted_in: tuple[State, ...] = ()
     run: str | None = None
     lease: LeaseStatus | None = None
+    #: `urn:carved:problem:` and the code.
+    type: str = ""
 
 
 class ProblemError(CarvedError):

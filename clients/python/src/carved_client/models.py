@@ -117,6 +117,32 @@ class Eta:
 
 
 @dataclass(frozen=True)
+class PlaceStatus:
+    """The comparison of one number with the reference larvae of its age; the fields are None if there are none."""
+
+    #: The comparison in plain words, or why there is none.
+    words: str
+    #: What the larvae of the group have in common.
+    group: str | None
+    #: Number of larvae in the group.
+    n: int | None
+    #: Share of the group's larvae that are smaller, in percent.
+    percentile: float | None
+    #: Standard deviations above the mean of the group.
+    z: float | None
+    #: Differences and unknown conditions between the measurement and the group.
+    mismatches: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class ReferenceStatus:
+    """The comparison of a larva with reference larvae."""
+
+    volume: PlaceStatus
+    area: PlaceStatus
+
+
+@dataclass(frozen=True)
 class WellStatus:
     """One well of the run, with its result so far."""
 
@@ -131,6 +157,19 @@ class WellStatus:
     area_um2: float | None = None
     area_sd_um2: float | None = None
     diameter_um: float | None = None
+    #: `support` (slices of the outlines) or `voxel` (as in the paper).
+    estimator: str | None = None
+    #: Volume and area of the surface that the page shows.
+    field_volume_um3: float | None = None
+    field_area_um2: float | None = None
+    #: How far the edges of the median view lie from those of the calibrated model.
+    residual_px: float | None = None
+    #: Views that count, and views by the method.
+    views: int | None = None
+    views_planned: int | None = None
+    #: Fluorescence in the second camera per volume: grey levels times px per nl.
+    signal_per_nl: float | None = None
+    reference: ReferenceStatus | None = None
 
 
 @dataclass(frozen=True)
@@ -197,6 +236,42 @@ class SpecimenStatus:
     volume_wait: VolumeWait | None = None
     #: Every `volume_um3` of this turn, the oldest first.
     estimates: tuple[VolumeEstimate, ...] = ()
+    #: Volume of the live hull after each view, the oldest first: of few views too large, and no estimate.
+    hull_volumes_um3: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class GateStatus:
+    """The newest bead gate of the rig."""
+
+    id: str
+    #: `passed`, `no_history` (passed, with too few earlier gates to detect a change), `failed` or `too_few_beads`.
+    verdict: str
+    #: True if it passed and has not expired.
+    stands: bool
+    #: For the operator, with the next action.
+    summary: str
+    #: All results, with what to do.
+    words: tuple[str, ...]
+    #: Time of the recording of its last bead, and the age at which it expires.
+    measured: str
+    max_age_s: float
+
+
+@dataclass(frozen=True)
+class CalibrationStatus:
+    """The newest calibration of the rig."""
+
+    id: str
+    #: `beads` or `scale`; `gate` if the rig has no calibration and only a bead gate.
+    kind: str
+    valid: bool
+    measured: str
+    age_s: float
+    max_age_s: float
+    #: Deviation of the mean diameter of the beads from the nominal one; None for a scale.
+    bead_bias_percent: float | None
+    gate: GateStatus | None
 
 
 @dataclass(frozen=True)
@@ -224,6 +299,8 @@ class Status:
     instrument: InstrumentIdentity = InstrumentIdentity()
     #: None if the configuration names no receiver.
     notices: NoticesStatus | None = None
+    #: None if the rig has neither a calibration nor a bead gate.
+    calibration: CalibrationStatus | None = None
 
     def run_named(self, run_id: str) -> RunStatus | None:
         """The run, if the status shows it."""
