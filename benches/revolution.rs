@@ -133,7 +133,7 @@ fn open(driver: &RotationDriver, emulated: &Rig) -> anyhow::Result<Box<dyn Rotat
             settings.port = port;
             Box::new(Zaber::open(settings)?)
         }
-        RotationDriver::VastBridge(_) | RotationDriver::Relay(_) | RotationDriver::Folder(_) => {
+        _ => {
             anyhow::bail!("a stock VAST has a pace of its own")
         }
     })
@@ -154,7 +154,7 @@ fn trapezoid_ms(driver: &RotationDriver, steps: i64) -> f64 {
         RotationDriver::Zaber(settings) => {
             MotionProfile::trapezoid(way, f64::from(settings.maxspeed) / 1.6384, f64::from(settings.accel) * 1e4 / 1.6384)
         }
-        RotationDriver::VastBridge(_) | RotationDriver::Relay(_) | RotationDriver::Folder(_) => return 0.0,
+        _ => return 0.0,
     };
     profile.duration_s() * 1e3
 }

@@ -40,6 +40,8 @@ mod simulate;
 mod stored;
 mod switch;
 mod systemd;
+#[cfg(test)]
+mod toy_controller;
 
 use carved_store::Software;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};

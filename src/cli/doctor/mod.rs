@@ -81,7 +81,7 @@ pub fn heading(port: &SerialPortInfo) -> String {
 }
 
 /// Text and lines of configuration about the device on a port.
-fn answer(port: &SerialPortInfo, baud: u32) -> String {
+pub fn answer(port: &SerialPortInfo, baud: u32) -> String {
     let holders = holders::of(&port.port_name);
     if !holders.is_empty() {
         return format!("held by {}: not asked. End that program to have the port looked at", holders.join(", "));

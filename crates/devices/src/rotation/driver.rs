@@ -16,9 +16,10 @@ use crate::{DeviceError, RotationAxis};
 use carved_core::range::{OutOfRange, outside_in};
 use carved_core::units::StepsPerRevolution;
 use serde::Deserialize;
+use serde::de::{self, EnumAccess, VariantAccess, Visitor};
 
 /// The settings of a controller.
-pub trait Driver {
+pub trait Driver: std::fmt::Debug + Send + Sync {
     /// Every number that is out of its range.
     fn out_of_range(&self) -> Vec<OutOfRange>;
     /// Checks the settings on a rig with these motor steps.
@@ -46,6 +47,7 @@ pub trait Driver {
 }
 
 /// What a make of controller states of itself, in its own folder.
+#[derive(Debug)]
 pub struct Entry {
     /// The value of `driver` in `[rotation]`.
     pub name: &'static str,
@@ -60,6 +62,7 @@ pub struct Entry {
 }
 
 /// A shipped configuration.
+#[derive(Debug)]
 pub struct Example {
     /// Name of the file.
     pub file: &'static str,
@@ -68,13 +71,16 @@ pub struct Example {
 }
 
 /// How a controller is found on a serial port.
+#[derive(Debug)]
 pub struct Serial {
     /// Name of the protocol, for a person.
     pub protocol: &'static str,
-    pub(super) identify: fn(&mut Wire) -> Result<Option<Answer>, DeviceError>,
+    /// Asks whether this controller is there. `None` if something else answers, or nothing.
+    pub identify: fn(&mut Wire) -> Result<Option<Answer>, DeviceError>,
 }
 
 /// What `carved setup` asks about a controller.
+#[derive(Debug)]
 pub struct Setup {
     /// It can search a home switch, or take its position at the start as step 0.
     pub can_home: bool,
@@ -84,9 +90,17 @@ pub struct Setup {
     pub lights: &'static [(&'static str, &'static str)],
 }
 
+/// Every driver, in the order in which a serial port is asked for them. A driver that a test has added is asked for last.
+pub fn drivers() -> impl Iterator<Item = &'static Entry> {
+    let drivers = DRIVERS.iter().copied();
+    #[cfg(any(test, feature = "testing"))]
+    let drivers = drivers.chain(super::added::entries());
+    drivers
+}
+
 /// The entry of a driver. `None` if there is no such driver.
 pub fn entry(name: &str) -> Option<&'static Entry> {
-    DRIVERS.iter().copied().find(|entry| entry.name == name)
+    drivers().find(|entry| entry.name == name)
 }
 
 /// What the settings of every controller have in common that is on a serial port, homes and has outputs. `$open` opens the controller.
@@ -139,17 +153,41 @@ pub(super) use serial_driver;
 macro_rules! drivers {
     ($($(#[doc = $doc:literal])+ $variant:ident($make:ident::$settings:ident)),+ $(,)?) => {
         /// Which controller turns the capillary.
-        #[derive(Debug, Clone, PartialEq, Deserialize)]
-        #[cfg_attr(feature = "schema", derive(schemars::JsonSchema), schemars(tag = "driver"))]
-        #[serde(rename_all = "snake_case")]
+        #[derive(Debug, Clone)]
+        #[cfg_attr(feature = "schema", derive(schemars::JsonSchema), schemars(tag = "driver", rename_all = "snake_case"))]
         pub enum RotationDriver {
             $($(#[doc = $doc])+ $variant($make::$settings),)+
             /// Another program, by `[views]`.
-            #[serde(skip)]
+            #[cfg_attr(feature = "schema", schemars(skip))]
             Folder(FolderSettings),
+            /// A driver that a test has added to the registry.
+            #[cfg(any(test, feature = "testing"))]
+            #[cfg_attr(feature = "schema", schemars(skip))]
+            Added(super::added::Added),
         }
 
-        /// Every driver, in the order in which a serial port is asked for them.
+        impl<'de> Visitor<'de> for OfItsName {
+            type Value = RotationDriver;
+
+            fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str("the settings of a driver, below its name")
+            }
+
+            fn visit_enum<A: EnumAccess<'de>>(self, data: A) -> Result<RotationDriver, A::Error> {
+                let (name, settings) = data.variant::<String>()?;
+                $(if name == $make::ENTRY.name {
+                    return settings.newtype_variant().map(RotationDriver::$variant);
+                })+
+                #[cfg(any(test, feature = "testing"))]
+                if entry(&name).is_some() {
+                    let keys = settings.newtype_variant()?;
+                    return super::added::Added::read(&name, keys).map(RotationDriver::Added).map_err(de::Error::custom);
+                }
+                Err(de::Error::unknown_variant(&name, &[$($make::ENTRY.name),+]))
+            }
+        }
+
+        /// The drivers of the list, in its order.
         pub const DRIVERS: &[&Entry] = &[$(&$make::ENTRY),+];
 
         impl RotationDriver {
@@ -158,6 +196,8 @@ macro_rules! drivers {
                 match self {
                     $(Self::$variant(_) => Some(&$make::ENTRY),)+
                     Self::Folder(_) => None,
+                    #[cfg(any(test, feature = "testing"))]
+                    Self::Added(added) => Some(added.entry()),
                 }
             }
 
@@ -165,13 +205,17 @@ macro_rules! drivers {
                 match self {
                     $(Self::$variant(settings) => Some(settings),)+
                     Self::Folder(_) => None,
+                    #[cfg(any(test, feature = "testing"))]
+                    Self::Added(added) => Some(added.settings()),
                 }
             }
 
-            fn driver_mut(&mut self) -> Option<&mut dyn Driver> {
+            fn driver_mut(&mut self) -> Option<&mut (dyn Driver + 'static)> {
                 match self {
                     $(Self::$variant(settings) => Some(settings),)+
                     Self::Folder(_) => None,
+                    #[cfg(any(test, feature = "testing"))]
+                    Self::Added(added) => added.settings_mut(),
                 }
             }
         }
@@ -190,6 +234,15 @@ drivers! {
     Tmcl(tmcl::TmclSettings),
     /// A stock VAST behind a relay: a program beside VAST's own library.
     Relay(relay::RelaySettings),
+}
+
+/// Reads settings by the name of their entry.
+struct OfItsName;
+
+impl<'de> Deserialize<'de> for RotationDriver {
+    fn deserialize<D: de::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_enum("RotationDriver", &[], OfItsName)
+    }
 }
 
 impl RotationDriver {

@@ -19,7 +19,7 @@
 //! Opening a port raises its DTR line, which restarts an Arduino. This does no harm: a port that another program has open is left
 //! alone, so nobody uses the position that is lost.
 
-use super::driver::DRIVERS;
+use super::driver::drivers;
 use super::link::{Link, Stop};
 use super::port::Port;
 use crate::DeviceError;
@@ -59,7 +59,7 @@ pub struct Key {
 
 impl Answer {
     /// A controller whose answer says nothing about its configuration.
-    pub(super) fn plain(driver: &'static str, name: String) -> Self {
+    pub fn plain(driver: &'static str, name: String) -> Self {
         Self { driver, name, refusal: None, keys: Vec::new(), remark: None }
     }
 }
@@ -70,7 +70,7 @@ impl Answer {
 /// The port cannot be opened, for example because another program has it open, or it disappears meanwhile.
 pub fn identify(port: &Port, baud: u32) -> Result<Option<Answer>, DeviceError> {
     let mut wire = Wire(Link::serial(DEVICE, port, baud, Stop::default())?);
-    for driver in DRIVERS {
+    for driver in drivers() {
         if let Some(serial) = &driver.serial
             && let Some(answer) = (serial.identify)(&mut wire)?
         {
@@ -82,7 +82,7 @@ pub fn identify(port: &Port, baud: u32) -> Result<Option<Answer>, DeviceError> {
 
 /// The protocols that [`identify`] knows, for a person.
 pub fn protocols() -> String {
-    let names: Vec<&str> = DRIVERS.iter().filter_map(|driver| Some(driver.serial.as_ref()?.protocol)).collect();
+    let names: Vec<&str> = drivers().filter_map(|driver| Some(driver.serial.as_ref()?.protocol)).collect();
     match names.split_last() {
         Some((last, [])) => (*last).to_owned(),
         Some((last, others)) => format!("{} or {last}", others.join(", ")),
@@ -91,10 +91,13 @@ pub fn protocols() -> String {
 }
 
 /// A port on which a controller is looked for.
-pub(super) struct Wire(pub Link);
+pub struct Wire(pub(super) Link);
 
 impl Wire {
     /// The first line within `wait` that `take` accepts.
+    ///
+    /// # Errors
+    /// The port is gone.
     pub fn hear<T>(&mut self, wait: Duration, take: impl Fn(&str) -> Option<T>) -> Result<Option<T>, DeviceError> {
         let until = Instant::now() + wait;
         while let Some(text) = self.0.line(until)? {
@@ -106,17 +109,26 @@ impl Wire {
     }
 
     /// Sends a question. Returns the first line of the answer that `take` accepts.
+    ///
+    /// # Errors
+    /// As [`Self::hear`].
     pub fn ask<T>(&mut self, question: &[u8], take: impl Fn(&str) -> Option<T>) -> Result<Option<T>, DeviceError> {
         self.0.send(question)?;
         self.hear(ANSWER, take)
     }
 
     /// Waits until nothing more comes.
+    ///
+    /// # Errors
+    /// As [`Self::hear`].
     pub fn quiet(&mut self) -> Result<(), DeviceError> {
         self.0.quiet(SILENCE, Instant::now() + ANSWER)
     }
 
     /// All lines of an answer up to its `ok` or error.
+    ///
+    /// # Errors
+    /// As [`Self::hear`].
     pub fn listing(&mut self, question: &[u8]) -> Result<Vec<String>, DeviceError> {
         self.0.send(question)?;
         let until = Instant::now() + ANSWER;

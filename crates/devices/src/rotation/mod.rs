@@ -8,6 +8,8 @@
 //! ```
 //! `driver` is the registry of the makes. Each make is a folder with its settings, its driver and its entry in the registry.
 
+#[cfg(any(test, feature = "testing"))]
+pub mod added;
 mod bridge;
 mod driver;
 mod grbl;
@@ -28,9 +30,9 @@ mod transport;
 mod zaber;
 
 pub use bridge::{VastBridge, VastBridgeSettings};
-pub use driver::{DRIVERS, Entry, Example, RotationDriver, Setup, entry};
+pub use driver::{DRIVERS, Driver, Entry, Example, RotationDriver, Serial, Setup, drivers, entry};
 pub use grbl::{AxisLetter, Dialect, Grbl, GrblPin, GrblSettings, TranslationSettings};
-pub use identify::{Answer, identify, protocols};
+pub use identify::{Answer, Wire, identify, protocols};
 pub use one_sided::{OneSided, one_sided};
 pub use port::{Port, UsbAdapter, list as serial_ports};
 pub use reference::Reference;
