@@ -16,10 +16,12 @@
 //! checked before every move and every reference. The target is checked after each move. A failed move is stopped, makes the position suspect and is not tried again by this driver.
 //!
 //! ```text
-//! open ──► free? ── soft reset ── $I ── $$ ──► identified         nothing moves
-//!            └─ a person holds it ──► open, not identified: nothing but ? is sent
-//!                                        └─ check, reference or begin, once it is free ──► identified
+//! open ──► free? ─┬─ idle ─────────────────────────────── $I ── $$ ──► identified         nothing moves
+//!                 ├─ an alarm, no answer ── soft reset ─┘
+//!                 └─ a person holds it ──► open, not identified: nothing but ? is sent
+//!                                             └─ check, reference or begin, once it is free ──► identified
 //! ```
+//! An idle controller is never reset to be identified or referenced: the reset would release a hold that a person presses just then.
 
 mod agree;
 mod entry;
@@ -46,7 +48,7 @@ use agree::ControllerSettings;
 use carved_core::units::Steps;
 use geometry::Geometry;
 use linear::Slide;
-use report::{Line, State};
+use report::State;
 use std::time::Instant;
 
 const DEVICE: &str = "rotation axis (Grbl)";
@@ -91,7 +93,7 @@ pub struct Grbl {
 }
 
 impl Grbl {
-    /// Opens the port, resets the controller and compares its settings with the configured ones. Nothing moves.
+    /// Opens the port, reads the controller's version and compares its settings with the configured ones. Nothing moves.
     ///
     /// A controller that a person holds (feed hold, open door, emergency stop) is opened too. Nothing is sent that moves or resets it.
     /// [`RotationAxis::check`] reports the intervention, and reads version and settings once the controller is free.
@@ -137,32 +139,25 @@ impl Grbl {
         Ok(grbl)
     }
 
-    /// Resets the controller, reads its version and compares its settings, once after the port was opened. Nothing moves.
+    /// Reads the controller's version and compares its settings, once after the port was opened. Nothing moves.
     ///
     /// # Errors
-    /// [`DeviceError::Intervention`] while a person holds the controller. It is not reset then. The next check, reference or specimen tries
+    /// [`DeviceError::Intervention`] while a person holds the controller, which keeps the hold. The next check, reference or specimen tries
     /// it again.
     fn identify(&mut self) -> Result<(), DeviceError> {
         if self.is_identified {
             return Ok(());
         }
-        self.wait_until_free()?;
-        self.identity = self.wake()?;
-        let mut version = Vec::new();
-        self.first(|grbl| {
-            version.clear();
-            grbl.command("$I", grbl.settings.answer_timeout(), |line| {
-                // A disturbed greeting may be under way still.
-                if let Line::Message(text) = line
-                    && text.starts_with('[')
-                {
-                    version.push(text);
-                }
-            })
-        })?;
+        let is_idle = self.wait_until_free()?;
+        let version = self.make_answers_void(is_idle)?;
         self.zero_at_home =
-            version.iter().any(|v| v.strip_prefix("[OPT:").is_some_and(|o| o.split(',').next().is_some_and(|o| o.contains('Z'))));
-        self.identity = format!("{} {}", self.identity, version.join(" "));
+            version.lines.iter().any(|v| v.strip_prefix("[OPT:").is_some_and(|o| o.split(',').next().is_some_and(|o| o.contains('Z'))));
+        self.is_hal = self.settings.dialect.of(&version.name)?;
+        self.identity = format!("{} {}", version.name, version.lines.join(" "));
+        if is_idle {
+            // A program that was killed may have left an output on. A reset would switch it off.
+            self.code("M5M9")?;
+        }
         self.is_identified = true;
         self.first(Self::compare_settings)
     }
@@ -219,21 +214,21 @@ impl Grbl {
     }
 
     /// Finds the reference position. A second attempt follows if the first was only disturbed: by a missing answer, or by a late greeting
-    /// before anything moved. A reset separates the two, so that no answer to the first counts for the second.
+    /// before anything moved. No answer to the first counts for the second.
     fn find_origin(&mut self) -> Result<i64, DeviceError> {
         self.check_no_reset()?;
         self.identify()?;
-        self.wait_until_free()?;
+        let is_idle = self.wait_until_free()?;
         self.unwind()?;
         // From here on a greeting may be that of the driver's own reset.
         self.knowledge.forget();
-        self.wake()?;
+        self.make_answers_void(is_idle)?;
         match self.found_origin() {
             Err(error) if self.was_only_disturbed(&error) => {
                 tracing::warn!(%error, "the reference is tried once more");
                 self.doubt(&error);
-                self.wait_until_free()?;
-                self.wake()?;
+                let is_idle = self.wait_until_free()?;
+                self.make_answers_void(is_idle)?;
                 self.found_origin()
             }
             found => found,
@@ -277,7 +272,7 @@ impl Grbl {
             self.slide_has_homed()?;
             return self.homed_origin(&axis);
         }
-        if self.status()?.state == State::Alarm {
+        if self.free_status()?.state == State::Alarm {
             self.command("$X", self.settings.answer_timeout(), |_| {})?;
         }
         let until = Instant::now() + self.settings.answer_timeout();

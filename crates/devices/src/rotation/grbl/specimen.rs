@@ -16,9 +16,9 @@ impl Grbl {
     /// Makes a controller accept commands again after a reset or an alarm. Nothing moves. The position becomes suspect.
     fn revive(&mut self, why: &DeviceError) -> Result<(), DeviceError> {
         self.doubt(why);
-        self.wait_until_free()?;
-        self.wake()?;
-        // The stop and `wake` each reset the controller. The greeting of the first may come after the answer to the second.
+        let is_idle = self.wait_until_free()?;
+        self.make_answers_void(is_idle)?;
+        // The greeting of a stop, or of an earlier reset, may come after the answer.
         let status = match self.status() {
             Err(DeviceError::Suspect { .. }) => self.status()?,
             answered => answered?,
@@ -49,7 +49,7 @@ impl SpecimenInput for Grbl {
     fn begin(&mut self, cancel: &CancelToken) -> Result<(), DeviceError> {
         let was_stopped = self.link.is_stopped();
         self.release(cancel)?;
-        if let Err(error) = self.check_no_reset().and_then(|()| self.identify()).and_then(|()| self.wait_until_free()) {
+        if let Err(error) = self.check_no_reset().and_then(|()| self.identify()).and_then(|()| self.wait_until_free().map(drop)) {
             self.doubt(&error);
             return Err(error);
         }

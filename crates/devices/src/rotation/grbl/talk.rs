@@ -1,7 +1,8 @@
 //! Requests and their answers. One line is under way at a time, each with its deadline.
 //!
 //! ```text
-//! wake      0x18 ──► greeting                                     everything asked before is void
+//! version   $I ──► [VER:...] ... ok                               everything asked before is void
+//! wake      0x18 ──► greeting, or a report                        the same, of a controller that is locked or does not answer
 //! command   line ──► ok | error | nothing: a status report tells whether the line was taken
 //! status    ?    ──► <...>                                        asked up to three times
 //!
@@ -16,9 +17,11 @@ use crate::DeviceError;
 use carved_core::units::Steps;
 use std::time::{Duration, Instant};
 
-/// Number of soft resets until a greeting must have come. A controller that restarts when its port is opened spends up to two seconds
-/// in its boot loader, which ignores them.
-const WAKE_ATTEMPTS: u32 = 8;
+/// Number of soft resets until a greeting or a report must have come. A controller that restarts when its port is opened spends up to two
+/// seconds in its boot loader, which ignores them.
+const WAKE_ATTEMPTS: u32 = 4;
+/// How often a first question is repeated, because the greetings of earlier resets may come before its answer.
+const FIRST_ATTEMPTS: u32 = 8;
 const WAKE_WAIT: Duration = Duration::from_millis(500);
 /// Silence after which no more messages follow a greeting. A line of 80 bytes takes 7 ms at 115200 baud.
 const SILENCE: Duration = Duration::from_millis(20);
@@ -35,9 +38,71 @@ const NOT_IDLE: u16 = 8;
 /// Number of the error that the controller sends at a start if its settings memory was erased.
 const MEMORY_ERASED: u16 = 7;
 
+/// What a controller says of itself.
+#[derive(Debug)]
+pub(super) struct Version {
+    /// As in its greeting, `Grbl 1.1h`. Empty if it does not say it.
+    pub name: String,
+    /// Its answer to `$I`.
+    pub lines: Vec<String>,
+}
+
+/// The name that the greeting has, by the answer to `$I`. A grblHAL writes its options in two lines, and most name the firmware.
+fn name_of(lines: &[String]) -> Option<String> {
+    let version = lines.iter().find_map(|line| line.strip_prefix("[VER:"))?;
+    let is_hal = lines.iter().any(|line| line.starts_with("[FIRMWARE:grblHAL") || line.starts_with("[NEWOPT:"));
+    // 1.1h.20190830:
+    let numbers = version.split([':', '(', ' ', ']']).next()?;
+    let version: Vec<&str> = numbers.splitn(3, '.').take(2).collect();
+    Some(format!("{} {}", if is_hal { "GrblHAL" } else { "Grbl" }, version.join(".")))
+}
+
 impl Grbl {
-    /// Sends soft resets until the greeting comes, and returns it. Answers to earlier requests have then arrived.
-    pub(super) fn wake(&mut self) -> Result<String, DeviceError> {
+    /// Makes the answers to earlier questions void, and returns the version. `is_idle`: the controller has just reported that it is idle.
+    ///
+    /// An idle controller is asked for its version, which it refuses in a hold. It is not reset, because a reset releases a hold that is
+    /// pressed after the report. A controller that an alarm locks takes no hold, so it is reset, as is one that does not answer.
+    pub(super) fn make_answers_void(&mut self, is_idle: bool) -> Result<Version, DeviceError> {
+        if is_idle {
+            match self.first(Self::version) {
+                Ok(version) if !version.name.is_empty() => return Ok(version),
+                Err(error @ (DeviceError::Intervention { .. } | DeviceError::Gone { .. } | DeviceError::Stopped)) => return Err(error),
+                unknown => tracing::info!(?unknown, "the controller is idle and does not say its version: it is reset"),
+            }
+            self.wait_until_free()?;
+        }
+        let greeting = self.wake()?;
+        let mut version = self.first(Self::version)?;
+        version.name = greeting.unwrap_or(version.name);
+        Ok(version)
+    }
+
+    /// Asks for the version. An answer to an earlier question may come first, so the version is asked for until it comes.
+    fn version(&mut self) -> Result<Version, DeviceError> {
+        let mut lines = Vec::new();
+        for asked in 0..ATTEMPTS {
+            lines.clear();
+            self.command("$I", self.settings.answer_timeout(), |line| {
+                // A disturbed greeting may be under way still.
+                if let Line::Message(text) = line
+                    && text.starts_with('[')
+                {
+                    lines.push(text);
+                }
+            })?;
+            if let Some(name) = name_of(&lines) {
+                if asked > 0 {
+                    self.link.quiet(SILENCE, Instant::now() + self.settings.answer_timeout())?;
+                }
+                return Ok(Version { name, lines });
+            }
+        }
+        Ok(Version { name: String::new(), lines })
+    }
+
+    /// Sends a soft reset until the greeting comes, and returns it; `None` if only a report tells that the controller is awake. Answers to
+    /// earlier requests have then arrived.
+    fn wake(&mut self) -> Result<Option<String>, DeviceError> {
         for _ in 0..WAKE_ATTEMPTS {
             self.link.send(SOFT_RESET)?;
             self.outputs.forget();
@@ -58,19 +123,23 @@ impl Grbl {
                 };
                 self.link.quiet(SILENCE, Instant::now() + self.settings.answer_timeout())?;
                 let greeting = greeting.split(" [").next().unwrap_or_default().to_owned();
-                self.is_hal = self.settings.dialect.of(&greeting)?;
-                return Ok(greeting);
+                self.settings.dialect.of(&greeting)?;
+                return Ok(Some(greeting));
+            }
+            // The greeting may be lost, and a person may hold the controller since: another reset would release it.
+            if self.wait_until_free()? {
+                return Ok(None);
             }
         }
-        let waited_ms = u128::from(WAKE_ATTEMPTS) * WAKE_WAIT.as_millis();
+        let waited_ms = u128::from(2 * WAKE_ATTEMPTS) * WAKE_WAIT.as_millis();
         let silent = DeviceError::Silent { device: DEVICE, request: "soft reset".into(), waited_ms };
         Err(if self.is_identified { silent } else { self.link.first_contact(silent) })
     }
 
-    /// Asks the first question after [`Self::wake`]. An earlier reset may have one more greeting under way. Nothing was asked of the axis
-    /// yet, so this greeting is not treated as a restart, and the question is repeated.
-    pub(super) fn first(&mut self, mut ask: impl FnMut(&mut Self) -> Result<(), DeviceError>) -> Result<(), DeviceError> {
-        for _ in 1..WAKE_ATTEMPTS {
+    /// Asks the first question after a reset. An earlier reset may have one more greeting under way. Nothing was asked of the axis yet, so
+    /// this greeting is not treated as a restart, and the question is repeated.
+    pub(super) fn first<T>(&mut self, mut ask: impl FnMut(&mut Self) -> Result<T, DeviceError>) -> Result<T, DeviceError> {
+        for _ in 1..FIRST_ATTEMPTS {
             match ask(self) {
                 Err(DeviceError::Suspect { .. }) => self.link.quiet(SILENCE, Instant::now() + self.settings.answer_timeout())?,
                 answered => return answered,
@@ -184,21 +253,21 @@ impl Grbl {
     }
 
     /// Waits for a motion to end, and is an error while a person holds the controller. The controller is neither moved nor reset. One that
-    /// does not answer is starting, or waits for a reset after a limit: neither is an intervention.
-    pub(super) fn wait_until_free(&mut self) -> Result<(), DeviceError> {
+    /// does not answer is starting, or waits for a reset after a limit: neither is an intervention. Returns whether it is idle.
+    pub(super) fn wait_until_free(&mut self) -> Result<bool, DeviceError> {
         let until = Instant::now() + self.settings.homing_timeout();
         let mut asked_again = false;
         while let Some(status) = self.glance()? {
             match intervention::of(&status, true).or_else(|| self.elsewhere_at_rest(&status)) {
                 Some(error) if asked_again => return Err(error),
                 Some(_) => asked_again = true,
-                None if status.state != State::Run => break,
+                None if status.state != State::Run => return Ok(status.state == State::Idle),
                 // A motion continues after a hold.
                 None if Instant::now() < until => std::thread::sleep(LOOK_AGAIN),
                 None => return Err(intervention::still_turning(&status)),
             }
         }
-        Ok(())
+        Ok(false)
     }
 
     /// The error of a report at rest from another place than where the rotation axis was left.
