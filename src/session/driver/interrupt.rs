@@ -25,15 +25,16 @@ pub(super) enum Fate {
     Stays,
 }
 
-/// So many processes may end unasked in one step of the work on one specimen, as by a power cut or by a picture that ends the process.
+/// So many processes may end unasked in one step of the work on one specimen, as by a kill or by a picture that ends the process. After a
+/// power cut a person continues the run, so that does not count.
 const MOST_ENDED: u32 = 2;
 
 /// Why a well is set aside. `None` if it may be begun again.
 pub(super) fn set_aside(state: &RunState, well: &str) -> Option<String> {
     let (phase, times) = state.processes_ended_in(well).filter(|(_, times)| *times >= MOST_ENDED)?;
     Some(format!(
-        "set aside: the daemon ended {times} times in the work on {well}, in the step {}, and nobody had asked it to. Look into its log and at \
-         the pictures of the well; the run goes on with the next well",
+        "set aside: the daemon ended {times} times in the work on {well}, in the step {}, and nobody had asked it to. The run goes on with the \
+         next well. Look into its log and at the pictures of the well. To measure the well again, start a run of it: there it is not set aside",
         phase.name()
     ))
 }
@@ -132,7 +133,10 @@ mod tests {
     #[test]
     fn a_well_that_two_processes_ended_in_is_set_aside_by_name() {
         let r = run(&["A01", "A02"]);
-        let found_open = || EventData::RunInterrupted(RunInterrupted { found: "at start".into(), loaded_by: None, kernel_boot_id: None });
+        let found_at = |boot: &str| {
+            EventData::RunInterrupted(RunInterrupted { found: "at start".into(), loaded_by: None, kernel_boot_id: Some(boot.into()) })
+        };
+        let found_open = || found_at("one");
         let begun_again =
             || EventData::SpecimenInterrupted(SpecimenInterrupted { reason: "x".into(), policy: Interrupted::Redo, kept: false });
         let turn = phase("A01", Phase::Revolve, true);
@@ -146,7 +150,12 @@ mod tests {
         assert_eq!(course(&once), (Course::Again, None));
         let twice = [&once[..], &[("A01", begun_again()), turn.clone(), ("", found_open())]].concat();
         let (found, why) = course(&twice);
-        assert!(found == Course::GivenUp && why.is_some_and(|why| why.contains("2 times in the work on A01")));
+        assert!(
+            found == Course::GivenUp && why.is_some_and(|why| why.contains("2 times in the work on A01") && why.contains("start a run"))
+        );
+        // Power cuts, however many: the computer was started again each time.
+        let cuts = ["two", "three", "four"].map(|boot| [("A01", begun_again()), turn.clone(), ("", found_at(boot))]).concat();
+        assert_eq!(course(&[&once[..], &cuts].concat()), (Course::Again, None));
         // A person ends the process in any step, a picture in the same one.
         let other_step = [&once[..], &[("A01", begun_again()), phase("A01", Phase::Detect, true), ("", found_open())]].concat();
         assert_eq!(course(&other_step), (Course::Again, None));

@@ -119,7 +119,7 @@ impl RunState {
     }
 
     /// The step on the specimen of this well in which most processes ended that nobody had asked to end, and how many. A picture ends each
-    /// process in the same step, a person or a power cut in any.
+    /// process in the same step, a person in any. A process that ended with the computer, as by a power cut, does not count.
     pub fn processes_ended_in(&self, well: &str) -> Option<(Phase, u32)> {
         let of_well = self.ended_processes.iter().filter(|((of, _), _)| of == well);
         of_well.map(|((_, phase), times)| (*phase, *times)).max_by_key(|(_, times)| *times)
@@ -166,7 +166,11 @@ impl RunState {
                 // Its power was off, and very probably that of the axis too.
                 self.waits_for_operator |= is_other_boot;
                 self.held_by.get_or_insert_with(if is_other_boot { HoldCause::power_cut } else { HoldCause::restart });
-                if !std::mem::take(&mut self.is_asked_to_end) {
+                let is_asked_to_end = std::mem::take(&mut self.is_asked_to_end);
+                if is_other_boot {
+                    // Nothing that was read ended the process. A picture that ends the computer too waits for the operator each time.
+                    self.recoveries.clear();
+                } else if !is_asked_to_end {
                     for (well, _) in self.specimens.worked_on() {
                         if let Some(step) = self.steps.get(well) {
                             *self.ended_processes.entry((well.to_owned(), *step)).or_default() += 1;
