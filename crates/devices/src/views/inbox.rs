@@ -144,6 +144,14 @@ impl Inbox {
         self.clock.since(picture.since)
     }
 
+    /// The name of a quiet picture that was stored later than this one.
+    pub fn later_than(&self, picture: &Picture) -> Option<String> {
+        let stored = picture.stamp.modified?;
+        let is_later = |(_, other): &(&PathBuf, &Picture)| other.stamp.modified.is_some_and(|at| at > stored) && self.is_quiet(other);
+        let (path, _) = self.pictures.iter().find(is_later)?;
+        Some(path.file_name()?.to_string_lossy().into_owned())
+    }
+
     /// For how long nothing has come or changed since `began`. `None` before the first picture.
     pub fn silent_since(&self, began: Instant) -> Option<Duration> {
         self.changed.map(|changed| self.clock.since(changed.max(began)))

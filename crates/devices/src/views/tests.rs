@@ -145,7 +145,7 @@ fn a_file_that_was_reserved_and_is_not_written_to_its_end_is_not_taken() {
     rig.store_well("A01", 1);
     rig.store("W_A01_1_3.png", 3, &[3, 3, 0, 0]);
     let path = rig.path("W_A01_1_3.png");
-    at(30, move || write(&path, 30, &[3; 4]));
+    at(15, move || write(&path, 15, &[3; 4]));
     assert_eq!(rig.next(&["A01"]).unwrap(), NextWell::At(0));
     assert_eq!(rig.turn("A01").unwrap(), [1, 1, 2, 3, 4]);
     // A black picture is complete: the light is off, which is another fault.
@@ -153,6 +153,30 @@ fn a_file_that_was_reserved_and_is_not_written_to_its_end_is_not_taken() {
     rig.store("W_A02_1_1.png", 101, &[0; 4]);
     rig.next(&["A02"]).unwrap();
     assert_eq!(rig.turn("A02").unwrap()[0], 0);
+}
+
+/// The phase of the first picture has a shorter deadline than the wait for a picture, and its error would name no picture.
+#[test]
+fn a_damaged_picture_that_later_ones_follow_is_told_soon_and_the_last_one_is_waited_for() {
+    let mut rig = Rig::new();
+    rig.store_well("A01", 1);
+    rig.store("W_A01_1_1.png", 2, &[1; 3]);
+    rig.next(&["A01"]).unwrap();
+    let began = TIME.get();
+    let error = views_error(rig.turn("A01"));
+    assert!(
+        matches!(&error, ViewsError::Unusable { path, why } if path.ends_with("W_A01_1_1.png") && why.contains("W_A01_1_2.png")),
+        "{error}"
+    );
+    assert!(error.is_of_one_well() && TIME.get() - began <= Duration::from_secs(21), "{:?}", TIME.get() - began);
+    // Nothing came after it, so it may still be written. It was noticed when the well was looked for.
+    rig.store_well("A02", 100);
+    rig.store("W_A02_1_4.png", 104, &[4; 3]);
+    rig.next(&["A02"]).unwrap();
+    let began = TIME.get();
+    let error = views_error(rig.turn("A02"));
+    assert!(matches!(&error, ViewsError::Unusable { path, .. } if path.ends_with("W_A02_1_4.png")), "{error}");
+    assert!(TIME.get() - began >= Duration::from_secs(50), "{:?}", TIME.get() - began);
 }
 
 #[test]

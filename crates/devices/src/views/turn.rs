@@ -21,6 +21,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+/// A file that has not changed for so many times of quiet is not being written, where later pictures are.
+const GONE_ON: u32 = 10;
+
 /// Reads a picture file; the error is a sentence.
 pub type Decode = Box<dyn Fn(&Path) -> Result<RawFrame, String> + Send>;
 
@@ -204,13 +207,18 @@ impl Turn {
         }
     }
 
-    /// A file that cannot be decoded may still be written to, with pauses.
+    /// A file that cannot be decoded may still be written to, with pauses. Once the other program has stored later pictures, it has long
+    /// finished this one.
     fn incomplete(&self, path: PathBuf, picture: &Picture, why: &str) -> Result<Option<RawFrame>, ViewsError> {
         let waited = self.inbox.quiet_for(picture);
-        if waited < self.settings.next_picture() {
+        let (longest, since) = match self.inbox.later_than(picture) {
+            Some(later) => (self.settings.next_picture().min(GONE_ON * self.settings.quiet()), format!(", and {later} was stored since")),
+            None => (self.settings.next_picture(), String::new()),
+        };
+        if waited < longest {
             return Ok(None);
         }
-        Err(ViewsError::Unusable { path, why: format!("{why}; it has not changed for {} s", waited.as_secs()) })
+        Err(ViewsError::Unusable { path, why: format!("{why}; it has not changed for {} s{since}", waited.as_secs()) })
     }
 
     /// Some programs reserve the whole file before they write it. No camera gives a last row of zeros in a picture that is not black.
