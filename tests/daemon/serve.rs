@@ -505,8 +505,10 @@ fn an_axis_that_is_lost_between_runs_or_in_one_is_opened_again_and_waits_for_a_p
     // The same during a run: once it is continued, the specimen is taken out, loaded again and measured.
     assert_eq!(daemon.put_run("r1", &plan), 201);
     daemon.wait("the loader to be asked", |s| s["state"] == "Suspended");
-    instrument.rig.faults().unplug_serial();
     instrument.load("r1", "A01", Specimen::bead(BEAD_UM).unwrap());
+    // A specimen that is loaded while the run is held is not taken out, and whichever comes first: the load, or the look at the axis.
+    daemon.wait("the first views", |s| s["specimen"]["view"].as_u64() >= Some(2));
+    instrument.rig.faults().unplug_serial();
     let status = daemon.wait("the fault", |s| s["state"] == "Held");
     assert_eq!(status["faults"][0]["code"], "rotation_lost", "{status}");
     assert_eq!(status["ready"], false, "{status}");

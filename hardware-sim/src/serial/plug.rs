@@ -20,7 +20,8 @@ pub(super) struct Plug {
     slave: OwnedFd,
     pub watch: Inotify,
     pub path: PathBuf,
-    pub clients: u32,
+    /// Somebody else has the slave open.
+    pub has_host: bool,
 }
 
 impl Plug {
@@ -35,21 +36,19 @@ impl Plug {
         tcsetattr(&slave, SetArg::TCSANOW, &termios)?;
         let watch = Inotify::init(InitFlags::IN_CLOEXEC | InitFlags::IN_NONBLOCK)?;
         watch.add_watch(&path, AddWatchFlags::IN_OPEN | AddWatchFlags::IN_CLOSE)?;
-        Ok(Self { master, slave, watch, path, clients: 0 })
+        Ok(Self { master, slave, watch, path, has_host: false })
     }
 
-    /// Counts opens and closes. Returns `true` if a host has opened the port.
+    /// Notices opens and closes. Returns `true` if a host has opened the port.
     pub fn visitors(&mut self) -> bool {
-        let mut opened = false;
+        let (mut opened, mut closed) = (false, false);
         for event in self.watch.read_events().unwrap_or_default() {
-            if event.mask.contains(AddWatchFlags::IN_OPEN) {
-                self.clients += 1;
-                opened = true;
-            } else if event.mask.intersects(AddWatchFlags::IN_CLOSE) {
-                self.clients = self.clients.saturating_sub(1);
-            }
+            opened |= event.mask.contains(AddWatchFlags::IN_OPEN);
+            closed |= event.mask.intersects(AddWatchFlags::IN_CLOSE);
         }
-        if self.clients == 0 {
+        // The kernel makes one event of equal ones in a row, so they are no count.
+        self.has_host = if closed { self.is_open_elsewhere() } else { self.has_host || opened };
+        if !self.has_host {
             // At its last close a real port drops unread bytes and its exclusive lock. This port is still open, so both are done here.
             let _ = tcflush(&self.slave, FlushArg::TCIFLUSH);
             // SAFETY: TIOCNXCL takes no argument and touches no memory of this process. The descriptor is open.
@@ -57,6 +56,16 @@ impl Plug {
             let _ = unsafe { tiocnxcl(self.slave.as_raw_fd()) };
         }
         opened
+    }
+
+    /// Whether anybody but this plug has the slave open, by the open files of all processes that can be seen.
+    fn is_open_elsewhere(&self) -> bool {
+        let entries = |folder: PathBuf| std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+        // Not `self`, which is one of them.
+        let is_process = |path: &PathBuf| path.file_name().is_some_and(|name| name.as_encoded_bytes().iter().all(u8::is_ascii_digit));
+        let own = PathBuf::from(format!("/proc/{}/fd/{}", std::process::id(), self.slave.as_raw_fd()));
+        let mut open = entries("/proc".into()).filter(is_process).flat_map(|process| entries(process.join("fd")));
+        open.any(|fd| fd != own && std::fs::read_link(&fd).is_ok_and(|file| file == self.path))
     }
 }
 
@@ -66,4 +75,21 @@ pub(super) fn point(link: &Path, target: &Path) -> std::io::Result<()> {
     let _ = std::fs::remove_file(&fresh);
     std::os::unix::fs::symlink(target, &fresh)?;
     std::fs::rename(&fresh, link)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A daemon that has lost its port looks for it by its name, which another port may have by now.
+    #[test]
+    fn a_host_is_still_there_when_another_one_that_opened_at_the_same_time_has_left() {
+        let mut plug = Plug::open().unwrap();
+        let host = || std::fs::OpenOptions::new().read(true).write(true).open(&plug.path).unwrap();
+        let (stays, leaves) = (host(), host());
+        drop(leaves);
+        assert!(plug.visitors() && plug.has_host);
+        drop(stays);
+        assert!(!plug.visitors() && !plug.has_host);
+    }
 }

@@ -268,7 +268,7 @@ impl Worker {
         while self.outgoing.front().is_some_and(|(due, _)| *due <= now) {
             let Some((_, bytes)) = self.outgoing.pop_front() else { break };
             // A real port without a host keeps no bytes for later.
-            if let Some(plug) = self.plug.as_mut().filter(|plug| plug.clients > 0) {
+            if let Some(plug) = self.plug.as_mut().filter(|plug| plug.has_host) {
                 // If the host does not read, bytes are lost, as with a UART.
                 let _ = plug.master.write(&bytes);
             }
