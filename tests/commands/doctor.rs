@@ -4,7 +4,7 @@ use crate::common::{controllers, run, stderr};
 use carved_devices::rotation::{Grbl, Reference};
 use hardware_sim::grbl::Settings;
 use hardware_sim::{Controller, Rig, RigSettings, TestCard};
-use std::io::Read;
+use std::io::{Read, Write};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -138,6 +138,18 @@ fn a_port_that_somebody_holds_is_left_alone() {
     let _held = Grbl::open(controllers::grbl(controllers::serial_port(&rig), Reference::Here)).unwrap();
     let said = doctor(path.to_str().unwrap());
     assert!(said.contains("Close the other program"), "{said}");
+}
+
+/// As at another baud rate: the answers cannot be read, and that is not silence.
+#[test]
+fn bytes_that_no_controller_sends_are_shown() {
+    let port = nix::pty::openpty(None, None).unwrap();
+    let mut raw = nix::sys::termios::tcgetattr(&port.slave).unwrap();
+    nix::sys::termios::cfmakeraw(&mut raw);
+    nix::sys::termios::tcsetattr(&port.slave, nix::sys::termios::SetArg::TCSANOW, &raw).unwrap();
+    std::fs::File::from(port.master.try_clone().unwrap()).write_all(b"\x01\x0f\x81\x05").unwrap();
+    let said = doctor(nix::unistd::ttyname(&port.slave).unwrap().to_str().unwrap());
+    assert!(said.contains(r"\x01\x0f\x81\x05") && said.contains("baud rate") && !said.contains("nobody answers"), "{said}");
 }
 
 #[test]

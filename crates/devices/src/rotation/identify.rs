@@ -64,10 +64,11 @@ impl Answer {
     }
 }
 
-/// Opens a port exclusively and asks which controller is there. `None` if nothing answers.
+/// Opens a port exclusively and asks which controller is there. `None` if nothing comes.
 ///
 /// # Errors
-/// The port cannot be opened, for example because another program has it open, or it disappears meanwhile.
+/// The port cannot be opened, for example because another program has it open, or it disappears meanwhile. Bytes come that no controller of
+/// the list sends, as at another baud rate.
 pub fn identify(port: &Port, baud: u32) -> Result<Option<Answer>, DeviceError> {
     let mut wire = Wire(Link::serial(DEVICE, port, baud, Stop::default())?);
     for driver in drivers() {
@@ -77,7 +78,11 @@ pub fn identify(port: &Port, baud: u32) -> Result<Option<Answer>, DeviceError> {
             return Ok(Some(answer));
         }
     }
-    Ok(None)
+    let silent = DeviceError::Silent { device: DEVICE, request: format!("the questions of {}", protocols()), waited_ms: 0 };
+    match wire.0.first_contact(silent) {
+        DeviceError::Silent { .. } => Ok(None),
+        heard => Err(heard),
+    }
 }
 
 /// The protocols that [`identify`] knows, for a person.
