@@ -96,15 +96,22 @@ pub fn read_to_string(path: &Path) -> io::Result<String> {
 /// # Errors
 /// It is another type, which the error names.
 pub fn check(found: FileType) -> io::Result<()> {
-    let what = match found {
-        found if found.is_file() => return Ok(()),
+    if found.is_file() {
+        return Ok(());
+    }
+    Err(io::Error::new(io::ErrorKind::InvalidInput, format!("it is {}; a regular file is expected", kind(found))))
+}
+
+/// What a type is, for a person.
+pub fn kind(found: FileType) -> &'static str {
+    match found {
+        found if found.is_file() => "a file",
         found if found.is_symlink() => "a link",
         found if found.is_dir() => "a folder",
         found if found.is_fifo() => "a pipe",
         found if found.is_socket() => "a socket",
         _ => "a device",
-    };
-    Err(io::Error::new(io::ErrorKind::InvalidInput, format!("it is {what}; a regular file is expected")))
+    }
 }
 
 #[cfg(test)]

@@ -104,11 +104,13 @@ impl Claim {
     pub fn on(root: &Path) -> Result<Self, StoreError> {
         let runs = root.join("runs");
         durable::create_folder(&runs)?;
-        if !is_own_folder(&runs) {
+        let found = runs.symlink_metadata().map_err(StoreError::io("look at", &runs))?.file_type();
+        if !found.is_dir() {
+            let way_out = if found.is_symlink() { "Name the folder that it leads to as data_dir" } else { "Move it away" };
             return Err(StoreError::Format {
                 path: runs,
                 expected: "a folder",
-                found: "a link. Name the folder that it leads to as data_dir".into(),
+                found: format!("{}. {way_out}", carved_files::kind(found)),
             });
         }
         let path = root.join("lock");
@@ -301,5 +303,20 @@ mod tests {
         drop(claim);
         assert!(Claim::on(dir.path()).is_ok());
         drop(inherited);
+    }
+
+    #[test]
+    fn what_stands_in_the_place_of_the_runs_is_named() {
+        let make = |of: &str, runs: &Path| match of {
+            "a link" => std::os::unix::fs::symlink("/tmp", runs).unwrap(),
+            "a pipe" => nix::unistd::mkfifo(runs, nix::sys::stat::Mode::S_IRWXU).unwrap(),
+            _ => std::fs::write(runs, "").unwrap(),
+        };
+        for what in ["a link", "a pipe", "a file"] {
+            let dir = tempfile::tempdir().unwrap();
+            make(what, &dir.path().join("runs"));
+            let said = Claim::on(dir.path()).err().unwrap().to_string();
+            assert!(said.contains(&format!("found: {what}. ")), "{said}");
+        }
     }
 }
