@@ -154,7 +154,8 @@ fn what_carries_out_the_decisions_of_the_driver_calls_in_one_direction() {
         ("missing", &["driver_state"]),
         ("course", &["driver_state", "missing"]),
         ("checks", &["driver_state", "course"]),
-        ("requests", &["driver_state", "course"]),
+        ("people", &["driver_state"]),
+        ("requests", &["driver_state", "course", "people"]),
         ("restart", &["driver_state", "missing", "course"]),
     ];
     for (file, may_call) in calls {

@@ -121,6 +121,10 @@ pub struct Hold {
     /// The fault that `next_action` is about, and that `acknowledge` is for; `null` where none is open.
     #[serde(default)]
     pub fault_seq: Option<u64>,
+    /// When the run tries again by itself, RFC 3339, UTC: a camera that sent no whole frame is tried again after a pause, which grows. `null`
+    /// where it does not, or continues as soon as the cause is over.
+    #[serde(default)]
+    pub next_try: Option<String>,
 }
 
 /// The command that comes next for a held run.

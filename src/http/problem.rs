@@ -130,6 +130,8 @@ impl Problem {
             Refusal::InvalidPlan(errors) => Self::unprocessable("invalid_plan", errors).of_a_plate(),
             // The only mistake is the barcode.
             Refusal::InvalidHandoff(errors) => Self::unprocessable("invalid_body", errors).action(SchedulerAction::RejectPlate),
+            Refusal::InvalidSaying(errors) => Self::unprocessable("invalid_body", errors),
+            Refusal::WellNotNow { .. } => conflict("well_not_now"),
             Refusal::OtherPlan { .. } => conflict("other_plan"),
             Refusal::Pruned { .. } => conflict("pruned"),
             Refusal::WrongState { state, accepted_in } => {

@@ -9,6 +9,7 @@ mod download;
 mod files;
 mod gates;
 mod replays;
+mod rest;
 pub(super) mod statistics;
 pub(super) mod tables;
 
@@ -17,6 +18,7 @@ use files::DETECTION;
 pub(super) use files::{__path_coloured, __path_mesh, __path_model, __path_profile, __path_view, coloured, mesh, model, profile, view};
 pub(super) use gates::{__path_bead_gates, bead_gates};
 pub(super) use replays::{__path_replay, __path_replays, replay, replays};
+pub(super) use rest::{__path_rest, rest};
 
 use super::conditional;
 use super::problem::Problem;

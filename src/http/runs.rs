@@ -4,16 +4,16 @@ use super::AppState;
 use super::body::{self, Body};
 use super::problem::Problem;
 use crate::api::RunPlan;
-use crate::session::{Accepted, Refusal, Towards};
+use crate::session::{Accepted, Refusal, Said, Towards};
 use axum::Json;
-use axum::extract::rejection::PathRejection;
-use axum::extract::{Path, State};
+use axum::extract::rejection::{PathRejection, QueryRejection};
+use axum::extract::{Path, Query, State};
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
-use carved_records::is_plain_name;
 use carved_records::plate_map::Mistake;
+use carved_records::{SaidBy, WellNote, is_plain_name};
 use serde::{Deserialize, Serialize};
-use utoipa::ToSchema;
+use utoipa::{IntoParams, ToSchema};
 
 /// The command was accepted. The status shows its effect from this revision on.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
@@ -28,6 +28,50 @@ pub(super) struct Acknowledged {
 pub(super) struct WellLoaded {
     /// `true`: the specimen of this well is in the capillary; `false`: it has been taken out.
     loaded: bool,
+}
+
+/// Body of `PUT /v1/runs/{run_id}/wells/{well}/note`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct NoteOnWell {
+    /// Name of the person.
+    #[schema(max_length = 64, pattern = r"\S")]
+    by: String,
+    /// Whether statistics leave the well out. Its numbers stay.
+    #[serde(default)]
+    excluded: bool,
+    /// The reason of an exclusion, which needs one, or any remark.
+    #[serde(default)]
+    #[schema(max_length = 1000)]
+    comment: String,
+    /// Words to find wells by.
+    #[serde(default)]
+    #[schema(max_items = 16)]
+    tags: Vec<String>,
+}
+
+/// Who sends a command.
+#[derive(Debug, Default, Deserialize, IntoParams)]
+#[into_params(parameter_in = Query)]
+pub(super) struct By {
+    /// Name of the person, for the events of the run. Without it nobody is named.
+    by: Option<String>,
+}
+
+impl By {
+    /// The name, without white space around it. An empty one is none.
+    ///
+    /// # Errors
+    /// It is too long for a name, or has control characters.
+    pub fn name(self) -> Result<Option<String>, Problem> {
+        let name = self.by.map(|by| by.trim().to_owned()).filter(|by| !by.is_empty());
+        match name {
+            Some(name) if name.chars().count() > 64 || name.chars().any(char::is_control) => {
+                Err(Problem::bad_request("bad_query", "`by` is a name of at most 64 characters of one line"))
+            }
+            name => Ok(name),
+        }
+    }
 }
 
 pub(super) fn refused(app: &AppState, refusal: Refusal) -> Problem {
@@ -75,12 +119,13 @@ pub(super) async fn put(
 async fn steer(
     app: &AppState,
     path: Result<Path<String>, PathRejection>,
+    by: Result<Query<By>, QueryRejection>,
     headers: &HeaderMap,
     towards: Towards,
 ) -> Result<Json<Acknowledged>, Problem> {
     body::within(headers, body::SMALL)?;
     let Path(id) = path?;
-    app.session.steer(id.clone(), towards).await.map_err(|refusal| refused(app, refusal))?;
+    app.session.steer(id.clone(), towards, by?.0.name()?).await.map_err(|refusal| refused(app, refusal))?;
     Ok(acknowledged(app, id))
 }
 
@@ -88,7 +133,7 @@ async fn steer(
 ///
 /// The answer is sent at once. The state is Holding until the specimen is done, and then Held. A repeated request is answered with 200.
 #[utoipa::path(
-    post, path = "/v1/runs/{run_id}/hold", tag = "commands", params(("run_id" = String, Path)),
+    post, path = "/v1/runs/{run_id}/hold", tag = "commands", params(("run_id" = String, Path), By),
     responses(
         (status = 200, description = "The run is held, or will be", body = Acknowledged),
     )
@@ -96,16 +141,17 @@ async fn steer(
 pub(super) async fn hold(
     State(app): State<AppState>,
     path: Result<Path<String>, PathRejection>,
+    by: Result<Query<By>, QueryRejection>,
     headers: HeaderMap,
 ) -> Result<Json<Acknowledged>, Problem> {
-    steer(&app, path, &headers, Towards::Hold).await
+    steer(&app, path, by, &headers, Towards::Hold).await
 }
 
 /// Continues a held run at its current well.
 ///
 /// The request is refused while the fault that held the run is open. A repeated request is answered with 200.
 #[utoipa::path(
-    post, path = "/v1/runs/{run_id}/unhold", tag = "commands", params(("run_id" = String, Path)),
+    post, path = "/v1/runs/{run_id}/unhold", tag = "commands", params(("run_id" = String, Path), By),
     responses(
         (status = 200, description = "The run continues, or continued already", body = Acknowledged),
     )
@@ -113,16 +159,17 @@ pub(super) async fn hold(
 pub(super) async fn unhold(
     State(app): State<AppState>,
     path: Result<Path<String>, PathRejection>,
+    by: Result<Query<By>, QueryRejection>,
     headers: HeaderMap,
 ) -> Result<Json<Acknowledged>, Problem> {
-    steer(&app, path, &headers, Towards::Unhold).await
+    steer(&app, path, by, &headers, Towards::Unhold).await
 }
 
 /// Ends a run after the current specimen.
 ///
 /// The answer is sent at once. The remaining wells end with the outcome `aborted`. A repeated request is answered with 200.
 #[utoipa::path(
-    post, path = "/v1/runs/{run_id}/stop", tag = "commands", params(("run_id" = String, Path)),
+    post, path = "/v1/runs/{run_id}/stop", tag = "commands", params(("run_id" = String, Path), By),
     responses(
         (status = 200, description = "The run will end, or was stopped already", body = Acknowledged),
     )
@@ -130,9 +177,10 @@ pub(super) async fn unhold(
 pub(super) async fn stop(
     State(app): State<AppState>,
     path: Result<Path<String>, PathRejection>,
+    by: Result<Query<By>, QueryRejection>,
     headers: HeaderMap,
 ) -> Result<Json<Acknowledged>, Problem> {
-    steer(&app, path, &headers, Towards::Stop).await
+    steer(&app, path, by, &headers, Towards::Stop).await
 }
 
 /// Aborts a run. The motors are stopped first.
@@ -140,7 +188,7 @@ pub(super) async fn stop(
 /// The answer is sent at once. The run ends when its record is closed. This takes at most 60 s, and in addition the method's
 /// `deadlines_s.measure` for each specimen that was released and has no numbers yet. A repeated request is answered with 200.
 #[utoipa::path(
-    post, path = "/v1/runs/{run_id}/abort", tag = "commands", params(("run_id" = String, Path)),
+    post, path = "/v1/runs/{run_id}/abort", tag = "commands", params(("run_id" = String, Path), By),
     responses(
         (status = 200, description = "The run will end, or has ended", body = Acknowledged),
     )
@@ -148,9 +196,10 @@ pub(super) async fn stop(
 pub(super) async fn abort(
     State(app): State<AppState>,
     path: Result<Path<String>, PathRejection>,
+    by: Result<Query<By>, QueryRejection>,
     headers: HeaderMap,
 ) -> Result<Json<Acknowledged>, Problem> {
-    steer(&app, path, &headers, Towards::Abort).await
+    steer(&app, path, by, &headers, Towards::Abort).await
 }
 
 /// The loader reports that the specimen of this well is in the capillary, or that it was taken out.
@@ -175,4 +224,78 @@ pub(super) async fn loaded(
     let Path((run, well)) = path?;
     app.session.loaded(run.clone(), well, said.loaded).await.map_err(|refusal| refused(&app, refusal))?;
     Ok(acknowledged(&app, run))
+}
+
+/// Answers a message about a well once it is on disk.
+async fn about_well(
+    app: &AppState,
+    path: Result<Path<(String, String)>, PathRejection>,
+    said: Said,
+) -> Result<Json<Acknowledged>, Problem> {
+    let Path((run, well)) = path?;
+    app.session.said(run.clone(), well, said).await.map_err(|refusal| refused(app, refusal))?;
+    Ok(acknowledged(app, run))
+}
+
+/// Leaves a well out of a held run.
+///
+/// The well ends with the outcome `skipped` and the name and reason of the person. A specimen of it that is inside must leave before the run
+/// continues. A repeated request is answered with 200.
+#[utoipa::path(
+    put, path = "/v1/runs/{run_id}/wells/{well}/skip", tag = "commands", request_body = SaidBy,
+    params(("run_id" = String, Path), ("well" = String, Path, description = "`A01` to `AF48`")),
+    responses(
+        (status = 200, description = "The well is skipped, or was before", body = Acknowledged),
+        (status = 404, description = "No such run", body = Problem, content_type = "application/problem+json"),
+        (status = 409, description = "The run is not held, or the well has an outcome", body = Problem, content_type = "application/problem+json"),
+    )
+)]
+pub(super) async fn skip(
+    State(app): State<AppState>,
+    path: Result<Path<(String, String)>, PathRejection>,
+    Body(says): Body<SaidBy, { body::SMALL }>,
+) -> Result<Json<Acknowledged>, Problem> {
+    about_well(&app, path, Said::Skip(says)).await
+}
+
+/// Has a well of a held run measured again when the run continues.
+///
+/// Its files stay as those of an earlier attempt, and its numbers are taken out of the record. A well without an outcome is answered with 200.
+#[utoipa::path(
+    put, path = "/v1/runs/{run_id}/wells/{well}/redo", tag = "commands", request_body = SaidBy,
+    params(("run_id" = String, Path), ("well" = String, Path, description = "`A01` to `AF48`")),
+    responses(
+        (status = 200, description = "The well will be measured", body = Acknowledged),
+        (status = 404, description = "No such run", body = Problem, content_type = "application/problem+json"),
+        (status = 409, description = "The run is not held, or the sampler cannot bring the specimen again", body = Problem, content_type = "application/problem+json"),
+    )
+)]
+pub(super) async fn redo(
+    State(app): State<AppState>,
+    path: Result<Path<(String, String)>, PathRejection>,
+    Body(says): Body<SaidBy, { body::SMALL }>,
+) -> Result<Json<Acknowledged>, Problem> {
+    about_well(&app, path, Said::Redo(says)).await
+}
+
+/// Writes a person's remark on a well, also of a run that has ended.
+///
+/// It replaces the remark before it; the events of the run keep all. `excluded` gives the well the flag `excluded`, with which statistics leave
+/// it out. The numbers stay. A repeated request changes nothing.
+#[utoipa::path(
+    put, path = "/v1/runs/{run_id}/wells/{well}/note", tag = "commands", request_body = NoteOnWell,
+    params(("run_id" = String, Path), ("well" = String, Path, description = "`A01` to `AF48`")),
+    responses(
+        (status = 200, description = "The remark is on disk", body = Acknowledged),
+        (status = 404, description = "No such run", body = Problem, content_type = "application/problem+json"),
+        (status = 409, description = "The run has no such well", body = Problem, content_type = "application/problem+json"),
+    )
+)]
+pub(super) async fn note(
+    State(app): State<AppState>,
+    path: Result<Path<(String, String)>, PathRejection>,
+    Body(NoteOnWell { by, excluded, comment, tags }): Body<NoteOnWell, { body::SMALL }>,
+) -> Result<Json<Acknowledged>, Problem> {
+    let time = jiff::Timestamp::now().to_string();
+    about_well(&app, path, Said::Note(WellNote { by, time, excluded, comment, tags })).await
 }

@@ -3,10 +3,10 @@
 use super::AppState;
 use super::body;
 use super::problem::Problem;
-use super::runs::refused;
+use super::runs::{By, refused};
 use axum::Json;
-use axum::extract::rejection::PathRejection;
-use axum::extract::{Path, State};
+use axum::extract::rejection::{PathRejection, QueryRejection};
+use axum::extract::{Path, Query, State};
 use axum::http::{HeaderMap, StatusCode};
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
@@ -53,7 +53,8 @@ pub(super) async fn emergency_stop(State(app): State<AppState>, headers: HeaderM
 ///
 /// One that ends by itself (a lost device, a full disk) stays listed until its cause is gone. A repeat answers 200.
 #[utoipa::path(
-    post, path = "/v1/faults/{seq}/acknowledge", tag = "commands", params(("seq" = u64, Path, description = "`seq` of the fault in the status")),
+    post, path = "/v1/faults/{seq}/acknowledge", tag = "commands",
+    params(("seq" = u64, Path, description = "`seq` of the fault in the status"), By),
     responses(
         (status = 200, description = "The fault is acknowledged, or was over", body = Noted),
         (status = 400, description = "That is no number", body = Problem, content_type = "application/problem+json"),
@@ -63,10 +64,11 @@ pub(super) async fn emergency_stop(State(app): State<AppState>, headers: HeaderM
 pub(super) async fn acknowledge(
     State(app): State<AppState>,
     path: Result<Path<u64>, PathRejection>,
+    by: Result<Query<By>, QueryRejection>,
     headers: HeaderMap,
 ) -> Result<Json<Noted>, Problem> {
     body::within(&headers, body::SMALL)?;
     let Path(seq) = path?;
-    app.session.acknowledge(seq).await.map_err(|refusal| refused(&app, refusal))?;
+    app.session.acknowledge(seq, by?.0.name()?).await.map_err(|refusal| refused(&app, refusal))?;
     Ok(noted(&app))
 }

@@ -6,7 +6,7 @@ use super::tally::Tally;
 use super::{Check, State, Status};
 use crate::api::{HandoffNeeds, RunOutcome};
 use crate::notify::Notices;
-use carved_records::{Event, FieldError, Handoff, HandoffEnd, HandoffIntent, Method, RunPlan};
+use carved_records::{Event, FieldError, Handoff, HandoffEnd, HandoffIntent, Method, RunPlan, SaidBy, WellNote};
 use carved_store::{StoreError, size};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -20,6 +20,10 @@ pub enum Refusal {
     InvalidPlan(Vec<FieldError>),
     #[error("the handover has {} mistake(s)", .0.len())]
     InvalidHandoff(Vec<FieldError>),
+    #[error("the body has {} mistake(s)", .0.len())]
+    InvalidSaying(Vec<FieldError>),
+    #[error("nothing is done about well {well} of run {run}: {why}")]
+    WellNotNow { run: String, well: String, why: String },
     #[error("run {id} exists with another plan; name the new run otherwise")]
     OtherPlan { id: String },
     #[error("run {id} was measured before and is no longer in the data folder. Choose another run id")]
@@ -109,6 +113,17 @@ pub enum Towards {
     Abort,
 }
 
+/// What a person says about a well.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Said {
+    /// The held run leaves it out.
+    Skip(SaidBy),
+    /// The held run measures it again.
+    Redo(SaidBy),
+    /// A remark, also on a well of a run that has ended.
+    Note(WellNote),
+}
+
 /// A command with the channel for its answer.
 pub enum Command {
     PutRun {
@@ -120,6 +135,7 @@ pub enum Command {
     Steer {
         id: String,
         towards: Towards,
+        by: Option<String>,
         answer: oneshot::Sender<Result<(), Refusal>>,
     },
     /// The motors have stopped already.
@@ -128,6 +144,14 @@ pub enum Command {
     },
     Acknowledge {
         seq: u64,
+        by: Option<String>,
+        answer: oneshot::Sender<Result<(), Refusal>>,
+    },
+    /// What a person says about a well.
+    OfWell {
+        run: String,
+        well: String,
+        said: Said,
         answer: oneshot::Sender<Result<(), Refusal>>,
     },
     Handoff {
@@ -259,9 +283,15 @@ impl SessionHandle {
         self.ask(|answer| Command::PutRun { id, plan, answer }).await
     }
 
-    /// Holds, continues, stops or aborts a run. The answer comes once the request is in the journal, and not once the state is reached.
-    pub async fn steer(&self, id: String, towards: Towards) -> Result<(), Refusal> {
-        self.ask(|answer| Command::Steer { id, towards, answer }).await
+    /// Holds, continues, stops or aborts a run, for the person of this name. The answer comes once the request is in the journal, and not
+    /// once the state is reached.
+    pub async fn steer(&self, id: String, towards: Towards, by: Option<String>) -> Result<(), Refusal> {
+        self.ask(|answer| Command::Steer { id, towards, by, answer }).await
+    }
+
+    /// Carries out what a person says about a well. The answer comes once it is on disk.
+    pub async fn said(&self, run: String, well: String, said: Said) -> Result<(), Refusal> {
+        self.ask(|answer| Command::OfWell { run, well, said, answer }).await
     }
 
     /// Stops the motors, whether or not the caller waits, and returns once the stop is on the wire.
@@ -285,8 +315,8 @@ impl SessionHandle {
     }
 
     /// Acknowledges a fault for the operator.
-    pub async fn acknowledge(&self, seq: u64) -> Result<(), Refusal> {
-        self.ask(|answer| Command::Acknowledge { seq, answer }).await
+    pub async fn acknowledge(&self, seq: u64, by: Option<String>) -> Result<(), Refusal> {
+        self.ask(|answer| Command::Acknowledge { seq, by, answer }).await
     }
 
     /// Announces that a plate will be brought or taken away. Returns what must happen first.

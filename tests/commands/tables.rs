@@ -7,7 +7,7 @@ use crate::common::{carved, generated, json, stderr, strict, venv};
 use carved_core::flag::Flag;
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::profile::Mask;
-use carved_records::{InstrumentIdentity, Mode, RunOutcome, SpecimenOutcome, WellStatus, sha256_hex};
+use carved_records::{InstrumentIdentity, Mode, RunOutcome, SpecimenOutcome, WellNote, WellStatus, sha256_hex};
 use carved_store::columns::{AFTER, BEFORE, Source};
 use carved_store::{Claim, MEASUREMENT, MeasurementFile, Recording, RecordingWriter, RunRecord, Store, frames};
 use rusqlite::types::ValueRef::{Blob, Integer, Null, Real, Text};
@@ -51,6 +51,13 @@ fn plate_of(data: &Path, id: &str, barcode: &str, size: usize, instrument: Optio
         record.wells[well].end(SpecimenOutcome::Succeeded, None);
     }
     record.wells[1].flags = vec![Flag::Moved.into(), Flag::Residual.into()];
+    record.wells[2].set_note(Some(Box::new(WellNote {
+        by: "kim".into(),
+        time: "2026-03-05T09:30:00Z".into(),
+        excluded: true,
+        comment: "an air bubble, \"large\"".into(),
+        tags: vec!["bubble".into(), "again".into()],
+    })));
     for well in &mut record.wells[2..] {
         well.end(SpecimenOutcome::Skipped, Some("empty"));
     }
@@ -272,8 +279,12 @@ fn every_number_of_a_measurement_has_a_column_or_a_reason() {
 /// What `run.json` and the status say of a well is in the table, by the same name or by this one.
 #[test]
 fn every_value_of_a_well_has_a_column() {
-    const OTHER_NAMES: [(&str, &str); 3] =
-        [("residual_px", "qc_residual_px"), ("signal_per_nl", "signal_grey_px_per_nl"), ("reference", "reference_volume_z")];
+    const OTHER_NAMES: [(&str, &str); 4] = [
+        ("residual_px", "qc_residual_px"),
+        ("signal_per_nl", "signal_grey_px_per_nl"),
+        ("reference", "reference_volume_z"),
+        ("note", "comment"),
+    ];
     let planned = serde_json::from_value(json!({"well": "A01"})).unwrap();
     for key in serde_json::to_value(WellStatus::pending(&planned)).unwrap().as_object().unwrap().keys() {
         let name = OTHER_NAMES.iter().find(|(from, _)| from == key).map_or(key.as_str(), |(_, name)| name);

@@ -214,7 +214,15 @@ fn the_status_is_said_in_words_or_as_it_is_served() {
     rig.driver.publish(|s| {
         s.state = State::Held;
         let next_command = Some(NextCommand::Unhold);
-        let hold = Hold { code: "operator".into(), cause: "it".into(), times: 1, next_action: None, next_command, fault_seq: None };
+        let hold = Hold {
+            code: "operator".into(),
+            cause: "it".into(),
+            times: 1,
+            next_action: None,
+            next_command,
+            fault_seq: None,
+            next_try: None,
+        };
         s.run = s.run.take().map(|run| RunStatus { hold: Some(hold), ..run });
     });
     let said = text(&carved(&url(&rig), &["run", "status"]).stdout);

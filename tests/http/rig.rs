@@ -181,7 +181,7 @@ async fn drive(mut mailbox: mpsc::Receiver<Command>, refusal: Arc<Mutex<Option<R
                 };
                 answer.send(verdict).unwrap();
             }
-            Command::Steer { id, towards, answer } => {
+            Command::Steer { id, towards, answer, .. } => {
                 commands.lock().unwrap().push(format!("{towards:?} {id}").to_lowercase());
                 let known = runs.contains_key(&id);
                 let unknown = Refusal::UnknownRun { id, newest: runs.keys().next_back().cloned() };
@@ -191,10 +191,15 @@ async fn drive(mut mailbox: mpsc::Receiver<Command>, refusal: Arc<Mutex<Option<R
                 commands.lock().unwrap().push("emergency stop".into());
                 answer.send(refusal.map_or(Ok(()), Err)).unwrap();
             }
-            Command::Acknowledge { seq, answer } => {
+            Command::Acknowledge { seq, answer, .. } => {
                 commands.lock().unwrap().push(format!("acknowledge {seq}"));
                 let verdict = if seq <= NEWEST_FAULT { Ok(()) } else { Err(Refusal::UnknownFault { seq, newest: NEWEST_FAULT }) };
                 answer.send(refusal.map_or(verdict, Err)).unwrap();
+            }
+            Command::OfWell { run, well, said, answer } => {
+                commands.lock().unwrap().push(format!("{said:?} {run} {well}"));
+                let unknown = Refusal::UnknownRun { id: run.clone(), newest: runs.keys().next_back().cloned() };
+                answer.send(refusal.map_or(if runs.contains_key(&run) { Ok(()) } else { Err(unknown) }, Err)).unwrap();
             }
             Command::Handoff { plate, answer } => {
                 commands.lock().unwrap().push(format!("{:?} {}", plate.intent, plate.barcode));

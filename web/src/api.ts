@@ -7,6 +7,7 @@ import type {
   MethodOffer,
   Methods,
   Mistake,
+  NoteOnWell,
   PlateMap,
   Preflight,
   Problem,
@@ -16,6 +17,7 @@ import type {
   RunPlan,
   RunReplays,
   Runs,
+  SaidBy,
   Specimen,
   SpecimenDetail,
   Statistics,
@@ -128,6 +130,34 @@ export async function sayLoaded(run: string, well: string, loaded: boolean): Pro
 export async function sayNotMoved(): Promise<void> {
   const response = await command("/v1/plate/handoff/aborted", { method: "PUT" });
   await response.body?.cancel();
+}
+
+async function putAboutWell(run: string, well: string, what: string, body: SaidBy | NoteOnWell): Promise<void> {
+  const response = await sendJson("PUT", `/v1/runs/${encodeURIComponent(run)}/wells/${well}/${what}`, body);
+  await response.body?.cancel();
+}
+
+/** Writes a remark on a well. */
+export function noteWell(run: string, well: string, note: NoteOnWell): Promise<void> {
+  return putAboutWell(run, well, "note", note);
+}
+
+/** Leaves a well out of a held run. */
+export function skipWell(run: string, well: string, says: SaidBy): Promise<void> {
+  return putAboutWell(run, well, "skip", says);
+}
+
+/** Has a well of a held run measured again. */
+export function redoWell(run: string, well: string, says: SaidBy): Promise<void> {
+  return putAboutWell(run, well, "redo", says);
+}
+
+/** The plan of the wells that a run has left without numbers, or of these wells. */
+export async function fetchRest(run: string, wells: readonly string[] = []): Promise<RunPlan> {
+  const query = wells.length === 0 ? "" : `?wells=${wells.join(",")}`;
+  const response = await ask(`/v1/runs/${encodeURIComponent(run)}/rest${query}`);
+  if (!response.ok) throw await refusal(response);
+  return (await response.json().catch(away)) as RunPlan;
 }
 
 /** Starts a run. Returns false if the daemon has this run with the same plan: then nothing is started. */

@@ -16,6 +16,7 @@ import {
   runsNow,
   underWay,
 } from "./plain.ts";
+import { byPerson } from "./person.ts";
 import type { Status } from "./status.ts";
 
 interface Command {
@@ -42,7 +43,8 @@ const HALT = "Use the instrument's own emergency stop if it must halt now.";
 const NEXT_KEY = "n";
 const never = () => false;
 const always = () => true;
-const steer = (name: string) => (_: Status, run: string) => post(`/v1/runs/${encodeURIComponent(run)}/${name}`);
+const steer = (name: string) => (_: Status, run: string) =>
+  post(`/v1/runs/${encodeURIComponent(run)}/${name}${byPerson()}`);
 
 const COMMANDS: readonly Command[] = [
   {
@@ -53,7 +55,7 @@ const COMMANDS: readonly Command[] = [
     isShown: (s) => nextStep(s)?.button === "acknowledge",
     isEnabled: always,
     question: null,
-    send: (s) => post(`/v1/faults/${nextStep(s)?.fault}/acknowledge`),
+    send: (s) => post(`/v1/faults/${nextStep(s)?.fault}/acknowledge${byPerson()}`),
     ends: false,
     otherwise: "The fault is still open.",
   },

@@ -218,6 +218,7 @@ export interface Hold {
   fault_seq: number | null;
   next_action: string | null;
   next_command: NextCommand | null;
+  next_try: string | null;
   times: number;
 }
 
@@ -295,6 +296,13 @@ export interface Mistake {
 export type Mode = "hardware" | "simulated" | "imported";
 
 export type NextCommand = "acknowledge" | "unhold";
+
+export interface NoteOnWell {
+  by: string;
+  comment?: string;
+  excluded?: boolean;
+  tags?: string[];
+}
 
 export interface Noted {
   revision: number;
@@ -511,6 +519,11 @@ export interface RunStatus {
 export interface Runs {
   next: string | null;
   runs: RunRow[];
+}
+
+export interface SaidBy {
+  by: string;
+  reason: string;
 }
 
 export type SchedulerAction =
@@ -1044,6 +1057,8 @@ export interface StoredPolicy {
   bead_gate?: StoredBeadGate;
   clipped?: StoredClipped;
   deadlines_s?: StoredDeadlines;
+  held_pause_min?: number;
+  held_tries?: number;
   interrupted?: StoredInterrupted;
   resume?: StoredResume;
   retries?: number;
@@ -1409,6 +1424,14 @@ export interface WellLoaded {
   loaded: boolean;
 }
 
+export interface WellNote {
+  by: string;
+  comment: string;
+  excluded: boolean;
+  tags: string[];
+  time: string;
+}
+
 export interface WellStatus {
   area_sd_um2: number | null;
   area_um2: number | null;
@@ -1418,6 +1441,7 @@ export interface WellStatus {
   field_area_um2: number | null;
   field_volume_um3: number | null;
   flags: string[];
+  note: WellNote | null;
   outcome: SpecimenOutcome | null;
   reason: string | null;
   reference: ReferenceStatus | null;

@@ -163,4 +163,9 @@ export const FLAGS: Record<string, { meaning: string; whatToDo: string; isBound:
     whatToDo: "Check the masks if the capillary was not empty.",
     isBound: false,
   },
+  excluded: {
+    meaning: "A person has left the specimen out of statistics, for the reason in its comment.",
+    whatToDo: "Read the comment; the exclusion can be taken back.",
+    isBound: false,
+  },
 };

@@ -123,6 +123,13 @@ export class FrameView {
     void this.#refresh.ask();
   }
 
+  /** Shows the view so many places further, of a stored well with more than one. */
+  step(by: number): void {
+    const { view, viewLabel } = this.#parts;
+    const place = Number(view.value) + by;
+    if (!viewLabel.hidden && place >= 1 && place <= Number(view.max)) this.show(place);
+  }
+
   #load(): Promise<void> {
     const subject = this.#subject;
     if (subject.kind === "stored") return this.#loadStored(subject);

@@ -5,7 +5,7 @@
 //                             └── live, or stored for the well that the operator chose: subject.ts
 
 import { AgainView } from "./again.ts";
-import { fetchRun } from "./api.ts";
+import { fetchRest, fetchRun } from "./api.ts";
 import { AttentionList } from "./attention.ts";
 import { BeadCharts } from "./beads.ts";
 import { VolumeChart } from "./chart.ts";
@@ -21,10 +21,13 @@ import { FrameView } from "./frame.ts";
 import { GroupsView } from "./groups.ts";
 import { HeaderView } from "./header.ts";
 import { VolumeHistory } from "./history.ts";
+import { LastDone } from "./lastdone.ts";
 import { ModelView, type Look } from "./model.ts";
 import { NewRun } from "./newrun.ts";
 import { PlateView } from "./plate.ts";
+import { counted } from "./format.ts";
 import {
+  canStart,
   count,
   diagnosis,
   finish,
@@ -40,16 +43,19 @@ import {
 } from "./plain.ts";
 import { Recent } from "./recent.ts";
 import { ResultsTable } from "./results.ts";
+import { Remark } from "./remark.ts";
 import { RigView } from "./rig.ts";
 import { RunLog } from "./runlog.ts";
 import { asStatus, OpenedRun, RunList } from "./runs.ts";
 import type { RunDetail, RunPlan, RunStatus, Status } from "./status.ts";
 import { StandingView, standingsOf } from "./standing.ts";
+import { ContactSheet } from "./sheet.ts";
 import { runKey, StoredModels, StoredSpecimens } from "./stored.ts";
 import { chosenWell, isStored, subjectOf, type Subject } from "./subject.ts";
 import { TokenForm } from "./token.ts";
 import { ViewStrip } from "./views.ts";
 import { WellCard } from "./wellcard.ts";
+import { Zoom } from "./zoom.ts";
 
 // First: whatever fails below, the stop works.
 const emergency = new EmergencyStop({
@@ -87,6 +93,9 @@ const colouredModels = new StoredModels(stored, (links) => links.coloured_glb);
 const standing = new StandingView(byId("standing"));
 const groups = new GroupsView(byId, lookAt);
 const again = new AgainView(byId);
+const sheet = new ContactSheet(byId("sheet"), byId("sheet-list"), lookAt);
+const lastDone = new LastDone(byId("last-done"), choose);
+const remark = new Remark(byId, async (run, well) => newRun.offer(await fetchRest(run, [well]), run));
 const files = new WellFiles(byId("well-files"));
 const frameParts = {
   heading: byId("frame-heading"),
@@ -107,14 +116,34 @@ const frame = new FrameView(frameParts, stored, models, (view) => {
   views.mark(view);
   files.mark(view);
 });
+const zoom = new Zoom(
+  frameParts.box,
+  frameParts.frame,
+  [frameParts.model, frameParts.profile],
+  byId<HTMLInputElement>("frame-contrast"),
+);
+byId("frame-reset").addEventListener("click", () => zoom.reset());
 const viewParts = { panel: byId("views"), list: byId("views-list"), words: byId("views-words") };
-const views = new ViewStrip(viewParts, stored, models, (place) => frame.show(place));
+const views = new ViewStrip(viewParts, stored, models, (place) => {
+  frame.show(place);
+  // The view is shown in large where the reader sees it.
+  bringIntoView(byId("frame-heading"));
+});
+document.addEventListener("keydown", (event) => {
+  const step = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
+  const isOther = event.ctrlKey || event.altKey || event.metaKey || event.shiftKey;
+  // Where arrows mean something else, they keep that meaning.
+  const isUsed = event.target instanceof Element && event.target.closest(ARROWS_USED) !== null;
+  if (step !== undefined && !isOther && !isUsed) frame.step(step);
+});
 const model = makeModel();
 
 let newest: Status | null = null;
 let picturesShown = "";
 /** The well that the operator chose. Without one the page follows the run. */
 let pinned: string | null = null;
+/** Parts of the page in which arrow keys move something else. */
+const ARROWS_USED = "input, select, textarea, [role=region], #plate, #model-box, dialog";
 /** Pause before a plate map that could not be read is read again, ms. */
 const PLAN_AGAIN_MS = 5000;
 /** What the page needs of a run's plan. */
@@ -185,6 +214,19 @@ byId("save-table").addEventListener("click", () => {
   if (run) void commands.attempt("The table was not saved", () => saveTable(run));
 });
 
+byId("measure-rest").addEventListener("click", () => {
+  const run = newest && shown(newest).run?.id;
+  if (run) void commands.attempt("The rest cannot be planned", async () => newRun.offer(await fetchRest(run), run));
+});
+
+/** Shows how many wells a run has left without numbers, where a run of them could start. */
+function showRest(run: RunStatus | null): void {
+  const left = run?.results.filter((w) => w.outcome === "aborted" || w.outcome === "interrupted").length ?? 0;
+  const button = byId("measure-rest");
+  show(button, left > 0 && run?.outcome !== null && newest !== null && canStart(newest));
+  setText(button, `Measure the rest: ${counted(left, "well")}`);
+}
+
 /** The status whose run is shown: the instrument's own, or one made of the stored run that is opened. */
 function shown(status: Status): Status {
   const detail = opened.instead(status);
@@ -241,6 +283,10 @@ function run(status: Status, detail: RunDetail | null): void {
   groups.update(status.run);
   again.update(status.run, newest !== null && runsNow(newest));
   byId("save-table").hidden = wells.every((w) => w.outcome === null);
+  showRest(status.run);
+  sheet.update(status.run);
+  lastDone.update(status.run, chosen);
+  remark.update(status.run, well, status.state === "Held" && detail === null);
   const hull_um3 = well ? (history.of(well.well).hulls_um3.at(-1) ?? null) : null;
   card.update(well, specimen, wells, hull_um3, well ? planned.get(well.well) : undefined);
   chart.update(

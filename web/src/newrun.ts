@@ -3,18 +3,17 @@
 //   file ──check──> mistakes by line, or the contents of the plate ──preflight──> failed conditions ──start──> the run
 
 import { checkPlateMap, fetchMethods, preflight, Refused, startRun } from "./api.ts";
-import { element, setText, show } from "./dom.ts";
+import { bringIntoView, element, setText, show } from "./dom.ts";
 import { save } from "./downloads.ts";
 import { capitalised, counted, words } from "./format.ts";
 import { canStart } from "./plain.ts";
+import { keepPerson, person } from "./person.ts";
 import { PlanPlate } from "./planplate.ts";
 import type { Check, MethodOffer, Mistake, PlannedWell, PlateMap, RunPlan, Status } from "./status.ts";
 import { templateOf } from "./template.ts";
 
-const OPERATOR = "carved.operator";
-
 export class NewRun {
-  readonly #panel: HTMLElement;
+  readonly #panel: HTMLDetailsElement;
   readonly #form: HTMLFormElement;
   readonly #file: HTMLInputElement;
   readonly #method: HTMLSelectElement;
@@ -79,7 +78,7 @@ export class NewRun {
       const wells = Number(this.#format.value) || 96;
       save(new Blob([templateOf(wells)], { type: "text/csv" }), `plate-map-${wells}.csv`);
     });
-    this.#operator.value = localStorage.getItem(OPERATOR) ?? "";
+    this.#operator.value = person();
     this.#file.addEventListener("change", () => void this.#check());
     this.#method.addEventListener("change", () => this.#explain());
     this.#form.addEventListener("input", () => {
@@ -92,6 +91,29 @@ export class NewRun {
       event.preventDefault();
       void this.#begin();
     });
+  }
+
+  /** Plans a run of these wells, which the operator starts. `of`: the run that they are from. */
+  offer(plan: RunPlan, of: string): void {
+    this.#checks += 1;
+    this.#clear();
+    const { plate_map, plate_format = null, metadata = {} } = plan;
+    this.#map = { plate_map, plate_format, metadata, notes: [] };
+    this.#chosen = plate_format;
+    this.#format.value = String(plate_format ?? "");
+    this.#file.value = "";
+    this.#file.required = false;
+    this.#barcode.value = plan.plate_barcode;
+    this.#operator.value = person() || plan.operator;
+    this.#id.value = "";
+    if (this.#methods.some((m) => m.name === plan.method)) this.#method.value = plan.method;
+    this.#explain();
+    setText(this.#holds, `Of run ${of}: ${contents(plate_map)}`);
+    show(this.#holds, true);
+    this.#draw();
+    this.#panel.open = true;
+    this.#enable();
+    bringIntoView(this.#panel);
   }
 
   update(status: Status): void {
@@ -170,6 +192,7 @@ export class NewRun {
     const file = this.#file.files?.[0];
     const check = (this.#checks += 1);
     this.#map = null;
+    this.#file.required = true;
     show(this.#holds, false);
     this.#draw();
     this.#clear();
@@ -217,7 +240,7 @@ export class NewRun {
   async #begin(): Promise<void> {
     const plan = this.#plan();
     if (!plan) return;
-    localStorage.setItem(OPERATOR, plan.operator);
+    keepPerson(plan.operator);
     const id = this.#id.value.trim() || freshName(plan.plate_barcode);
     this.#clear();
     const job = async () => {
@@ -229,6 +252,7 @@ export class NewRun {
       this.#barcode.value = "";
       this.#id.value = "";
       this.#map = null;
+      this.#file.required = true;
       show(this.#holds, false);
       this.#format.value = "";
       this.#chosen = null;

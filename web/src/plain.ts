@@ -208,8 +208,9 @@ export function diagnosis(status: Status): string {
   // The cause may be over while the run still waits for somebody.
   const isOver = hold.code !== "operator" && !status.faults.some((f) => f.code === hold.code || hold.code === "fault");
   const why = isOver ? "Held by a cause that is over" : "Held because";
+  const again = hold.next_try == null ? "" : ` The next try is at ${hourOf(new Date(hold.next_try))}.`;
   const often = hold.times > 1 ? ` It has held the run ${grouped(hold.times)} times since a well was finished.` : "";
-  return `${why}: ${hold.cause}${often}`;
+  return `${why}: ${hold.cause}${often}${again}`;
 }
 
 /** The headline: the next step where somebody has to take one, else what the instrument is doing. */

@@ -5,6 +5,7 @@ import { capitalised, grouped, significant } from "./format.ts";
 import { flagWords } from "./reasons.ts";
 import type { PlannedWell, WellStatus } from "./status.ts";
 import { treatmentWords } from "./treatment.ts";
+import { noteWords } from "./wellcard.ts";
 import { conditionOf, conditionWords, contents, isBound } from "./wells.ts";
 
 /** The wells in the plan of their run, by name. */
@@ -43,6 +44,11 @@ const COLUMNS: readonly Column[] = [
     name: "Flags",
     value: (w) => (w.flags.length === 0 ? null : w.flags.length),
     words: (w) => w.flags.map(flagWords).join("; "),
+  },
+  {
+    name: "Remark",
+    value: (w) => (w.note === null ? null : noteWords(w.note)),
+    words: (w) => (w.note === null ? "" : noteWords(w.note)),
   },
 ];
 

@@ -7,7 +7,8 @@ import { Latest } from "./latest.ts";
 import { OUTCOMES, PHASES } from "./plain.ts";
 import { flagWords, isBoundBy, reasonWords } from "./reasons.ts";
 import { runKey } from "./stored.ts";
-import type { Phase, RunEvent, RunOutcome, RunStatus, SpecimenOutcome } from "./status.ts";
+import type { Phase, RunEvent, RunOutcome, RunStatus, SpecimenOutcome, WellNote } from "./status.ts";
+import { noteWords } from "./wellcard.ts";
 
 /** How much an event matters: steps of the work are hidden at first. */
 export type Weight = "step" | "news" | "trouble";
@@ -46,15 +47,19 @@ const WORDS: Record<string, (data: Data, well: string) => Entry> = {
   "run.accepted": (d) =>
     news(`The run was accepted for plate ${text(d["plate_barcode"])}, method ${text(d["method"])}.`),
   "run.started": () => news("The instrument is ready; the wells follow."),
-  "run.hold_requested": () => news("Somebody asked to hold the run."),
-  "run.stop_requested": () => news("Somebody asked to stop the run after the well."),
-  "run.abort_requested": () => trouble("Somebody asked to abort the run."),
+  "run.hold_requested": (d) => news(`${asked(d)} asked to hold the run.`),
+  "run.stop_requested": (d) => news(`${asked(d)} asked to stop the run after the well.`),
+  "run.abort_requested": (d) => trouble(`${asked(d)} asked to abort the run.`),
   "run.held": (d) => {
     const cause = d["by"] === "operator" ? "An operator holds the run." : sentence(`the run is held: ${heldBy(d)}`);
     return d["by"] === "operator" ? news(cause) : trouble(cause);
   },
   "run.resumed": (d) =>
-    news(d["by"] === "instrument" ? "The run continues by itself." : "An operator lets the run go on."),
+    news(
+      d["by"] === "instrument"
+        ? "The run continues by itself."
+        : `${text(d["name"]) || "An operator"} lets the run go on.`,
+    ),
   "run.interrupted": () => trouble("The program was started again and found the run open."),
   "run.unreadable": (d) => trouble(sentence(`the record of the run could not be read: ${text(d["why"])}`)),
   "run.ended": (d) => news(`The run ${OUTCOMES[text(d["outcome"]) as RunOutcome] ?? "ended"}.`),
@@ -62,6 +67,10 @@ const WORDS: Record<string, (data: Data, well: string) => Entry> = {
   "well.loaded": (_, well) => step(`The specimen of ${well} is in the capillary.`),
   "well.taken_out": (_, well) => step(`The specimen of ${well} was taken out while the sampler was at work.`),
   "well.unloaded": (_, well) => step(`The specimen of ${well} was taken out.`),
+  "well.skipped": (d, well) => news(sentence(`${text(d["by"])} skips ${well}: ${text(d["reason"])}`)),
+  "well.redo_requested": (d, well) =>
+    news(sentence(`${text(d["by"])} has ${well} measured again: ${text(d["reason"])}`)),
+  "well.noted": (d, well) => news(`${well}: ${noteWords(d as unknown as WellNote)}`),
   "specimen.phase": (d, well) => step(`${well}: ${PHASES[text(d["phase"]) as Phase] ?? words(text(d["phase"]))}.`),
   "specimen.detected": (d, well) =>
     step(`${well}: the first frame shows ${FOUND[text(d["kind"])] ?? "what cannot be judged"}.`),
@@ -85,7 +94,8 @@ const WORDS: Record<string, (data: Data, well: string) => Entry> = {
   "specimen.done": done,
   // An early journal has no meaning of a fault.
   "fault.raised": (d) => trouble(said([d["meaning"], d["message"]]) || "A fault was raised."),
-  "fault.acknowledged": (d) => news(`The fault ${words(text(d["code"]))} was acknowledged.`),
+  "fault.acknowledged": (d) =>
+    news(`The fault ${words(text(d["code"]))} was acknowledged${text(d["by"]) ? ` by ${text(d["by"])}` : ""}.`),
   "fault.cleared": (d) => news(sentence(`a fault is over${d["why"] ? `: ${text(d["why"])}` : ""}`)),
   "daemon.stopping": () => trouble("The program was told to end while the run was open."),
   "store.regained": () => news("The disk takes writes again."),
@@ -101,6 +111,11 @@ function step(words: string): Entry {
 
 function trouble(words: string): Entry {
   return { weight: "trouble", words };
+}
+
+/** Who asked for something. */
+function asked(data: Data): string {
+  return text(data["by"]) || "Somebody";
 }
 
 function heldBy(data: Data): string {

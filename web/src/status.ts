@@ -21,6 +21,7 @@ export interface Recorded {
 /** The parts of `measurement.json` that the page reads. */
 export interface Measured extends Pick<StoredMeasurementFile, "views"> {
   calibration?: Pick<StoredCalibrationRecord, "psi" | "rho"> | null;
+  shape?: { body?: { dorsal: { direction?: readonly number[] | null } } | null } | null;
   reference?: { estimates: Pick<StoredEstimateStanding, "estimator" | "volume" | "area">[] } | null;
 }
 

@@ -34,6 +34,8 @@ export function chosenWell(status: Status, pinned: string | null): string | null
  */
 export function isStored(well: WellStatus): boolean {
   if (well.outcome === "aborted" || well.outcome === "interrupted") return well.views !== 0;
+  // A person left it out before its first frame.
+  if (well.outcome === "skipped" && well.reason?.startsWith("skipped by ") === true) return (well.views ?? 0) > 0;
   return well.outcome !== null;
 }
 

@@ -13,7 +13,7 @@ import {
 } from "./format.ts";
 import { flagWords, reasonWords } from "./reasons.ts";
 import { PHASES } from "./plain.ts";
-import type { PlannedWell, SpecimenStatus, VolumeWait, WellStatus } from "./status.ts";
+import type { PlannedWell, SpecimenStatus, VolumeWait, WellNote, WellStatus } from "./status.ts";
 import { treatmentWords } from "./treatment.ts";
 import { CONDITIONS, conditionOf, conditionWords, contents, isBound, places, type Condition } from "./wells.ts";
 
@@ -65,6 +65,13 @@ export class WellCard {
   }
 }
 
+/** A person's remark in words: `Left out of statistics by Kim: two larvae. Tags: twin.` Pure. */
+export function noteWords({ by, excluded, comment, tags }: WellNote): string {
+  const what = excluded ? `Left out of statistics by ${by}` : by;
+  const tagged = tags.length === 0 ? "" : ` Tags: ${tags.join(", ")}.`;
+  return `${what}${comment === "" ? "" : `: ${comment.replace(/\.$/, "")}`}.${tagged}`;
+}
+
 function facts(
   well: WellStatus,
   specimen: SpecimenStatus | null,
@@ -82,6 +89,7 @@ function facts(
   if (well.flags.length > 0) {
     rows.push(...fact("Flags", ...well.flags.map(flagLink)));
   }
+  if (well.note !== null) rows.push(...fact("Remark", noteWords(well.note)));
   const volume = well.volume_um3;
   // An interval around a bound would not contain the true volume.
   const bound = isBound(well);

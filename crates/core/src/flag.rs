@@ -33,6 +33,8 @@ pub enum Effect {
     LowerBound,
     /// The number may be wrong by more than its standard deviation says.
     Doubtful,
+    /// A person has left the specimen out.
+    Excluded,
 }
 
 impl Effect {
@@ -42,6 +44,7 @@ impl Effect {
             Self::Holds => "counts",
             Self::LowerBound => "left out: a bound",
             Self::Doubtful => "left out: doubtful",
+            Self::Excluded => "left out: by a person",
         }
     }
 }
@@ -61,6 +64,8 @@ pub enum RaisedBy {
     Run,
     /// `carved reconstruct`.
     Reconstruct,
+    /// A person, about a well of a run.
+    Person,
 }
 
 impl RaisedBy {
@@ -73,6 +78,7 @@ impl RaisedBy {
             Self::SecondCamera => "second camera",
             Self::Run => "run",
             Self::Reconstruct => "`carved reconstruct`",
+            Self::Person => "a person",
         }
     }
 }
@@ -203,6 +209,9 @@ flags! {
     Empty = "empty", Reconstruct, [],
         "All views are blank, so the volume is 0.",
         "Check the masks if the capillary was not empty.";
+    Excluded = "excluded", Person, [],
+        "A person has left the specimen out of statistics, for the reason in its comment.",
+        "Read the comment; the exclusion can be taken back.";
 }
 
 impl Flag {
@@ -228,6 +237,7 @@ impl Flag {
             | Self::ViewsDisagree
             | Self::AxisOffBore
             | Self::Empty => Effect::Doubtful,
+            Self::Excluded => Effect::Excluded,
             Self::BadView
             | Self::ClosureUndecided
             | Self::NoClosure

@@ -8,7 +8,7 @@
 //! A line with an unknown kind, or with data of another form, is read as [`EventData::Other`]. It is stored and served unchanged, and does
 //! not change the state.
 
-use crate::{Fault, Handoff, Interrupted, LiveEstimate, Mode, Phase, RunOutcome, WellCounts, WellStatus, WellTimes};
+use crate::{Fault, Handoff, Interrupted, LiveEstimate, Mode, Phase, RunOutcome, SaidBy, WellCounts, WellNote, WellStatus, WellTimes};
 use carved_core::profile::Detection;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -154,11 +154,11 @@ events! {
     /// The instrument is ready, and the wells follow. Also written each time the run continues.
     RUN_STARTED: RunStarted = "run.started";
     /// An operator asked to hold the run.
-    RUN_HOLD_REQUESTED: RunHoldRequested = "run.hold_requested";
+    RUN_HOLD_REQUESTED: RunHoldRequested(Asked) = "run.hold_requested";
     /// A stop of the run was requested.
-    RUN_STOP_REQUESTED: RunStopRequested = "run.stop_requested";
+    RUN_STOP_REQUESTED: RunStopRequested(Asked) = "run.stop_requested";
     /// An abort of the run was requested.
-    RUN_ABORT_REQUESTED: RunAbortRequested = "run.abort_requested";
+    RUN_ABORT_REQUESTED: RunAbortRequested(Asked) = "run.abort_requested";
     /// The run is held.
     RUN_HELD: RunHeld(RunHeld) = "run.held";
     /// A held run continues.
@@ -177,6 +177,12 @@ events! {
     WELL_UNLOADED: WellUnloaded = "well.unloaded";
     /// Somebody took the specimen of a well out while the driven sampler was at work. `well.unloaded` follows when no work is in progress.
     WELL_TAKEN_OUT: WellTakenOut = "well.taken_out";
+    /// A person takes a well out of a held run.
+    WELL_SKIPPED: WellSkipped(SaidBy) = "well.skipped";
+    /// A person has a well of a held run measured again.
+    WELL_REDO_REQUESTED: WellRedoRequested(SaidBy) = "well.redo_requested";
+    /// A person's remark on a well.
+    WELL_NOTED: WellNoted(WellNote) = "well.noted";
     /// A specimen entered a phase.
     SPECIMEN_PHASE: SpecimenPhase(PhaseEntered) = "specimen.phase";
     /// What the detection frame shows. No data if the frame cannot be judged.
@@ -286,6 +292,14 @@ pub struct RunHeld {
     pub cause: Option<String>,
 }
 
+/// Data of a person's request to a run.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct Asked {
+    /// Name of the person. `None` where the client gave none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub by: Option<String>,
+}
+
 /// Who continues a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -301,6 +315,9 @@ pub enum ResumedBy {
 pub struct RunResumed {
     /// Who continues the run.
     pub by: ResumedBy,
+    /// Name of the operator. `None` where the client gave none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub name: Option<String>,
 }
 
 /// Who fills the capillary.
@@ -437,6 +454,9 @@ pub struct FaultAcknowledged {
     /// Its code.
     #[serde(default)]
     pub code: String,
+    /// Name of the person. `None` where the client gave none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub by: Option<String>,
 }
 
 /// Data of `fault.cleared`.

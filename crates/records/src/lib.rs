@@ -19,6 +19,7 @@ mod instrument;
 mod ledger;
 mod light;
 mod method;
+mod note;
 mod outcome;
 pub mod picture_name;
 mod plan;
@@ -34,9 +35,9 @@ mod well;
 pub use calibration::{CalibrationStatus, GateStatus};
 pub use concentration::ConcentrationUnit;
 pub use event::{
-    AttemptFailed, DaemonStarted, DaemonStopping, Event, EventBody, EventData, FaultAcknowledged, FaultsCleared, HeldBy, JournalRepaired,
-    LoadedBy, PhaseEntered, PlateNamed, RecoveryBegun, ResumedBy, RunAccepted, RunEnded, RunHeld, RunInterrupted, RunResumed,
-    RunUnreadable, SensorReading, SpecimenDone, SpecimenInterrupted, ViewTaken, WellLoaded, kind,
+    Asked, AttemptFailed, DaemonStarted, DaemonStopping, Event, EventBody, EventData, FaultAcknowledged, FaultsCleared, HeldBy,
+    JournalRepaired, LoadedBy, PhaseEntered, PlateNamed, RecoveryBegun, ResumedBy, RunAccepted, RunEnded, RunHeld, RunInterrupted,
+    RunResumed, RunUnreadable, SensorReading, SpecimenDone, SpecimenInterrupted, ViewTaken, WellLoaded, kind,
 };
 pub use fault::table::{self as fault_table, ALL as FAULT_CODES, Category, FaultCode};
 pub use fault::{Device, Fault, FaultEnd, RunUnderFault};
@@ -46,6 +47,7 @@ pub use instrument::InstrumentIdentity;
 pub use ledger::{Ledger, LedgerEntry, LedgerError, SecondEntry};
 pub use light::Light;
 pub use method::{CameraTooNear, Method, ViewOrder};
+pub use note::{SaidBy, WellNote};
 pub use outcome::{Mode, Phase, RunOutcome, SchedulerAction, SpecimenOutcome};
 pub use plan::{Control, FieldError, Metadata, PlannedWell, RunPlan, SpecimenKind, Versioned, is_plain_name};
 pub use plate::{PlateFormat, is_well, name as well_name, place as well_place};

@@ -19,6 +19,11 @@ pub struct Policy {
     pub interrupted: Interrupted,
     /// Who continues a run whose lost camera, folder or disk has come back. After a lost axis it is always the operator.
     pub resume: Resume,
+    /// How often a run that is held because the camera sent no whole frame, or was changed, continues by itself without a finished well. After
+    /// that, or with 0, a person continues it.
+    pub held_tries: u32,
+    /// Pause before the first of these tries, min. Each further pause is twice as long.
+    pub held_pause_min: f64,
     /// What is done with a specimen that extends beyond the picture and cannot be moved into view.
     pub clipped: Clipped,
     /// What it means for a run that the daily bead check failed or has expired (see `quality.gate`).
@@ -105,6 +110,8 @@ impl Default for Policy {
             retries: 1,
             interrupted: Interrupted::default(),
             resume: Resume::default(),
+            held_tries: 5,
+            held_pause_min: 1.0,
             clipped: Clipped::default(),
             bead_gate: BeadGate::default(),
         }
@@ -124,6 +131,9 @@ impl Ranged for Policy {
     const RANGES: &'static [Range<Self>] = ranges![
         // Each attempt harms the specimen.
         retries: 0.0, 5.0, "times";
+        // With 10 tries the last pause is 512 times the first one.
+        held_tries: 0.0, 10.0, "times";
+        held_pause_min: 0.01, 60.0, "min";
     ];
 
     fn outside_below(&self) -> Vec<OutOfRange> {
@@ -142,6 +152,14 @@ impl Ranged for Deadlines {
         eject: DEADLINES_S[0], DEADLINES_S[1], "s";
         wash: DEADLINES_S[0], DEADLINES_S[1], "s";
     ];
+}
+
+impl Policy {
+    /// Pause before a run that the camera holds continues by itself, after so many continuations. `None` if a person continues it.
+    pub fn held_pause(&self, continued: u32) -> Option<Duration> {
+        let is_allowed = self.resume == Resume::Automatic && continued < self.held_tries;
+        is_allowed.then(|| Duration::from_secs_f64(60.0 * self.held_pause_min * 2f64.powi(continued as i32)))
+    }
 }
 
 impl Deadlines {

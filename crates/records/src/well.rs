@@ -1,7 +1,7 @@
 //! A well of a run: its outcome, its numbers and its times.
 
-use crate::{Phase, PlannedWell, ReferenceStatus, SpecimenKind, SpecimenOutcome};
-use carved_core::flag::StoredFlag;
+use crate::{Phase, PlannedWell, ReferenceStatus, SpecimenKind, SpecimenOutcome, WellNote};
+use carved_core::flag::{Flag, StoredFlag};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -51,6 +51,9 @@ pub struct WellStatus {
     /// Comparison of a larva of known age with reference larvae.
     #[serde(default)]
     pub reference: Option<Box<ReferenceStatus>>,
+    /// The newest remark of a person on it.
+    #[serde(default)]
+    pub note: Option<Box<WellNote>>,
 }
 
 impl WellStatus {
@@ -80,7 +83,18 @@ impl WellStatus {
             residual_px: None,
             signal_per_nl: None,
             reference: None,
+            note: None,
         }
+    }
+
+    /// Sets a person's remark, and the flag that an exclusion is.
+    pub fn set_note(&mut self, note: Option<Box<WellNote>>) {
+        let excluded = StoredFlag::from(Flag::Excluded);
+        self.flags.retain(|flag| *flag != excluded);
+        if note.as_ref().is_some_and(|note| note.excluded) {
+            self.flags.push(excluded);
+        }
+        self.note = note;
     }
 
     pub fn end(&mut self, outcome: SpecimenOutcome, reason: Option<&str>) {

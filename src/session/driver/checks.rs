@@ -17,6 +17,7 @@ pub(super) fn beat(d: &mut DriverState) {
     if !d.life.is_stopping() {
         // Before the device check: the check takes the instrument, and a run that continues needs it.
         try_the_store(d);
+        course::try_again_if_due(d);
         look(d);
         d.look_for_room();
         look_at_the_disk(d);

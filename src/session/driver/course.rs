@@ -22,10 +22,11 @@ use super::snapshot::run_status;
 use super::start::kernel_boot_id;
 use super::{Departure, Life, commands, faults, missing, resume};
 use carved_records::{
-    DaemonStopping, EventData, HeldBy, Method, ResumedBy, RunAccepted, RunEnded, RunHeld, RunPlan, RunResumed, SpecimenInterrupted,
-    WellCounts,
+    Asked, DaemonStopping, EventData, Fault, HeldBy, Method, ResumedBy, RunAccepted, RunEnded, RunHeld, RunPlan, RunResumed,
+    SpecimenInterrupted, WellCounts,
 };
 use carved_store::{RunRecord, StoreError};
+use jiff::Timestamp;
 
 pub(super) fn shut_down(d: &mut DriverState, departure: Departure) {
     d.life = Life::Stopping(departure);
@@ -113,11 +114,11 @@ fn launch(d: &mut DriverState) {
 }
 
 /// Holds the run for an operator. This hold stays when other causes of a hold are over.
-pub(super) fn hold(d: &mut DriverState, state: State) -> Result<(), Refusal> {
+pub(super) fn hold(d: &mut DriverState, state: State, by: Option<String>) -> Result<(), Refusal> {
     if d.is_held_by_operator() {
         return Ok(());
     }
-    d.commit(None, EventData::RunHoldRequested)?;
+    d.commit(None, EventData::RunHoldRequested(Asked { by }))?;
     if matches!(state, State::Holding | State::Held) {
         d.publish(|_| ());
         return Ok(());
@@ -130,8 +131,8 @@ pub(super) fn hold(d: &mut DriverState, state: State) -> Result<(), Refusal> {
     Ok(())
 }
 
-pub(super) fn stop(d: &mut DriverState) -> Result<(), Refusal> {
-    d.commit(None, EventData::RunStopRequested)?;
+pub(super) fn stop(d: &mut DriverState, by: Option<String>) -> Result<(), Refusal> {
+    d.commit(None, EventData::RunStopRequested(Asked { by }))?;
     d.ask(Request::Stop);
     d.transition(Trigger::Stop);
     if d.has_idle_run() {
@@ -141,23 +142,23 @@ pub(super) fn stop(d: &mut DriverState) -> Result<(), Refusal> {
 }
 
 /// Aborts the run even if the disk fails. The event is written as soon as possible.
-pub(super) fn abort(d: &mut DriverState) {
+pub(super) fn abort(d: &mut DriverState, by: Option<String>) {
     d.ask(Request::Abort);
     d.transition(Trigger::Abort);
-    d.event(None, EventData::RunAbortRequested);
+    d.event(None, EventData::RunAbortRequested(Asked { by }));
     if d.has_idle_run() {
         end_run(d);
     }
 }
 
 /// Continues a held run, once the causes of the hold are over.
-pub(super) fn unhold(d: &mut DriverState, by: ResumedBy) -> Result<(), Refusal> {
+pub(super) fn unhold(d: &mut DriverState, by: ResumedBy, name: Option<String>) -> Result<(), Refusal> {
     d.check_faults()?;
     let Some(run) = &mut d.run else { return Ok(()) };
     if d.devices.at_rest().is_none() {
         return Err(Refusal::Busy);
     }
-    d.outbox.commit_with(run.record(), EventData::RunResumed(RunResumed { by }))?;
+    d.outbox.commit_with(run.record(), EventData::RunResumed(RunResumed { by, name }))?;
     run.set_may_go_on(false);
     let status = run_status(run.record());
     d.transition_with(Trigger::Unhold, |s| s.run = Some(status));
@@ -190,6 +191,14 @@ pub(super) fn resume_by_itself(d: &mut DriverState) {
     go_on_if_it_may(d);
 }
 
+/// Continues a run that the camera holds, once its pause is over and nothing else is in the way.
+pub(super) fn try_again_if_due(d: &mut DriverState) {
+    let is_due = d.run.as_ref().and_then(RunInProgress::tries_again_at).is_some_and(|at| at <= Timestamp::now());
+    if is_due && d.machine() == State::Held && d.state().faults.open().iter().all(Fault::is_tried_again) {
+        resume_by_itself(d);
+    }
+}
+
 /// Allows the run to continue by itself. To be set before the last fault is cleared: no client may read that a run waits for a person if it
 /// is about to continue.
 pub(super) fn let_go_on(d: &mut DriverState) {
@@ -207,7 +216,7 @@ pub(super) fn go_on_if_it_may(d: &mut DriverState) {
     if !may || d.machine() != State::Held {
         return;
     }
-    match unhold(d, ResumedBy::Instrument) {
+    match unhold(d, ResumedBy::Instrument, None) {
         // Tried again when the task returns the instrument, or when the disk accepts writes.
         Ok(()) | Err(Refusal::Busy | Refusal::Store { .. }) => {}
         Err(refusal) => {
@@ -248,7 +257,7 @@ pub(super) fn worker_ended(d: &mut DriverState, (instrument, end): (Instrument, 
             interrupt_specimens(d, "the run could not be stored", Fate::PoseLost);
             rest(d, true);
         }
-        AfterWork::Abort => abort(d),
+        AfterWork::Abort => abort(d, None),
     }
 }
 
@@ -327,7 +336,7 @@ pub(super) fn taken_out_at_work(d: &mut DriverState, well: &str) -> Result<(), R
     }
     let state = d.machine();
     match commands::steer(Towards::Hold, state) {
-        Ok(true) => hold(d, state),
+        Ok(true) => hold(d, state, None),
         // It is being held or ended already.
         Ok(false) | Err(_) => Ok(()),
     }
@@ -374,7 +383,15 @@ fn rest(d: &mut DriverState, by_fault: bool) {
     let by = if by_fault { HeldBy::Fault } else { HeldBy::Operator };
     d.save(record);
     let held = RunHeld { by, code: Some(cause.code), cause: Some(cause.words) };
-    d.event_shown(None, EventData::RunHeld(held), |d| d.transition_with(Trigger::Rested, |s| s.run = Some(status)));
+    d.event_shown(None, EventData::RunHeld(held), |d| {
+        let state = d.outbox.state();
+        if let (Some(run), Some(known)) = (&mut d.run, &state.run) {
+            // A pause too long for a clock is none.
+            let at = resume::pause(run, known, &state.faults).and_then(|pause| Timestamp::now().checked_add(pause).ok());
+            run.set_tries_again_at(at);
+        }
+        d.transition_with(Trigger::Rested, |s| s.run = Some(status));
+    });
     carry_out_reports(d);
 }
 

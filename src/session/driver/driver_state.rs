@@ -20,8 +20,8 @@ use crate::config::Config;
 use crate::notify::Notices;
 use carved_devices::cancel::CancelToken;
 use carved_records::{
-    CalibrationStatus, Device, Event, EventData, Fault, FaultsCleared, InstrumentIdentity, InstrumentState, Mode, PlannedWell, RunState,
-    Specimens, Work,
+    Asked, CalibrationStatus, Device, Event, EventData, Fault, FaultsCleared, InstrumentIdentity, InstrumentState, Mode, PlannedWell,
+    RunState, Specimens, Work,
 };
 use carved_store::{RunRecord, StoreError};
 use std::collections::VecDeque;
@@ -145,7 +145,7 @@ impl DriverState {
     pub fn abort_left_run(&mut self) {
         let is_left = self.life == Life::Stopping(Departure::LeavesRun);
         if let Some(run) = self.past_run.as_ref().filter(|run| is_left && run.outcome.is_none()) {
-            self.outbox.record(Some(&run.id), None, EventData::RunAbortRequested);
+            self.outbox.record(Some(&run.id), None, EventData::RunAbortRequested(Asked::default()));
             self.write();
         }
     }
@@ -153,6 +153,11 @@ impl DriverState {
     /// The newest run, in progress or past.
     pub fn newest_run(&self) -> Option<&RunRecord> {
         self.run.as_ref().map(RunInProgress::record).or(self.past_run.as_ref())
+    }
+
+    /// Replaces the record of the newest run, which has ended.
+    pub fn set_past_run(&mut self, record: RunRecord) {
+        self.past_run = Some(record);
     }
 
     /// Shows the specimen that is left in the capillary.

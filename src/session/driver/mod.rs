@@ -47,6 +47,7 @@ mod interrupt;
 mod loader;
 mod missing;
 mod outbox;
+mod people;
 mod plates;
 mod progress;
 mod recovery;

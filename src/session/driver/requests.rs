@@ -9,15 +9,15 @@ use super::driver_state::DriverState;
 use super::loader::{LoaderMessage, capillary_full};
 use super::plates::Surroundings;
 use super::room;
-use super::{course, faults};
+use super::{course, faults, people};
 use crate::api::{self, HandoffNeeds};
 use carved_records::{EventData, Fault, Handoff, HandoffEnd, Report, ResumedBy, RunPlan, WellLoaded, Work, fault_table};
 use std::future::Future;
 use std::pin::pin;
 use tokio::sync::{mpsc, oneshot};
 
-pub(super) fn acknowledge(d: &mut DriverState, seq: u64) -> Result<(), Refusal> {
-    if let Some((known, ends)) = faults::acknowledge(&d.state().faults, seq)? {
+pub(super) fn acknowledge(d: &mut DriverState, seq: u64, by: Option<String>) -> Result<(), Refusal> {
+    if let Some((known, ends)) = faults::acknowledge(&d.state().faults, seq, by)? {
         d.commit(None, EventData::FaultAcknowledged(known))?;
         if ends {
             d.publish(|_| ());
@@ -44,7 +44,7 @@ pub(super) fn emergency_pressed(d: &mut DriverState) {
     }
     let state = d.machine();
     if d.run.is_some() && state != State::Aborting {
-        course::abort(d);
+        course::abort(d, None);
     } else if d.run.is_none() && state != State::Aborted {
         d.abort_left_run();
         d.transition(Trigger::Abort);
@@ -73,9 +73,10 @@ pub(super) fn command(d: &mut DriverState, command: Command) {
     }
     match command {
         Command::PutRun { id, plan, answer } => reply(answer, put_run(d, &id, plan)),
-        Command::Steer { id, towards, answer } => reply(answer, steer(d, &id, towards)),
+        Command::Steer { id, towards, by, answer } => reply(answer, steer(d, &id, towards, by)),
         Command::EmergencyStop { answer } => reply(answer, emergency_stopped(d)),
-        Command::Acknowledge { seq, answer } => reply(answer, acknowledge(d, seq)),
+        Command::Acknowledge { seq, by, answer } => reply(answer, acknowledge(d, seq, by)),
+        Command::OfWell { run, well, said, answer } => reply(answer, people::said(d, &run, &well, said)),
         Command::Loaded { run, well, loaded: true, answer } => reply(answer, loaded(d, &run, &well)),
         Command::Loaded { run, well, loaded: false, answer } => reply(answer, unloaded(d, &run, &well)),
         Command::Handoff { plate, answer } => reply(answer, handoff(d, plate)),
@@ -110,7 +111,7 @@ fn put_run(d: &mut DriverState, id: &str, plan: RunPlan) -> Result<Accepted, Ref
     Ok(Accepted::Created)
 }
 
-fn steer(d: &mut DriverState, id: &str, towards: Towards) -> Result<(), Refusal> {
+fn steer(d: &mut DriverState, id: &str, towards: Towards, by: Option<String>) -> Result<(), Refusal> {
     let state = d.machine();
     if !d.is(id) {
         let stored = d.outbox.store().run(id).map_err(Refusal::from)?;
@@ -121,12 +122,12 @@ fn steer(d: &mut DriverState, id: &str, towards: Towards) -> Result<(), Refusal>
     }
     match towards {
         Towards::Abort => {
-            course::abort(d);
+            course::abort(d, by);
             d.outbox.on_disk()
         }
-        Towards::Stop => course::stop(d),
-        Towards::Hold => course::hold(d, state),
-        Towards::Unhold => course::unhold(d, ResumedBy::Operator),
+        Towards::Stop => course::stop(d, by),
+        Towards::Hold => course::hold(d, state, by),
+        Towards::Unhold => course::unhold(d, ResumedBy::Operator, by),
     }
 }
 

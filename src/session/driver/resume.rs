@@ -3,22 +3,38 @@
 use super::super::Hold;
 use super::run::{Request, RunInProgress};
 use crate::api::NextCommand;
-use carved_records::{Fault, FaultEnd, OpenFaults, Resume, RunState, RunUnderFault};
+use carved_records::{Fault, FaultCode, FaultEnd, OpenFaults, Resume, RunState, RunUnderFault, fault_table};
+use std::time::Duration;
 
 /// Maximum number of automatic continuations without a finished well. After them the run waits for a person, because the cause comes back.
 const RESUMED_BY_ITSELF: u32 = 3;
 
 /// Whether the method lets the run continue by itself once the cause of the hold is over, and no fault waits for an operator.
 pub(super) fn is_automatic(run: &RunInProgress, state: Option<&RunState>) -> bool {
-    let allows = |state: &RunState| state.resumed_by_itself() < RESUMED_BY_ITSELF && !state.waits_for_operator();
-    state.is_none_or(allows) && run.record().method.policy.resume == Resume::Automatic
+    let policy = &run.record().method.policy;
+    let allows = |state: &RunState| {
+        let continued = state.resumed_by_itself();
+        let is_held_by_camera = state.held_by().and_then(|cause| fault_table::of(&cause.code)).is_some_and(FaultCode::is_tried_again);
+        let may = if is_held_by_camera { policy.held_pause(continued).is_some() } else { continued < RESUMED_BY_ITSELF };
+        may && !state.waits_for_operator()
+    };
+    state.is_none_or(allows) && policy.resume == Resume::Automatic
+}
+
+/// Pause after which a run that is held now tries again by itself. `None` where it does not.
+pub(super) fn pause(run: &RunInProgress, state: &RunState, faults: &OpenFaults) -> Option<Duration> {
+    let is_tried = faults.open().iter().any(Fault::is_tried_again) && goes_on_by_itself(run, Some(state), faults);
+    run.record().method.policy.held_pause(state.resumed_by_itself()).filter(|_| is_tried)
 }
 
 /// Whether a held run continues without a person: every cause of the hold ends by itself, and the method allows it.
 pub(super) fn goes_on_by_itself(run: &RunInProgress, state: Option<&RunState>, faults: &OpenFaults) -> bool {
     let is_held_by_something = run.may_go_on() || faults.open().iter().any(Fault::is_in_the_way);
     let by_operator = state.is_some_and(RunState::is_held_by_operator);
-    is_held_by_something && !by_operator && is_automatic(run, state) && faults.open().iter().all(Fault::ends_by_itself)
+    is_held_by_something
+        && !by_operator
+        && is_automatic(run, state)
+        && faults.open().iter().all(|f| f.ends_by_itself() || f.is_tried_again())
 }
 
 /// What the current run does about an open fault. It follows the same rule as the continuation.
@@ -55,7 +71,8 @@ pub(super) fn hold(run: &RunInProgress, state: Option<&RunState>, faults: &OpenF
                     let advice = format!("{advice} Then acknowledge the fault and let the run go on.");
                     (Some(advice), Some(NextCommand::Acknowledge))
                 }
-                FaultEnd::Resumption if under == RunUnderFault::Waits => (Some(advice), Some(NextCommand::Unhold)),
+                // Also before the pause is over.
+                FaultEnd::Resumption if under != RunUnderFault::None => (Some(advice), Some(NextCommand::Unhold)),
                 FaultEnd::Cause | FaultEnd::Resumption => (Some(advice), None),
             }
         }
@@ -67,14 +84,15 @@ pub(super) fn hold(run: &RunInProgress, state: Option<&RunState>, faults: &OpenF
     };
     let times = known.times_held_by(&cause.code).max(1);
     let fault_seq = fault.map(|fault| fault.seq);
-    Some(Hold { code: cause.code.clone(), cause: cause.words.clone(), times, next_action, next_command, fault_seq })
+    let next_try = run.tries_again_at().filter(|_| under == RunUnderFault::GoesOnByItself).map(|at| at.to_string());
+    Some(Hold { code: cause.code.clone(), cause: cause.words.clone(), times, next_action, next_command, fault_seq, next_try })
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::run::tests::run;
     use super::*;
-    use carved_records::{EventBody, EventData, HeldBy, InstrumentState, ResumedBy, RunHeld, RunResumed, fault_table};
+    use carved_records::{Asked, EventBody, EventData, HeldBy, InstrumentState, ResumedBy, RunHeld, RunResumed, fault_table};
 
     /// The state after these events of the run `r1`.
     fn after(events: &[EventData]) -> InstrumentState {
@@ -94,7 +112,7 @@ mod tests {
     }
 
     fn resumed() -> EventData {
-        EventData::RunResumed(RunResumed { by: ResumedBy::Instrument })
+        EventData::RunResumed(RunResumed { by: ResumedBy::Instrument, name: None })
     }
 
     #[test]
@@ -105,9 +123,10 @@ mod tests {
             goes_on_by_itself(r, state.run.as_ref(), &state.faults)
         };
         assert!(goes_on(&[raised(&fault_table::CAMERA_LOST)], &r));
+        assert!(goes_on(&[raised(&fault_table::CAMERA_NO_FRAME)], &r), "after a pause");
         assert!(!goes_on(&[raised(&fault_table::ROTATION_LOST)], &r), "the axis may have lost its power");
         assert!(!goes_on(&[raised(&fault_table::EMERGENCY_STOP)], &r));
-        assert!(!goes_on(&[raised(&fault_table::CAMERA_LOST), EventData::RunHoldRequested], &r));
+        assert!(!goes_on(&[raised(&fault_table::CAMERA_LOST), EventData::RunHoldRequested(Asked::default())], &r));
         assert!(!goes_on(&[], &r), "nothing has ended yet");
         let mut may = run(&["A01"]);
         may.set_may_go_on(true);
@@ -129,9 +148,10 @@ mod tests {
                 let hold = hold(&r, state.run.as_ref(), &state.faults).unwrap();
                 let fault = &state.faults.open()[0];
                 let next = hold.next_action.unwrap();
-                assert_eq!(goes_on, fault.lets_run_go_on() && !comes_back, "{}", code.code);
+                assert_eq!(goes_on, (fault.lets_run_go_on() || code.is_tried_again()) && !comes_back, "{}", code.code);
                 assert_eq!(next.contains("continues by itself"), goes_on, "{}: {next}", code.code);
-                assert!(fault.needs_a_person(under_fault(Some(&r), state.run.as_ref(), &state.faults)), "{}", code.code);
+                let needs_a_person = fault.needs_a_person(under_fault(Some(&r), state.run.as_ref(), &state.faults));
+                assert_eq!(needs_a_person, !(code.is_tried_again() && goes_on), "{}", code.code);
                 let command = match fault.end() {
                     FaultEnd::Acknowledgement | FaultEnd::Restart => Some(NextCommand::Acknowledge),
                     FaultEnd::Resumption => Some(NextCommand::Unhold),
@@ -145,6 +165,39 @@ mod tests {
         assert_eq!((over.next_command, over.fault_seq, over.times), (Some(NextCommand::Unhold), None, 4));
     }
 
+    /// A frame that does not come while nobody is there: the pauses grow, and a person is asked for only after the last try.
+    #[test]
+    fn the_camera_is_tried_again_after_pauses_that_grow_until_a_person_is_asked_for() {
+        let held_by_camera = EventData::RunHeld(RunHeld {
+            by: HeldBy::Fault,
+            code: Some(fault_table::CAMERA_NO_FRAME.code.into()),
+            cause: Some("no frame came".into()),
+        });
+        let r = run(&["A01"]);
+        let mut events = Vec::new();
+        let mut pauses = Vec::new();
+        loop {
+            events.extend([raised(&fault_table::CAMERA_NO_FRAME), held_by_camera.clone()]);
+            let state = after(&events);
+            let known = state.run.as_ref();
+            let under = under_fault(Some(&r), known, &state.faults);
+            let Some(pause) = pause(&r, known.unwrap(), &state.faults) else {
+                assert_eq!(under, RunUnderFault::Waits);
+                assert!(state.faults.open()[0].needs_a_person(under));
+                break;
+            };
+            assert_eq!(under, RunUnderFault::GoesOnByItself);
+            assert!(!state.faults.open()[0].needs_a_person(under));
+            pauses.push(pause.as_secs());
+            events.push(resumed());
+        }
+        assert_eq!(pauses, [60, 120, 240, 480, 960]);
+        let by_operator = after(&[raised(&fault_table::CAMERA_NO_FRAME), EventData::RunHoldRequested(Asked::default())]);
+        assert_eq!(pause(&r, by_operator.run.as_ref().unwrap(), &by_operator.faults), None);
+        let with_stop = after(&[raised(&fault_table::CAMERA_NO_FRAME), raised(&fault_table::EMERGENCY_STOP)]);
+        assert_eq!(pause(&r, with_stop.run.as_ref().unwrap(), &with_stop.faults), None);
+    }
+
     /// Of every two faults, held by an operator too, or by a cause that comes back.
     #[test]
     fn the_next_command_is_named_in_every_state_that_waits_for_one() {
@@ -152,7 +205,7 @@ mod tests {
         let numbered = |seq, code| EventData::FaultRaised(Fault::new(seq, code, "found".into(), String::new()));
         let none: &[EventData] = &[];
         for before in [&three[..1], &three[..]] {
-            for by_operator in [none, &[EventData::RunHoldRequested]] {
+            for by_operator in [none, &[EventData::RunHoldRequested(Asked::default())]] {
                 for first in carved_records::FAULT_CODES {
                     for second in carved_records::FAULT_CODES {
                         let events = [before, by_operator, &[numbered(1, first), numbered(2, second)]].concat();

@@ -17,6 +17,7 @@ use carved_devices::cancel::CancelToken;
 use carved_devices::sampler::LoaderInterlock;
 use carved_records::{EndRequest, PlannedWell, RunOutcome, SpecimenOutcome, WellStatus};
 use carved_store::RunRecord;
+use jiff::Timestamp;
 use std::collections::VecDeque;
 use tokio::sync::mpsc;
 use tokio::task::{JoinError, JoinHandle};
@@ -62,6 +63,8 @@ pub(super) struct RunInProgress {
     halted: bool,
     /// Every cause of the hold is over. The run continues as soon as the instrument is free.
     may_go_on: bool,
+    /// When the held run tries again by itself.
+    tries_again_at: Option<Timestamp>,
     /// The run measures larvae without a valid bead gate.
     lacks_gate: bool,
 }
@@ -76,6 +79,7 @@ impl RunInProgress {
             request: Request::Nothing,
             halted: false,
             may_go_on: false,
+            tries_again_at: None,
             lacks_gate: false,
         }
     }
@@ -105,6 +109,16 @@ impl RunInProgress {
     /// Sets whether every cause of the hold is over.
     pub fn set_may_go_on(&mut self, may_go_on: bool) {
         self.may_go_on = may_go_on;
+    }
+
+    /// When the held run tries again by itself. `None` where it waits for a person or for the end of a cause.
+    pub fn tries_again_at(&self) -> Option<Timestamp> {
+        self.tries_again_at
+    }
+
+    /// Sets when the held run tries again by itself.
+    pub fn set_tries_again_at(&mut self, at: Option<Timestamp>) {
+        self.tries_again_at = at;
     }
 
     /// Sets whether the run measures larvae without a valid bead gate.
@@ -143,6 +157,7 @@ impl RunInProgress {
     pub fn launch(&mut self, work: Work) {
         self.request = Request::Nothing;
         self.halted = false;
+        self.tries_again_at = None;
         self.work = Some(work);
     }
 
@@ -174,6 +189,8 @@ impl RunInProgress {
     pub fn enter(&mut self, mut result: WellStatus) -> WellStatus {
         gate::flag(&mut result, self.lacks_gate);
         if let Some(slot) = self.record.wells.iter_mut().find(|w| w.well == result.well) {
+            // A remark may be older than the numbers.
+            result.set_note(slot.note.take());
             slot.clone_from(&result);
         }
         result
@@ -184,6 +201,11 @@ impl RunInProgress {
     pub fn give_up(&mut self, well: &str, reason: &str, views: u32) -> bool {
         let slot = self.record.wells.iter_mut().find(|w| w.well == well && w.outcome.is_none());
         slot.map(|slot| slot.end_early(SpecimenOutcome::Interrupted, reason, views)).is_some()
+    }
+
+    /// Changes a well of the record at a person's word. `None` if the run has no such well.
+    pub fn change<T>(&mut self, well: &str, change: impl FnOnce(&mut WellStatus) -> T) -> Option<T> {
+        self.record.wells.iter_mut().find(|w| w.well == well).map(change)
     }
 
     /// Takes back a change of the record that the disk has refused.

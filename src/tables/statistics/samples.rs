@@ -26,7 +26,7 @@ impl Sample {
     pub fn left_out(&self, q: usize, flagged: Flagged) -> Vec<StoredFlag> {
         let is_signal = QUANTITIES[q].0 == SIGNAL;
         let own = self.flags.iter().filter(|flag| match flagged {
-            Flagged::Included => false,
+            Flagged::Included => flag.effect() == Effect::Excluded,
             Flagged::Sound => flag.effect() != Effect::Holds,
             Flagged::Excluded => true,
         });

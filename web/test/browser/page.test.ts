@@ -786,6 +786,7 @@ test("hold, go on, and stop after the well, each offered where it applies", asyn
     next_action: "Check its cable. The run continues by itself when the camera answers.",
     next_command: null,
     fault_seq: 7,
+    next_try: null,
   };
   const standing = { ...held, faults: [lost], run: run([well("A01")], { goes_on_by_itself: true, hold }) };
   server.publish(standing);

@@ -23,6 +23,7 @@ export function well(name: string, change: Partial<WellStatus> = {}): WellStatus
     residual_px: null,
     signal_per_nl: null,
     reference: null,
+    note: null,
     ...change,
   };
 }

@@ -83,6 +83,7 @@ const hold: Hold = {
   next_action: "Find out why it comes back. Then let the run go on.",
   next_command: "unhold",
   fault_seq: null,
+  next_try: null,
 };
 const heldBy = (change: Partial<Hold>, faults: Fault[] = []) => ({
   ...half,
@@ -103,6 +104,8 @@ test("the headline is the next step, and why stands below it", () => {
   assert.deepEqual(nextStep(stands), { words: "Check its cable.", button: null, fault: 3 });
   assert.equal(canGoOn(stands), false, "while the cause stands");
   assert.equal(canGoOn(heldBy({})), true);
+  const pauses = heldBy({ code: "camera_no_frame", times: 1, next_try: "2026-03-05T12:34:00Z" }, []);
+  assert.match(diagnosis(pauses), / The next try is at \d\d:\d\d\.$/);
   assert.equal(diagnosis(stands), "Held because: The axis' controller does not answer any more.");
   const asked = heldBy({ code: "operator", cause: "An operator asked for it.", times: 1 });
   assert.equal(diagnosis(asked), "Held because: An operator asked for it.");

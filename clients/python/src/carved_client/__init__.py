@@ -28,6 +28,7 @@ from .models import (
     SpecimenStatus,
     Status,
     WellCounts,
+    WellNote,
     WellStatus,
 )
 from .plan import PlannedWell, PlateMap, RunPlan
@@ -66,5 +67,6 @@ __all__ = [
     "TimedOut",
     "Unreachable",
     "WellCounts",
+    "WellNote",
     "WellStatus",
 ]

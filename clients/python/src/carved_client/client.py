@@ -7,7 +7,7 @@ therefore retried, also the POSTs. `docs/loader.md` describes the contract.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from types import TracebackType
 from typing import Any, Literal
@@ -162,6 +162,37 @@ class CarvedClient(Results):
     def abort(self, run_id: str) -> Acknowledged:
         """Ends the run now. The motors stop first."""
         return self._command("POST", f"/v1/runs/{_name(run_id)}/abort")
+
+    def rest_of(self, run_id: str, wells: Iterable[str] = ()) -> dict[str, Any]:
+        """The plan of the wells that a run has left without numbers, or of these wells. Send it by `put_run`."""
+        params = {"wells": ",".join(wells)}
+        rest = self._json("GET", f"/v1/runs/{_name(run_id)}/rest", params={k: v for k, v in params.items() if v})
+        return decode(dict[str, Any], rest)
+
+    def skip(self, run_id: str, well: str, by: str, reason: str) -> Acknowledged:
+        """Leaves a well out of a held run, for this person and reason."""
+        return self._about(run_id, well, "skip", {"by": by, "reason": reason})
+
+    def redo(self, run_id: str, well: str, by: str, reason: str) -> Acknowledged:
+        """Has a well of a held run measured again when it continues. The first attempt is kept."""
+        return self._about(run_id, well, "redo", {"by": by, "reason": reason})
+
+    def note(
+        self,
+        run_id: str,
+        well: str,
+        by: str,
+        comment: str = "",
+        *,
+        excluded: bool = False,
+        tags: Iterable[str] = (),
+    ) -> Acknowledged:
+        """Writes a person's remark on a well, also of a run that has ended. `excluded` leaves it out of statistics."""
+        body = {"by": by, "comment": comment, "excluded": excluded, "tags": list(tags)}
+        return self._about(run_id, well, "note", body)
+
+    def _about(self, run_id: str, well: str, what: str, body: Mapping[str, Any]) -> Acknowledged:
+        return self._command("PUT", f"/v1/runs/{_name(run_id)}/wells/{_name(well)}/{what}", body)
 
     def emergency_stop(self) -> Acknowledged:
         """Stops the motors, then everything else. It is repeated at once, many times, until it arrives."""

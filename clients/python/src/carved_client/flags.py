@@ -50,4 +50,5 @@ FLAGS = MappingProxyType({
     "bead_gate": Flag("The daily bead check did not pass, or is too old.", "Measure three to five beads."),
     "saturated": Flag("The second camera is saturated, so its signal is a lower bound.", "Lower its exposure or gain."),
     "empty": Flag("All views are blank, so the volume is 0.", "Check the masks if the capillary was not empty."),
+    "excluded": Flag("A person has left the specimen out of statistics, for the reason in its comment.", "Read the comment; the exclusion can be taken back."),
 })

@@ -143,6 +143,18 @@ class ReferenceStatus:
 
 
 @dataclass(frozen=True)
+class WellNote:
+    """A person's remark on a well."""
+
+    by: str
+    time: str
+    #: Statistics leave the well out. Its numbers stay.
+    excluded: bool
+    comment: str
+    tags: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class WellStatus:
     """One well of the run, with its result so far."""
 
@@ -170,6 +182,8 @@ class WellStatus:
     #: Fluorescence in the second camera per volume: grey levels times px per nl.
     signal_per_nl: float | None = None
     reference: ReferenceStatus | None = None
+    #: The newest remark of a person.
+    note: WellNote | None = None
 
 
 @dataclass(frozen=True)
@@ -188,6 +202,8 @@ class Hold:
     next_command: NextCommand | None = None
     #: The fault that the action is about.
     fault_seq: int | None = None
+    #: When the run tries again by itself, RFC 3339; None if it does not, or as soon as the cause is over.
+    next_try: str | None = None
 
 
 @dataclass(frozen=True)

@@ -36,10 +36,16 @@ pub enum RunUnderFault {
 }
 
 impl FaultCode {
+    /// As [`Fault::is_tried_again`].
+    pub fn is_tried_again(&self) -> bool {
+        [table::CAMERA_NO_FRAME.code, table::CAMERA_CHANGED.code].contains(&self.code)
+    }
+
     /// What the operator does, if the method continues the run by itself where possible.
     pub fn what_to_do(&self) -> String {
         let end = end(self.code, self.category.word(), self.operator_required, self.recoverable);
-        words(self, end, if end == FaultEnd::Cause { RunUnderFault::GoesOnByItself } else { RunUnderFault::Waits })
+        let by_itself = end == FaultEnd::Cause || self.is_tried_again();
+        words(self, end, if by_itself { RunUnderFault::GoesOnByItself } else { RunUnderFault::Waits })
     }
 }
 
@@ -89,6 +95,9 @@ fn words(code: &FaultCode, end: FaultEnd, run: RunUnderFault) -> String {
         (FaultEnd::Cause, RunUnderFault::Waits) => format!("When {over}, let the run go on."),
         (FaultEnd::Cause, RunUnderFault::None) => format!("The fault ends by itself when {over}."),
         (FaultEnd::Resumption, RunUnderFault::None) => "The fault ends when a run starts.".to_owned(),
+        (FaultEnd::Resumption, RunUnderFault::GoesOnByItself) if code.is_tried_again() => {
+            "The run continues by itself after a pause: the specimen is begun anew. You can let it go on at once.".to_owned()
+        }
         (FaultEnd::Resumption, _) => "Then let the run go on: the specimen is begun anew.".to_owned(),
         // An aborted run does not continue.
         (FaultEnd::Acknowledgement, RunUnderFault::None) => "Then acknowledge the fault.".to_owned(),
@@ -118,7 +127,7 @@ mod tests {
                 assert!(run != RunUnderFault::None || !asks_for_a_person, "{}: {advice}", code.code);
                 assert_eq!(
                     advice.contains("run continues by itself"),
-                    fault.lets_run_go_on() && fault.is_in_the_way() && run == RunUnderFault::GoesOnByItself,
+                    run == RunUnderFault::GoesOnByItself && (code.is_tried_again() || fault.lets_run_go_on() && fault.is_in_the_way()),
                     "{}: {advice}",
                     code.code
                 );

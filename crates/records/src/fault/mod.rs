@@ -69,6 +69,12 @@ impl Fault {
         self.ends_by_itself() && self.code != table::ROTATION_LOST.code
     }
 
+    /// Whether a held run tries again after a pause: a frame that did not come, or a camera that was changed, may be right the next time, and
+    /// nothing has to be done before.
+    pub fn is_tried_again(&self) -> bool {
+        table::of(&self.code).is_some_and(FaultCode::is_tried_again)
+    }
+
     /// Whether it ends with its cause. Other faults stay open until an operator acknowledges them.
     pub fn ends_by_itself(&self) -> bool {
         self.end() == FaultEnd::Cause

@@ -139,9 +139,9 @@ impl RunState {
     pub fn apply(&mut self, event: &EventBody) {
         let well = event.well.as_deref();
         match (&event.data, well) {
-            (EventData::RunHoldRequested, _) => self.held_by_operator = true,
-            (EventData::RunStopRequested, _) => self.end_request = self.end_request.max(Some(EndRequest::Stop)),
-            (EventData::RunAbortRequested, _) => self.end_request = self.end_request.max(Some(EndRequest::Abort)),
+            (EventData::RunHoldRequested(_), _) => self.held_by_operator = true,
+            (EventData::RunStopRequested(_), _) => self.end_request = self.end_request.max(Some(EndRequest::Stop)),
+            (EventData::RunAbortRequested(_), _) => self.end_request = self.end_request.max(Some(EndRequest::Abort)),
             (EventData::RunHeld(held), _) => {
                 let cause = match (held.code.clone(), held.cause.clone()) {
                     (Some(code), Some(words)) => HoldCause { code, words },
@@ -156,7 +156,7 @@ impl RunState {
                 (self.held_by, self.held_by_operator, self.waits_for_operator) = (None, false, false);
                 self.resumed_by_itself = if resumed.by == ResumedBy::Instrument { self.resumed_by_itself + 1 } else { 0 };
             }
-            (EventData::FaultRaised(fault), _) => self.waits_for_operator |= !fault.lets_run_go_on(),
+            (EventData::FaultRaised(fault), _) => self.waits_for_operator |= !fault.lets_run_go_on() && !fault.is_tried_again(),
             (EventData::RunAccepted(accepted), _) => self.kernel_boot_id.clone_from(&accepted.kernel_boot_id),
             (EventData::RunInterrupted(interrupted), _) => {
                 let is_other_boot = self.kernel_boot_id.is_some()
@@ -180,6 +180,11 @@ impl RunState {
             }
             (EventData::SpecimenPhase(entered), Some(well)) => {
                 self.steps.insert(well.to_owned(), entered.phase);
+            }
+            // It gets as many attempts as at first.
+            (EventData::WellRedoRequested(_), Some(well)) => {
+                self.recoveries.remove(well);
+                self.ended_processes.retain(|(of, _), _| of != well);
             }
             (EventData::WellTakenOut, Some(well)) => drop(self.taken_out.insert(well.to_owned())),
             (EventData::WellUnloaded, Some(well)) => drop(self.taken_out.remove(well)),
@@ -208,6 +213,7 @@ impl RunState {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Asked;
     use crate::fault_table::{self, FaultCode};
     use crate::{DaemonStopping, Event, Fault, FaultAcknowledged, InstrumentState};
     use crate::{
@@ -363,7 +369,7 @@ mod tests {
     /// After two crashes, the second start must not count the specimen that the first one ejected as begun.
     #[test]
     fn an_attempt_that_was_thrown_out_is_over() {
-        let resumed = event(None, EventData::RunResumed(RunResumed { by: ResumedBy::Operator }));
+        let resumed = event(None, EventData::RunResumed(RunResumed { by: ResumedBy::Operator, name: None }));
         let revolve = phase("A01", Phase::Revolve, true);
         let ejected = [phase("A01", Phase::Eject, true), phase("A01", Phase::Eject, false)];
         let state = after(&[&[revolve, interrupted("A01", false), resumed][..], &ejected].concat());
@@ -372,10 +378,10 @@ mod tests {
 
     #[test]
     fn an_operators_hold_and_an_end_that_was_asked_for_outlast_a_crash() {
-        let hold = event(None, EventData::RunHoldRequested);
+        let hold = event(None, EventData::RunHoldRequested(Asked::default()));
         let held =
             event(None, EventData::RunHeld(RunHeld { by: HeldBy::Operator, code: Some("operator".into()), cause: Some("x".into()) }));
-        let resumed = event(None, EventData::RunResumed(RunResumed { by: ResumedBy::Operator }));
+        let resumed = event(None, EventData::RunResumed(RunResumed { by: ResumedBy::Operator, name: None }));
         let state = after(&[hold.clone(), phase("A01", Phase::Load, false), held.clone()]);
         assert_eq!((state.is_held_by_operator(), state.times_held_by("operator"), state.specimens().begun()), (true, 1, Vec::new()));
         assert_eq!(state.held_by().map(|cause| cause.code.as_str()), Some("operator"));
@@ -385,14 +391,15 @@ mod tests {
             let early = after(&[event(None, EventData::RunHeld(RunHeld { by, code: None, cause: None }))]);
             assert_eq!(early.held_by().map(|cause| cause.code.as_str()), Some(code), "an early journal");
         }
-        let ends = [event(None, EventData::RunAbortRequested), event(None, EventData::RunStopRequested)];
+        let ends =
+            [event(None, EventData::RunAbortRequested(Asked::default())), event(None, EventData::RunStopRequested(Asked::default()))];
         assert_eq!(after(&ends).end_request(), Some(EndRequest::Abort));
     }
 
     /// A specimen on which the daemon crashes each time must not be begun without limit.
     #[test]
     fn going_on_by_itself_is_counted_over_crashes_until_a_well_is_done() {
-        let resumed = |by| event(None, EventData::RunResumed(RunResumed { by }));
+        let resumed = |by| event(None, EventData::RunResumed(RunResumed { by, name: None }));
         let twice = [resumed(ResumedBy::Instrument), resumed(ResumedBy::Instrument)];
         assert_eq!(after(&twice).resumed_by_itself(), 2);
         assert_eq!(after(&[&twice[..], &[resumed(ResumedBy::Operator)]].concat()).resumed_by_itself(), 0);
@@ -402,8 +409,8 @@ mod tests {
     #[test]
     fn a_fault_that_an_operator_has_to_end_keeps_the_run_waiting_until_somebody_continues_it() {
         let raised = |code: &FaultCode| event(None, EventData::FaultRaised(Fault::new(7, code, String::new(), String::new())));
-        let acknowledged = event(None, EventData::FaultAcknowledged(FaultAcknowledged { seq: 7, code: String::new() }));
-        let resumed = event(None, EventData::RunResumed(RunResumed { by: ResumedBy::Operator }));
+        let acknowledged = event(None, EventData::FaultAcknowledged(FaultAcknowledged { seq: 7, code: String::new(), by: None }));
+        let resumed = event(None, EventData::RunResumed(RunResumed { by: ResumedBy::Operator, name: None }));
         let waits = |events: &[EventBody]| after(events).waits_for_operator();
         assert!(!waits(&[raised(&fault_table::CAMERA_LOST)]) && !waits(&[raised(&fault_table::DISK_FULL)]));
         for code in
@@ -416,9 +423,9 @@ mod tests {
 
     #[test]
     fn the_request_that_ends_a_run_sooner_wins() {
-        let stop = event(None, EventData::RunStopRequested);
+        let stop = event(None, EventData::RunStopRequested(Asked::default()));
         let ends = event(None, EventData::DaemonStopping(DaemonStopping { ends_run: true }));
-        let abort = event(None, EventData::RunAbortRequested);
+        let abort = event(None, EventData::RunAbortRequested(Asked::default()));
         let asked = |events: &[EventBody]| after(events).end_request();
         assert_eq!(asked(&[stop.clone(), ends.clone()]), Some(EndRequest::Interrupt));
         assert_eq!(asked(&[ends.clone(), stop]), Some(EndRequest::Interrupt));
@@ -429,7 +436,7 @@ mod tests {
     fn events_of_another_run_change_nothing() {
         let mut state = InstrumentState { run: Some(RunState::new("q")), ..InstrumentState::default() };
         let before = state.clone();
-        state.apply(&event(None, EventData::RunStopRequested));
+        state.apply(&event(None, EventData::RunStopRequested(Asked::default())));
         assert_eq!(state, before);
     }
 }

@@ -74,7 +74,7 @@ described! {
         ReportedOut = "The loader, or whoever took it out by hand, reports that it is out.",
         Done = "Its well has an outcome.",
         StaysInside = "A fault of the instrument interrupts the work on it. The run continues with it.",
-        Interrupted = "The work on it is interrupted. It is begun again, or its well ends.",
+        Interrupted = "The work on it is interrupted, or its well is skipped. It is begun again, or its well ends.",
         NumbersFollow = "It was accepted before an interruption. Its numbers are computed from its frames.",
         Held = "The run is held. No worker waits for a specimen.",
         Ended = "The run has ended.",
@@ -144,6 +144,7 @@ pub const TRANSITIONS: &[(SpecimenState, &[(SpecimenEvent, SpecimenState)])] = &
             (On::ReportedIn, S::Kept),
             (On::WorkBegun, S::WorkedOn),
             (On::EjectBegun, S::Left),
+            (On::Interrupted, S::Absent),
         ],
     ),
     (
@@ -208,6 +209,7 @@ pub const TRANSITIONS: &[(SpecimenState, &[(SpecimenEvent, SpecimenState)])] = &
             (On::WorkBegun, S::WorkedOn),
             (On::EjectBegun, S::Left),
             (On::ReportedOut, S::Gone),
+            (On::Interrupted, S::Left),
         ],
     ),
     (

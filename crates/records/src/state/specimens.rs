@@ -233,7 +233,7 @@ impl Specimens {
             EventData::SpecimenRecovering(_) | EventData::SpecimenRecovered => SpecimenEvent::NumbersFollow,
             EventData::SpecimenDone(_) => SpecimenEvent::Done,
             EventData::SpecimenInterrupted(interrupted) if interrupted.kept => SpecimenEvent::StaysInside,
-            EventData::SpecimenInterrupted(_) => SpecimenEvent::Interrupted,
+            EventData::SpecimenInterrupted(_) | EventData::WellSkipped(_) => SpecimenEvent::Interrupted,
             _ => return,
         };
         if let Some(well) = &event.well {

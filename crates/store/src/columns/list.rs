@@ -4,7 +4,7 @@ use super::row::{Row, hash_of};
 use super::{Cell, Kind, ontology};
 use crate::{Computation, RunRecord};
 use carved_core::flag::StoredFlag;
-use carved_records::{InstrumentIdentity, Mode, PlannedWell, SpecimenKind};
+use carved_records::{InstrumentIdentity, Mode, PlannedWell, SpecimenKind, WellNote};
 
 /// Where a value is.
 #[derive(Clone, Copy)]
@@ -199,6 +199,11 @@ fn flag_count(row: &Row) -> Cell {
     (count > 0 || row.well.measurement.is_some()).then_some(count).into()
 }
 
+/// The newest remark of a person on the well.
+fn noted<'r>(row: &'r Row) -> Option<&'r WellNote> {
+    row.well.status.as_ref()?.note.as_deref()
+}
+
 /// The reason of a row whose numbers are not in the folder of a later computation.
 pub const NOT_MEASURED_AGAIN: &str = "not_measured_again";
 
@@ -215,6 +220,15 @@ pub const AFTER: &[Column] = &[
     col("reason", Text, Made(reason), "why there are no numbers; `not_measured_again`: none in the folder of `--measurements`"),
     col("flags", Text, Made(|r| StoredFlag::joined(flags(r), ";").into()), "flags, joined by `;`: [quality.md](quality.md)"),
     col("flag_count", Integer, Made(flag_count), "number of flags; 0 for a specimen without a doubt, empty for one without numbers"),
+    col(
+        "excluded",
+        Truth,
+        Made(|r| noted(r).map_or(Cell::Empty, |note| Cell::Truth(note.excluded))),
+        "whether a person has left the well out of statistics; empty without a remark",
+    ),
+    col("noted_by", Text, Made(|r| noted(r).map(|note| note.by.as_str()).into()), "who wrote the newest remark on the well"),
+    col("comment", Text, Made(|r| noted(r).map(|note| note.comment.as_str()).into()), "the remark: the reason of an exclusion"),
+    col("tags", Text, Made(|r| noted(r).map(|note| note.tags.join(";")).into()), "tags of the remark, joined by `;`"),
     col("earlier_attempts", Integer, Made(|r| r.well.earlier_attempts.into()), "attempts at this well before the one of this row"),
     // Numbers of the trusted estimator.
     col("estimator", Text, Measured("/measurement/estimator"), "`support` or `voxel`: what `volume_um3` and `area_um2` come from"),

@@ -4,7 +4,7 @@
 use super::super::run::RunInProgress;
 use super::super::*;
 use crate::session::channel;
-use crate::session::handle::{Accepted, Refusal, SessionHandle, Towards};
+use crate::session::handle::{Accepted, Refusal, Said, SessionHandle, Towards};
 use crate::session::worker::{Progress, RunEnd};
 use carved_devices::cancel::CancelToken;
 use carved_devices::sampler::{Expected, Loaded, Sampler};
@@ -188,7 +188,11 @@ impl Bench {
     }
 
     pub fn steer(&mut self, towards: Towards) -> Result<(), Refusal> {
-        self.ask(|answer| Command::Steer { id: RUN.into(), towards, answer })
+        self.ask(|answer| Command::Steer { id: RUN.into(), towards, by: None, answer })
+    }
+
+    pub fn said(&mut self, well: &str, said: Said) -> Result<(), Refusal> {
+        self.ask(|answer| Command::OfWell { run: RUN.into(), well: well.into(), said, answer })
     }
 
     pub fn loaded(&mut self, well: &str, loaded: bool) -> Result<(), Refusal> {

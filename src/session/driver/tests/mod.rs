@@ -6,6 +6,7 @@ mod full_disk;
 mod kept;
 mod life;
 mod loader;
+mod people;
 mod rebuilt;
 mod recovery;
 mod replayed;

@@ -202,7 +202,7 @@ pub(super) async fn takes(b: &mut Bench, axis_answers: &AtomicBool, step: &Step)
             error => b.d.raise(&error),
         },
         Step::AxisAnswers(answers) => axis_answers.store(answers, Ordering::SeqCst),
-        Step::Acknowledge(seq) => drop(requests::acknowledge(&mut b.d, seq)),
+        Step::Acknowledge(seq) => drop(requests::acknowledge(&mut b.d, seq, None)),
         Step::DiskFails(at) => disk_trace::fill(at, || ()),
         Step::DiskHasRoom => disk_trace::make_room(),
         Step::Beat => b.beat().await,

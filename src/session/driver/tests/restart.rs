@@ -7,7 +7,7 @@ use crate::session::handle::{Refusal, SessionHandle, Towards};
 use crate::session::search::DevicesFound;
 use crate::session::worker::{Progress, RunEnd, RunError};
 use carved_devices::DeviceError;
-use carved_records::{EventData, Handoff, HandoffEnd, HandoffIntent};
+use carved_records::{Asked, EventData, Handoff, HandoffEnd, HandoffIntent};
 use carved_store::StoreError;
 use carved_store::testing::trace as disk_trace;
 use std::cell::RefCell;
@@ -96,8 +96,8 @@ fn a_run_that_is_taken_up_and_goes_on_is_never_shown_as_waiting_for_somebody() {
 
         let mut b = bench(dir.path(), true);
         let seq = b.status().faults[0].seq;
-        requests::acknowledge(&mut b.d, seq).unwrap();
-        b.d.event(None, EventData::RunStopRequested);
+        requests::acknowledge(&mut b.d, seq, None).unwrap();
+        b.d.event(None, EventData::RunStopRequested(Asked::default()));
         drop(b);
         for status in snapshots(dir.path()).iter().filter(|s| s.state == State::Held) {
             assert!(status.pending.stop && status.doing.contains("ends"), "{}", status.doing);
@@ -222,18 +222,52 @@ fn a_hold_whose_cause_is_over_names_it_and_the_next_action() {
     });
 }
 
+/// A load of the computer that nobody sees at night: the run tries again, and calls for a person only when that has not helped.
+#[test]
+fn a_camera_without_a_frame_is_tried_again_before_somebody_is_woken() {
+    on_this_thread(async {
+        let dir = scratch();
+        let mut b = started(dir.path(), false, &["A01"]);
+        let mut tries = 0;
+        loop {
+            let no_frame = DeviceError::NoFrame { waited_ms: 3000, attempts: 3, last: "nothing".into() };
+            b.ends(RunEnd::Failed(RunError::Device(no_frame))).await;
+            let status = b.status();
+            let run = status.run.as_ref().unwrap();
+            assert!(!run.hold.as_ref().unwrap().next_action.as_ref().unwrap().is_empty());
+            let Some(at) = run.hold.as_ref().unwrap().next_try.clone() else { break };
+            tries += 1;
+            assert_eq!((run.goes_on_by_itself, status.faults[0].operator_required), (true, false), "try {tries}");
+            assert!(!crate::notify::needs_somebody(&status), "try {tries}");
+            let pause = at.parse::<jiff::Timestamp>().unwrap().duration_since(jiff::Timestamp::now()).as_secs();
+            assert!(pause <= 60 << (tries - 1) && pause > 30 << (tries - 1), "try {tries}: in {pause} s");
+            b.beat().await;
+            assert!(!b.works(), "the pause is not over");
+            b.d.run.as_mut().unwrap().set_tries_again_at(Some(jiff::Timestamp::now()));
+            checks::beat(&mut b.d);
+            assert!(b.works() && b.status().faults.is_empty(), "try {tries}");
+            b.report(Progress::Ready);
+        }
+        let status = b.status();
+        assert_eq!((tries, status.run.as_ref().unwrap().goes_on_by_itself), (5, false));
+        assert!(crate::notify::needs_somebody(&status) && status.faults[0].operator_required);
+        b.steer(Towards::Unhold).unwrap();
+        assert!(b.works());
+    });
+}
+
 /// By the fault table a scheduler may try again. While the run waits, a person must act, and every field of the status says so.
 #[test]
 fn a_fault_whose_run_waits_needs_a_person_until_the_run_goes_on() {
     on_this_thread(async {
         let dir = scratch();
         let mut b = started(dir.path(), false, &["A01"]);
-        let no_frame = DeviceError::NoFrame { waited_ms: 3000, attempts: 3, last: "nothing".into() };
-        b.ends(RunEnd::Failed(RunError::Device(no_frame))).await;
+        let suspect = DeviceError::Suspect { why: "it is not where it was".into() };
+        b.ends(RunEnd::Failed(RunError::Device(suspect))).await;
         let status = b.status();
         let (fault, run) = (&status.faults[0], status.run.unwrap());
         let hold = run.hold.unwrap();
-        assert_eq!((fault.code.as_str(), run.goes_on_by_itself, fault.operator_required), ("camera_no_frame", false, true));
+        assert_eq!((fault.code.as_str(), run.goes_on_by_itself, fault.operator_required), ("rotation_suspect", false, true));
         assert!(fault.what_to_do.starts_with("Let the run go on"), "{}", fault.what_to_do);
         assert_eq!((hold.next_action.as_ref(), hold.next_command), (Some(&fault.what_to_do), Some(NextCommand::Unhold)));
         b.steer(Towards::Unhold).unwrap();
@@ -253,7 +287,7 @@ fn an_operators_hold_and_an_acknowledged_fault_are_named_too() {
         b.report(Progress::Ready);
         b.ends(RunEnd::Failed(RunError::SpecimenThread)).await;
         let seq = b.status().faults[0].seq;
-        requests::acknowledge(&mut b.d, seq).unwrap();
+        requests::acknowledge(&mut b.d, seq, None).unwrap();
         let status = b.status();
         let hold = status.run.unwrap().hold.unwrap();
         assert_eq!((hold.code.as_str(), hold.times), ("internal_error", 1));

@@ -1,0 +1,113 @@
+// What a person says about the well on the card: a remark with tags, its exclusion from statistics, and whether it is skipped or measured
+// again. A held run does this itself. Of a run that has ended, the well becomes the plan of a new run.
+
+import { noteWell, redoWell, Refused, skipWell } from "./api.ts";
+import { setText, show } from "./dom.ts";
+import { keepPerson, person } from "./person.ts";
+import type { NoteOnWell, RunStatus, WellStatus } from "./status.ts";
+
+/** Tags as a reader types them: `twin, oedema`. Pure. */
+export function typedTags(text: string): string[] {
+  const tags = text.split(/[,;]/).map((tag) => tag.trim());
+  return [...new Set(tags.filter((tag) => tag !== ""))];
+}
+
+/** What can be asked for about a well. Pure. */
+export function choices(
+  run: RunStatus | null,
+  well: WellStatus | null,
+  isHeld: boolean,
+): { skip: boolean; redo: boolean } {
+  const isOpen = run !== null && run.outcome === null;
+  const has = well !== null && well.outcome !== null;
+  return { skip: isOpen && isHeld && well !== null && !has, redo: has && (isHeld || !isOpen) };
+}
+
+export class Remark {
+  readonly #panel: HTMLDetailsElement;
+  readonly #by: HTMLInputElement;
+  readonly #comment: HTMLInputElement;
+  readonly #tags: HTMLInputElement;
+  readonly #excluded: HTMLInputElement;
+  readonly #skip: HTMLButtonElement;
+  readonly #redo: HTMLButtonElement;
+  readonly #words: HTMLElement;
+  readonly #planAgain: (run: string, well: string) => Promise<void>;
+  #run: RunStatus | null = null;
+  #well: WellStatus | null = null;
+  /** The well and the remark that the fields were filled with. */
+  #filled = "";
+
+  /** `planAgain` makes a new run of one well of a run that has ended. */
+  constructor(
+    find: <T extends Element = HTMLElement>(id: string) => T,
+    planAgain: (run: string, well: string) => Promise<void>,
+  ) {
+    this.#panel = find("remark");
+    this.#by = find("remark-by");
+    this.#comment = find("remark-comment");
+    this.#tags = find("remark-tags");
+    this.#excluded = find("remark-excluded");
+    this.#skip = find("skip-well");
+    this.#redo = find("redo-well");
+    this.#words = find("remark-words");
+    this.#planAgain = planAgain;
+    find<HTMLFormElement>("remark-form").addEventListener("submit", (event) => {
+      event.preventDefault();
+      void this.#ask((run, well) => noteWell(run, well, this.#note()), "The remark is kept");
+    });
+    const says = () => ({ by: this.#by.value.trim(), reason: this.#comment.value.trim() });
+    this.#skip.addEventListener("click", () => {
+      void this.#ask((run, well) => skipWell(run, well, says()), "The well is skipped");
+    });
+    this.#redo.addEventListener("click", () => {
+      if (this.#run?.outcome !== null) void this.#ask(this.#planAgain, "The new run is planned above");
+      else
+        void this.#ask((run, well) => redoWell(run, well, says()), "The well is measured again when the run goes on");
+    });
+  }
+
+  update(run: RunStatus | null, well: WellStatus | null, isHeld: boolean): void {
+    show(this.#panel, run !== null && well !== null);
+    this.#run = run;
+    this.#well = well;
+    const { skip, redo } = choices(run, well, isHeld);
+    show(this.#skip, skip);
+    show(this.#redo, redo);
+    const note = well?.note ?? null;
+    const of = `${run?.id} ${well?.well}`;
+    const now = `${of} ${note?.time}`;
+    if (now === this.#filled) return;
+    // What is typed about another well must not be said of this one.
+    if (!this.#filled.startsWith(`${of} `)) setText(this.#words, "");
+    this.#filled = now;
+    this.#by.value = person();
+    this.#comment.value = note?.comment ?? "";
+    this.#tags.value = note?.tags.join(", ") ?? "";
+    this.#excluded.checked = note?.excluded ?? false;
+  }
+
+  #note(): NoteOnWell {
+    return {
+      by: this.#by.value.trim(),
+      excluded: this.#excluded.checked,
+      comment: this.#comment.value.trim(),
+      tags: typedTags(this.#tags.value),
+    };
+  }
+
+  async #ask(send: (run: string, well: string) => Promise<void>, done: string): Promise<void> {
+    const [run, well] = [this.#run?.id, this.#well?.well];
+    if (run === undefined || well === undefined) return;
+    keepPerson(this.#by.value);
+    try {
+      await send(run, well);
+      setText(this.#words, `${done}.`);
+    } catch (error) {
+      if (!(error instanceof Refused)) throw error;
+      const names: Record<string, string> = { "/by": "your name", "/comment": "the reason", "/reason": "the reason" };
+      const mistakes = error.mistakes.map((m) => `${names[m.pointer ?? ""] ?? m.pointer}: ${m.detail}`).join("; ");
+      setText(this.#words, `Nothing was changed: ${mistakes || error.message}.`);
+    }
+  }
+}

@@ -1,0 +1,150 @@
+// What people say about wells, with real clicks on the real daemon: a held run skips a well and measures another again, a well is left out of
+// statistics by name and reason, and the rest of an aborted plate is measured without its file. Beside it the contact sheet, and the frame
+// that is magnified, made brighter and leafed through.
+
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import type { Page } from "playwright-core";
+import { shoot } from "../support/browser.ts";
+import { RUN_MS } from "../support/daemon.ts";
+import { larva, opened, plan, until } from "../support/opened.ts";
+
+const pick = (page: Page, well: string) => page.locator(`#plate button[data-well="${well}"]`).click();
+
+/** The well on the card, with the form for it. */
+async function about(page: Page, well: string): Promise<void> {
+  await pick(page, well);
+  await until(page, "well-heading", new RegExp(`^Well ${well}$`));
+  const form = page.locator("#remark-form");
+  if (!(await form.isVisible())) await page.getByText("Remark, leave out, skip, measure again").click();
+}
+
+test(
+  "a well is skipped, measured again and left out by name, and the rest of a plate is measured",
+  { timeout: 3 * RUN_MS },
+  async (t) => {
+    const { daemon, page, complaints } = await opened(t, 5);
+    const wells = ["A01", "A02", "A03", "A04"];
+    await page.evaluate(() => localStorage.setItem("carved.operator", "Kim Ö."));
+    await daemon.send("PUT", "/v1/runs/people", plan(wells.map(larva)));
+    await daemon.follow((s) => s.specimen?.well === "A01" && s.specimen.view > 2);
+    await page.getByRole("button", { name: "Hold", exact: true }).click();
+    await daemon.follow((s) => s.state === "Held");
+
+    // Without a reason nothing is skipped.
+    await about(page, "A02");
+    assert.equal(await page.locator("#remark-by").inputValue(), "Kim Ö.");
+    await page.getByRole("button", { name: "Skip this well" }).click();
+    await until(page, "remark-words", /^Nothing was changed: the reason: it is empty\.$/);
+    await page.getByLabel("Remark or reason").fill("no larva in it");
+    await page.getByRole("button", { name: "Skip this well" }).click();
+    const skipped = await daemon.follow((s) => s.run!.results[1]!.outcome === "skipped");
+    assert.equal(skipped.run!.results[1]!.reason, "skipped by Kim Ö.: no larva in it");
+    await until(page, "well-body", /skipped by Kim Ö\.: no larva in it/i);
+
+    // Measured again, and left out.
+    await about(page, "A01");
+    await page.getByLabel("Remark or reason").fill("a bubble");
+    await page.getByRole("button", { name: "Measure it again" }).click();
+    await daemon.follow((s) => s.run!.results[0]!.outcome === null);
+    await page.locator("#unhold").click();
+    const again = await daemon.follow((s) => s.run!.results[0]!.outcome !== null && s.specimen?.well === "A03");
+    assert.equal(again.run!.results[0]!.outcome, "succeeded", JSON.stringify(again.run!.results[0]));
+    const detail = (await (await fetch(`${daemon.url}/v1/runs/people/specimens/A01`)).json()) as {
+      earlier_attempts: number[];
+    };
+    assert.deepEqual(detail.earlier_attempts, [1]);
+    // The one that was finished last stays beside the one under way.
+    await page.getByRole("button", { name: "Follow the run" }).click();
+    await until(page, "last-done", /^Finished last: A01 [\d.,]+/);
+    await page.locator("#last-done").getByRole("button", { name: "A01" }).click();
+    await about(page, "A01");
+    await page.getByLabel("Remark or reason").fill("two larvae");
+    await page.getByLabel("Tags").fill("twin, big");
+    await page.getByLabel("Leave it out of statistics").check();
+    await page.getByRole("button", { name: "Save remark" }).click();
+    await until(page, "remark-words", /^The remark is kept\.$/);
+    await until(page, "well-body", /Left out of statistics by Kim Ö\.: two larvae\. Tags: twin, big\./);
+    await shoot(page, "people-remark");
+
+    await page.getByRole("button", { name: "Abort run" }).click();
+    await page.locator("#ask-yes").click();
+    const aborted = await daemon.follow((s) => s.run!.outcome !== null);
+    const [first] = aborted.run!.results;
+    assert.ok(first!.volume_um3! > 0 && first!.flags.includes("excluded"), "its numbers stay");
+    const statistics = await (await fetch(`${daemon.url}/v1/runs/people/statistics`)).json();
+    assert.deepEqual(
+      statistics.quantities[0]?.left_out.map((w: { well: string; flags: string[] }) => [
+        w.well,
+        w.flags.includes("excluded"),
+      ]),
+      [["A01", true]],
+      JSON.stringify(statistics).slice(0, 400),
+    );
+    const table = await (await fetch(`${daemon.url}/v1/runs/people/table.csv`)).text();
+    assert.match(table, /Kim Ö\.,two larvae,twin;big/);
+    await page.getByText("What happened in this run").click();
+    for (const said of [
+      /Kim Ö\. asked to hold the run\./,
+      /Kim Ö\. skips A02: no larva in it\./,
+      /Kim Ö\. has A01 measured again: a bubble\./,
+      /Kim Ö\. asked to abort the run\./,
+    ])
+      await until(page, "log-list", said);
+
+    // The rest of the plate, without its file.
+    for (const fault of aborted.faults) await daemon.send("POST", `/v1/faults/${fault.seq}/acknowledge`);
+    if (aborted.plate.take_out !== null) await page.locator("#is-out").click();
+    await page
+      .locator("#measure-rest")
+      .filter({ hasText: /^Measure the rest: 2 wells$/ })
+      .click();
+    await until(page, "plate-holds", /^Of run people: 2 wells: 2 larvae of 3 dpf\.$/);
+    assert.equal(await page.getByLabel("Plate barcode").inputValue(), "P-1");
+    await page.getByLabel("Run name").fill("rest");
+    await shoot(page, "people-rest");
+    await page.getByRole("button", { name: "Start", exact: true }).click();
+    const rest = await daemon.follow((s) => s.run?.id === "rest" && s.run.results.some((w) => w.outcome !== null));
+    assert.deepEqual(
+      rest.run!.results.map((w) => w.well),
+      ["A03", "A04"],
+    );
+
+    // The frame: leafed through by keys, magnified, and made brighter.
+    await pick(page, "A03");
+    await until(page, "frame-whose", /^view 1 of \d+$/);
+    await page.locator("#frame-box").focus();
+    await page.keyboard.press("ArrowRight");
+    await until(page, "frame-whose", /^view 2 of \d+$/);
+    await page.keyboard.press("ArrowLeft");
+    await until(page, "frame-whose", /^view 1 of \d+$/);
+    await page.locator("#frame-box").hover();
+    await page.mouse.wheel(0, -300);
+    await page.locator('#frame-box[data-scale="1.25"]').waitFor();
+    await page.keyboard.press("+");
+    await page.locator('#frame-box[data-scale="1.56"]').waitFor();
+    await page.locator("#frame-contrast").fill("2");
+    const look = () =>
+      page.locator("#frame-image").evaluate((image) => [image.style.filter, image.style.transform !== ""]);
+    assert.deepEqual(await look(), ["contrast(2)", true]);
+    await shoot(page, "people-zoomed");
+    await page.getByRole("button", { name: "Reset" }).click();
+    assert.deepEqual(await look(), ["", false]);
+    // A click on a view brings the frame into sight.
+    await page.locator("#views-list button").nth(4).click();
+    await until(page, "frame-whose", /^view 5 of \d+$/);
+    const box = (await page.locator("#frame-box").boundingBox())!;
+    const height = page.viewportSize()!.height;
+    assert.ok(box.y >= 0 && box.y + box.height / 2 < height, `${box.y} to ${box.y + box.height} of ${height}`);
+
+    // The contact sheet: a picture of each well that was measured, and a click leads to the well.
+    await page.getByText("Contact sheet").click();
+    const picture = page.locator('#sheet-list li[data-well="A03"] img');
+    await picture.waitFor();
+    assert.ok((await picture.evaluate((image: HTMLImageElement) => image.naturalWidth)) > 100);
+    await shoot(page, "people-sheet");
+    await page.locator('#sheet-list li[data-well="A03"] button').click();
+    await until(page, "well-heading", /^Well A03$/);
+    assert.deepEqual(complaints, []);
+  },
+);
