@@ -493,7 +493,7 @@ impl Bench {
 #[test]
 fn a_feed_hold_in_mid_move_is_a_persons_and_waits_for_one() {
     for controller in [Controller::default(), Controller::GrblHal(Settings::default())] {
-        let mut bench = Bench::with(20.0, controller);
+        let mut bench = Bench::with(4.0, controller);
         bench.settings.answer_timeout_ms = 300;
         let mut grbl = bench.referenced();
         let error = held_move(&bench, &mut grbl, || bench.press(Button::FeedHold));
@@ -509,7 +509,7 @@ fn a_feed_hold_in_mid_move_is_a_persons_and_waits_for_one() {
 #[test]
 fn an_open_door_in_mid_move_waits_until_it_is_closed_and_cycle_start_is_pressed() {
     for controller in [Controller::default(), Controller::GrblHal(Settings::default())] {
-        let mut bench = Bench::with(20.0, controller);
+        let mut bench = Bench::with(4.0, controller);
         bench.settings.answer_timeout_ms = 300;
         let mut grbl = bench.referenced();
         let error = held_move(&bench, &mut grbl, || bench.rig.faults().button(Button::Door, true));
@@ -603,11 +603,12 @@ fn a_door_that_opens_during_homing_is_no_failed_homing() {
     is_left_alone(&bench, &mut grbl, "door");
 }
 
-/// A move of many turns that a person holds up. The driver reports that it did not arrive in time.
+/// A move of eight turns that a person holds up. The driver waits for as long as it would take in real time, and reports that it did not
+/// arrive.
 fn held_move(bench: &Bench, grbl: &mut Grbl, hold: impl FnOnce()) -> DeviceError {
     let from = bench.true_steps();
     std::thread::scope(|scope| {
-        let moving = scope.spawn(|| grbl.move_to(Steps(20_000)));
+        let moving = scope.spawn(|| grbl.move_to(Steps(4000)));
         let until = Instant::now() + PATIENCE;
         while bench.true_steps() - from < 50.0 {
             assert!(Instant::now() < until, "the shaft never moved");
