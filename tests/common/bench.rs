@@ -4,8 +4,8 @@
 //! test = plate-loader ── HTTP ──► carved serve (child) ── pty, GigE ──► emulated rig
 //! ```
 
-use super::{Daemon, configured, patient, port};
-use hardware_sim::scene::{Contents, Scene, SceneSettings, Specimen};
+use super::{Daemon, configured, patient, port, small_frames, small_scene};
+use hardware_sim::scene::{Contents, Scene, Specimen};
 use hardware_sim::{Rig, RigSettings, Sight};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -23,7 +23,7 @@ pub struct Bench {
 impl Bench {
     /// As `new`, with a camera that sees what `sight` makes of the scene.
     pub fn seen_by<S: Sight + 'static>(sight: impl FnOnce(&Arc<Scene>) -> Arc<S>) -> Self {
-        let scene = Arc::new(Scene::new(SceneSettings::default()));
+        let scene = small_scene();
         let settings = RigSettings { time_scale: TIME_SCALE, ..RigSettings::default() };
         let rig = Rig::start(settings, sight(&scene)).unwrap();
         Self { rig, scene, dir: tempfile::tempdir().unwrap() }
@@ -45,7 +45,7 @@ impl Bench {
     /// Starts a daemon with the shipped configuration, with `changes` in it and `more` appended.
     pub fn serve(&self, changes: &[(&str, String)], more: &str) -> Daemon {
         let usual = [port(&self.rig), ("settle_ms = 50", format!("settle_ms = {:.0}", 50.0 / TIME_SCALE))];
-        let changes = [&usual[..], &patient(), changes].concat();
+        let changes = [&usual[..], &small_frames(), &patient(), changes].concat();
         let (config, data) = configured("vast-grbl.toml", self.folder(), &self.rig, &changes);
         std::fs::write(&config, std::fs::read_to_string(&config).unwrap() + more).unwrap();
         Daemon::serve(&config, &data)

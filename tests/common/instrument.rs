@@ -1,8 +1,8 @@
 //! An emulated rig with Grbl firmware, specimens loaded by the test, and a daemon that takes it for an instrument.
 
-use super::{Daemon, configured, patient, port, until};
+use super::{Daemon, configured, patient, port, small_frames, small_scene, until};
 use hardware_sim::grbl::Settings;
-use hardware_sim::scene::{Camera, Scene, SceneSettings};
+use hardware_sim::scene::Scene;
 use hardware_sim::{Controller, Rig, RigSettings, SamplerSettings, ShaftSettings, Sight};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -37,12 +37,6 @@ pub const SLOW: Rate = Rate { time_scale: 1.0, acceleration: 0.25, asd: 3, power
 /// The way to the reference takes several seconds.
 pub const SLOW_REFERENCE: Rate = Rate { power_on_steps: 250, ..SLOW };
 
-/// Height of the pictures: the capillary, which is 110 px high, and some rows beside it. A whole picture is rendered and looked through in
-/// four times this time, and shows no more of the specimen.
-const HEIGHT_PX: u32 = 256;
-/// Row of the axis: the middle.
-const AXIS_ROW_PX: f64 = 127.5;
-
 impl Instrument {
     /// `policy` has the keys of the method's policy. `seen` returns what the camera sees: the scene or a sight in front of it.
     pub fn start(rate: &Rate, policy: &str, seen: impl FnOnce(Arc<Scene>) -> Arc<dyn Sight>) -> Self {
@@ -58,8 +52,7 @@ impl Instrument {
         seen: impl FnOnce(Arc<Scene>) -> Arc<dyn Sight>,
     ) -> Self {
         let dir = tempfile::tempdir().unwrap();
-        let camera = Camera { height: HEIGHT_PX, uy_px: AXIS_ROW_PX, ..Camera::default() };
-        let scene = Arc::new(Scene::new(SceneSettings { camera, ..SceneSettings::default() }));
+        let scene = small_scene();
         let mut firmware = Settings::default();
         firmware.set(120, rate.acceleration).unwrap();
         let shaft = ShaftSettings { power_on_steps: rate.power_on_steps, ..ShaftSettings::default() };
@@ -73,13 +66,10 @@ impl Instrument {
             ("acceleration_units_per_s2 = 20.0", format!("acceleration_units_per_s2 = {:?}", rate.acceleration)),
             ("asd = 21", format!("asd = {}\npolicy = {{ {policy} }}\nearly_stop = {{ {} }}", rate.asd, rate.early_stop)),
             ("order = \"sequential\"", format!("order = {:?}", rate.order)),
-            ("height_px = 1024", format!("height_px = {HEIGHT_PX}")),
-            ("\nheight = 1024", format!("\nheight = {HEIGHT_PX}")),
-            ("\nuy_px = 511.5", format!("\nuy_px = {AXIS_ROW_PX:?}")),
             // A budget for a few wells. A whole plate with 500 views per well would not fit.
             ("[store]", "[store]\nbudget_gb = 10".into()),
         ];
-        let (config, data) = configured("vast-grbl.toml", dir.path(), &rig, &[&changes[..], &patient(), more].concat());
+        let (config, data) = configured("vast-grbl.toml", dir.path(), &rig, &[&changes[..], &small_frames(), &patient(), more].concat());
         Self { daemon: Daemon::serve(&config, &data), rig, scene, config, data, dir }
     }
 

@@ -16,6 +16,7 @@ pub mod generated;
 mod instrument;
 pub mod receiver;
 mod shared;
+mod small;
 pub mod spoiled;
 pub mod stored;
 pub mod strict;
@@ -24,6 +25,7 @@ mod wait;
 
 pub use instrument::{Instrument, QUICK, Rate, SLOW, SLOW_REFERENCE, standing};
 pub use shared::shared;
+pub use small::{small_frames, small_scene};
 pub use wait::{PATIENCE, until};
 
 pub fn carved() -> Command {

@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-const SIMULATED: [&str; 3] = ["--time-scale", "10", "--no-demo"];
+const SIMULATED: [&str; 4] = ["--time-scale", "10", "--no-demo", "--small"];
 
 fn plan() -> Value {
     let wells = [json!({"well": "A01", "specimen": "larva", "dpf": 3}), json!({"well": "A02", "specimen": "bead"})];
@@ -162,7 +162,7 @@ fn a_specimen_that_is_gone_gets_its_numbers_from_its_frames_bit_for_bit() {
     // The loader is asked for the next specimen at once, and never for the accepted one.
     let data = taken_back("loader", None);
     crash::without_results(&data.join("runs/r1/A01"));
-    let daemon = Daemon::start(&data, &["--time-scale", "10", "--no-demo", "--sampler", "loader"]);
+    let daemon = Daemon::start(&data, &["--time-scale", "10", "--no-demo", "--small", "--sampler", "loader"]);
     daemon.wait("the next specimen", |s| {
         let needs = s["plate"]["needs"].as_str().unwrap_or_default();
         assert!(!needs.contains("A01 in the capillary"), "its larva is gone: {s}");
@@ -179,7 +179,7 @@ fn a_specimen_that_is_gone_gets_its_numbers_from_its_frames_bit_for_bit() {
 fn an_abort_leaves_an_accepted_specimen_its_numbers() {
     let dir = tempfile::tempdir().unwrap();
     let data = dir.path().join("data");
-    let daemon = Daemon::start(&data, &["--time-scale", "1", "--no-demo", "--sampler", "trigger"]);
+    let daemon = Daemon::start(&data, &["--time-scale", "1", "--no-demo", "--small", "--sampler", "trigger"]);
     let wells = [json!({"well": "A01", "specimen": "bead"}), json!({"well": "A02", "specimen": "bead"})];
     let plan = json!({"plate_barcode": "P-1", "method": "standard", "operator": "test", "plate_map": wells});
     assert_eq!(daemon.put_run("r1", &plan), 201);

@@ -2,9 +2,9 @@
 //! fault. The fault clears without a restart when the camera answers again.
 #![cfg(feature = "aravis")]
 
-use crate::common::{Daemon, configured, json, port, until};
+use crate::common::{Daemon, configured, json, port, small_frames, small_scene, until};
 use hardware_sim::RigSettings;
-use hardware_sim::scene::{Scene, SceneSettings, Specimen};
+use hardware_sim::scene::{Scene, Specimen};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -26,10 +26,10 @@ struct Instrument {
 impl Instrument {
     fn start() -> Self {
         let dir = tempfile::tempdir().unwrap();
-        let scene = Arc::new(Scene::new(SceneSettings::default()));
+        let scene = small_scene();
         let rig = hardware_sim::Rig::start(RigSettings { time_scale: TIME_SCALE, ..RigSettings::default() }, scene.clone()).unwrap();
         let changes = [port(&rig), ("settle_ms = 50", "settle_ms = 5".to_owned()), ("asd = 21", format!("asd = {ASD}"))];
-        let (config, data) = configured("vast-grbl.toml", dir.path(), &rig, &changes);
+        let (config, data) = configured("vast-grbl.toml", dir.path(), &rig, &[&changes[..], &small_frames()].concat());
         Self { daemon: Daemon::serve(&config, &data), rig, scene, data, _dir: dir }
     }
 

@@ -69,7 +69,7 @@ fn a_command_whose_output_nobody_reads_ends_without_a_word() {
 fn a_daemon_whose_log_nobody_reads_turns_and_measures_on() {
     let dir = tempfile::tempdir().unwrap();
     let data = dir.path().join("data");
-    let daemon = Daemon::unread(&data, &["--time-scale", "10"]);
+    let daemon = Daemon::unread(&data, &["--time-scale", "10", "--small"]);
     let wells = json!([{"well": "A01", "specimen": "bead"}, {"well": "A02", "specimen": "bead"}]);
     let plan = json!({"plate_barcode": "P-1", "method": "standard", "operator": "test", "plate_map": wells});
     // The demo's own plate may be under way; its table is printed at its end.

@@ -7,7 +7,7 @@ use serde_json::json;
 fn measures_a_bead(controller: &str, identity: &str, steps_per_revolution: f64) {
     let dir = tempfile::tempdir().unwrap();
     let data = dir.path().join("data");
-    let daemon = Daemon::start(&data, &["--no-demo", "--time-scale", "10", "--controller", controller]);
+    let daemon = Daemon::start(&data, &["--no-demo", "--small", "--time-scale", "10", "--controller", controller]);
     let plan =
         json!({"plate_barcode": "P-1", "method": "standard", "operator": "test", "plate_map": [{"well": "A01", "specimen": "bead"}]});
     assert_eq!(daemon.put_run("bead", &plan), 201);

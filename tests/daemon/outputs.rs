@@ -2,12 +2,11 @@
 #![cfg(feature = "aravis")]
 
 use crate::common::bench::{bead, plan};
-use crate::common::{Daemon, configured, json, patient, port, until};
-use hardware_sim::scene::{Contents, Scene, SceneSettings};
+use crate::common::{Daemon, configured, json, patient, port, small_frames, small_scene, until};
+use hardware_sim::scene::Contents;
 use hardware_sim::{Controller, OutputPin, Rig, RigSettings, grbl, zaber};
 use serde_json::{Value, json};
 use std::path::PathBuf;
-use std::sync::Arc;
 
 /// A rig whose light is switched by an output of its controller, with a bead in its capillary. The daemon is dropped first.
 struct Lit {
@@ -41,11 +40,11 @@ impl Lit {
 
     fn start(settings: RigSettings, pin: OutputPin, shipped: &str, named: &str, settle_ms: u32, changes: &[(&str, String)]) -> Self {
         let dir = tempfile::tempdir().unwrap();
-        let scene = Arc::new(Scene::new(SceneSettings::default()));
+        let scene = small_scene();
         scene.load(Contents::from(bead("A01", 400.0).2)).unwrap();
         let rig = Rig::start(RigSettings { serial_link: Some(dir.path().join("motor")), light: Some(pin), ..settings }, scene).unwrap();
         let common = [port(&rig), ("settle_ms = 50", "settle_ms = 5".into())];
-        let (config, data) = configured(shipped, dir.path(), &rig, &[&common[..], &patient(), changes].concat());
+        let (config, data) = configured(shipped, dir.path(), &rig, &[&common[..], &small_frames(), &patient(), changes].concat());
         let light = format!("\n[rotation.outputs.light]\npin = {named}\non = \"views\"\nsettle_ms = {settle_ms}\n");
         std::fs::write(&config, std::fs::read_to_string(&config).unwrap() + &light).unwrap();
         Self { daemon: Daemon::serve(&config, &data), rig, pin, data, _dir: dir }

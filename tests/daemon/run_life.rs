@@ -15,7 +15,7 @@ fn plan() -> Value {
 }
 
 fn start(data: &Path) -> Daemon {
-    Daemon::start(data, &["--time-scale", "10", "--no-demo", "--empty", "A03"])
+    Daemon::start(data, &["--time-scale", "10", "--no-demo", "--small", "--empty", "A03"])
 }
 
 /// State, phase, outcome and faults are consistent, and a run without an outcome never appears as idle or finished.

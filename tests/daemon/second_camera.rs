@@ -4,8 +4,8 @@
 
 use crate::common::bench::{Bench, larva};
 use crate::common::spoiled::Spoiled;
-use crate::common::{Daemon, configured, contract, json, patient, port, run, stderr};
-use hardware_sim::scene::{Fluorescent, FluorescentSettings, Scene, SceneSettings, Specimen};
+use crate::common::{Daemon, configured, contract, json, patient, port, run, small_frames, small_scene, stderr};
+use hardware_sim::scene::{Fluorescent, FluorescentSettings, Specimen};
 use hardware_sim::{Pixels, RigSettings, Sight};
 use serde_json::{Value, json};
 use std::sync::Arc;
@@ -33,13 +33,13 @@ fn tables(address: std::net::Ipv4Addr, glow: &FluorescentSettings) -> String {
 #[test]
 fn the_signal_per_volume_is_the_truths_and_is_computed_again_from_the_recording() {
     let dir = tempfile::tempdir().unwrap();
-    let scene = Arc::new(Scene::new(SceneSettings::default()));
+    let scene = small_scene();
     let mut rig = hardware_sim::Rig::start(RigSettings { time_scale: 10.0, ..RigSettings::default() }, scene.clone()).unwrap();
     let settings = FluorescentSettings::default();
     let glow = Arc::new(Fluorescent::new(scene.clone(), settings.clone()));
     let second = rig.add_camera(glow.clone()).unwrap();
     let changes = [port(&rig), ("settle_ms = 50", "settle_ms = 5".to_owned()), ("asd = 21", format!("asd = {ASD}"))];
-    let (config, data) = configured("vast-grbl.toml", dir.path(), &rig, &[&changes[..], &patient()].concat());
+    let (config, data) = configured("vast-grbl.toml", dir.path(), &rig, &[&changes[..], &small_frames(), &patient()].concat());
     std::fs::write(&config, std::fs::read_to_string(&config).unwrap() + &tables(second, &settings)).unwrap();
     let daemon = Daemon::serve(&config, &data);
     daemon.wait("the second camera", |s| s["hardware"]["camera_second"]["connected"] == true);

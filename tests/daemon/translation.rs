@@ -2,13 +2,13 @@
 //! into view.
 #![cfg(feature = "aravis")]
 
-use crate::common::{Daemon, configured, controllers, json, port};
+use crate::common::{Daemon, configured, controllers, json, port, small_frames, small_scene};
 use carved_core::units::{Sense, Steps};
 use carved_devices::cancel::CancelToken;
 use carved_devices::rotation::{AxisLetter, Grbl, Reference, TranslationSettings};
 use carved_devices::{DeviceError, Position, RotationAxis};
 use hardware_sim::grbl::Settings;
-use hardware_sim::scene::{Placement, Scene, SceneSettings, Specimen};
+use hardware_sim::scene::{Placement, Specimen};
 use hardware_sim::{Controller, Rig, RigSettings, Sight, SlideSettings, TestCard};
 use serde_json::json;
 use std::sync::Arc;
@@ -150,7 +150,7 @@ position_um = -4990.0
 #[test]
 fn a_specimen_that_is_cut_by_the_pictures_side_is_carried_into_view_and_measured() {
     let folder = tempfile::tempdir().unwrap();
-    let scene = Arc::new(Scene::new(SceneSettings::default()));
+    let scene = small_scene();
     let rig = rig(Controller::Grbl(firmware()), scene.clone());
     let changes = [
         port(&rig),
@@ -160,7 +160,7 @@ fn a_specimen_that_is_cut_by_the_pictures_side_is_carried_into_view_and_measured
         ("grab_deadline_ms = 3000", "grab_deadline_ms = 20000".into()),
         ("[sampler]", format!("{TRANSLATION}[sampler]")),
     ];
-    let (config, data) = configured("vast-grbl.toml", folder.path(), &rig, &changes);
+    let (config, data) = configured("vast-grbl.toml", folder.path(), &rig, &[&changes[..], &small_frames()].concat());
     let daemon = Daemon::serve(&config, &data);
     let plan = json!({"plate_barcode": "P-1", "method": "standard", "operator": "test",
         "plate_map": [{"well": "A01", "specimen": "larva", "dpf": 4}]});

@@ -6,8 +6,8 @@
 //! ```
 #![cfg(feature = "aravis")]
 
-use crate::common::{Daemon, configured, json, patient, port, until};
-use hardware_sim::scene::{Scene, SceneSettings, Specimen};
+use crate::common::{Daemon, configured, json, patient, port, small_frames, small_scene, until};
+use hardware_sim::scene::{Scene, Specimen};
 use hardware_sim::{Controller, RigSettings, bridge, relay};
 use serde_json::{Value, json};
 use std::f64::consts::TAU;
@@ -32,7 +32,7 @@ impl Instrument {
     fn start(shipped: &str, settings: impl FnOnce(&Path) -> RigSettings) -> Self {
         let dir = tempfile::tempdir().unwrap();
         let list = dir.path().join("external.txt");
-        let scene = Arc::new(Scene::new(SceneSettings::default()));
+        let scene = small_scene();
         let rig = hardware_sim::Rig::start(RigSettings { time_scale: SCALE, ..settings(&list) }, scene.clone()).unwrap();
         let door = match rig.relay_address() {
             Some(relay) => vec![("192.168.10.3:5000", relay.to_string())],
@@ -43,7 +43,7 @@ impl Instrument {
             ("speed_deg_per_s = 90.0", format!("speed_deg_per_s = {:?}", SPEED_DEG_PER_S * SCALE)),
             ("asd = 21", format!("asd = {ASD}")),
         ];
-        let (config, data) = configured(shipped, dir.path(), &rig, &[door, pace.into(), patient().into()].concat());
+        let (config, data) = configured(shipped, dir.path(), &rig, &[door, pace.into(), small_frames().into(), patient().into()].concat());
         Self { daemon: Daemon::serve(&config, &data), rig, scene, data, dir }
     }
 

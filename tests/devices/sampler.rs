@@ -224,7 +224,7 @@ fn a_fault_of_the_axis_keeps_no_specimen_in() {
 fn what_a_run_that_was_cut_short_left_inside_is_ejected_by_the_next() {
     use serde_json::{Value, json};
     let dir = tempfile::tempdir().unwrap();
-    let start = || crate::common::Daemon::start(dir.path(), &["--no-demo", "--time-scale", "20", "--sampler", "trigger"]);
+    let start = || crate::common::Daemon::start(dir.path(), &["--no-demo", "--small", "--time-scale", "20", "--sampler", "trigger"]);
     let plan = |well: &str| json!({"plate_barcode": "P-1", "method": "standard", "operator": "t", "plate_map": [{"well": well, "specimen": "bead"}]});
     let turning = |daemon: &crate::common::Daemon, well: &str| {
         daemon.wait("the turn", |s| s["specimen"]["well"] == well && s["specimen"]["view"].as_u64() >= Some(2));
@@ -263,7 +263,7 @@ fn what_a_run_that_was_cut_short_left_inside_is_ejected_by_the_next() {
 fn a_run_on_the_wires_with_a_second_camera_and_a_translation() {
     use serde_json::json;
     let dir = tempfile::tempdir().unwrap();
-    let options = ["--no-demo", "--time-scale", "20", "--sampler", "trigger", "--second-camera", "--translation"];
+    let options = ["--no-demo", "--small", "--time-scale", "20", "--sampler", "trigger", "--second-camera", "--translation"];
     let daemon = crate::common::Daemon::start(dir.path(), &options);
     // The status answers before all devices are open.
     let at_rest = daemon.wait("the translation axis", |status| status["hardware"]["translation"]["connected"] == true);

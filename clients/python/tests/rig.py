@@ -31,7 +31,7 @@ class Daemon:
 
     def __init__(self, folder: Path, *arguments: str, time_scale: int) -> None:
         self.folder = folder
-        self.arguments = ("--time-scale", str(time_scale), *arguments)
+        self.arguments = ("--small", "--time-scale", str(time_scale), *arguments)
         self.listen = "127.0.0.1:0"
         self.said = folder / "stdout"
         self.url = ""

@@ -34,8 +34,11 @@ const PAUSE: Duration = Duration::from_millis(300);
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     anyhow::ensure!(
-        args.replay.is_none() && !args.translation && !args.second_camera && args.camera_out.is_none() && args.axis_out.is_empty(),
-        "--controller folder has no devices; expected neither --replay, --translation, --second-camera, --camera-out nor --axis-out"
+        args.replay.is_none()
+            && !(args.translation || args.second_camera || args.small)
+            && args.camera_out.is_none()
+            && args.axis_out.is_empty(),
+        "--controller folder has no devices; expected neither --replay, --translation, --second-camera, --small, --camera-out nor --axis-out"
     );
     let mut config = Config::parse(CONFIG, Path::new(CONFIG_NAME))?;
     config.http.listen = args.listen;

@@ -41,6 +41,7 @@ const CONFIG: &str = include_str!("../../../config/simulated.toml");
 const CONFIG_NAME: &str = "config/simulated.toml (built in)";
 
 #[derive(Debug, clap::Args)]
+#[allow(clippy::struct_excessive_bools, reason = "each is a switch of the command line")]
 pub struct Args {
     /// Address of the page and the API.
     #[arg(long, default_value = "127.0.0.1:8420")]
@@ -78,6 +79,9 @@ pub struct Args {
     /// How the emulated frames look: the clean reference scene, or light, walls, dust and larvae as on frames of a real VAST.
     #[arg(long, value_enum, default_value_t = Appearance::Clean, conflicts_with = "replay")]
     frames: Appearance,
+    /// Frames of 256 rows around the capillary instead of 1024: a specimen is measured with less work. For tests of other programs.
+    #[arg(long, conflicts_with = "replay")]
+    small: bool,
     /// Add a second emulated camera for fluorescence.
     #[arg(long, conflicts_with = "replay")]
     second_camera: bool,
@@ -114,6 +118,9 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     args.sampler.configure(&mut config, args.time_scale);
     if args.translation {
         controller::with_translation(&mut config)?;
+    }
+    if args.small {
+        with_small_frames(&mut config)?;
     }
     let listener = http::bind(&config.http)?;
     let listen = listener.local_addr().context("the address that is served")?;
@@ -166,6 +173,18 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         drop(running);
         served.map(|_| ())
     })
+}
+
+/// Rows of a small frame: the capillary, which is 110 px high, with some rows beside it.
+const SMALL_ROWS: u32 = 256;
+
+/// The rows in the middle of the sensor. The axis, which is in the middle of the frame, stays there.
+fn with_small_frames(config: &mut Config) -> anyhow::Result<()> {
+    let CameraDriver::Aravis(camera) = &mut config.camera else { anyhow::bail!(serve::NO_DEVICES) };
+    let optics = &mut config.optics;
+    optics.uy -= (f64::from(optics.height) - f64::from(SMALL_ROWS)) / 2.0;
+    (optics.height, camera.height) = (SMALL_ROWS, SMALL_ROWS);
+    Ok(())
 }
 
 /// The contents of the emulated camera's picture, who changes them, and the work after the start.

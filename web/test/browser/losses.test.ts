@@ -17,7 +17,7 @@ async function running(t: Ends, timeScale: number, losses: readonly string[], we
 
 /** Its run begins before a page is opened, which takes its time: the devices are lost at fixed times. */
 async function begun(t: Ends, timeScale: number, losses: readonly string[], wells: object[]): Promise<Daemon> {
-  const daemon = await Daemon.start(BINARY, timeScale, ["--no-demo", ...losses]);
+  const daemon = await Daemon.start(BINARY, timeScale, ["--no-demo", "--small", ...losses]);
   t.after(() => daemon.stop());
   await daemon.send("PUT", "/v1/runs/lost", plan(wells));
   return daemon;

@@ -48,7 +48,7 @@ export async function opened(
   timeScale: number,
   more: readonly string[] = [],
 ): Promise<{ daemon: Daemon; page: Page; complaints: string[] }> {
-  const daemon = await Daemon.start(BINARY, timeScale, ["--no-demo", ...more]);
+  const daemon = await Daemon.start(BINARY, timeScale, ["--no-demo", "--small", ...more]);
   t.after(() => daemon.stop());
   return { daemon, ...(await onPage(t, daemon)) };
 }
