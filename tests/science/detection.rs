@@ -16,7 +16,7 @@ struct Judged {
 }
 
 fn judge(spec: FrameSpec) -> Judged {
-    let frame = spec.render().unwrap().frame;
+    let frame = spec.frame().unwrap();
     let (format, bytes) = match (spec.mono, frame.height) {
         (true, _) => (PixelFormat::Mono8, frame.to_mono8()),
         // A VAST stores crops in colour.
@@ -33,7 +33,7 @@ fn judge(spec: FrameSpec) -> Judged {
 
 /// Rendered once for all tests.
 static JUDGED: LazyLock<Vec<Judged>> =
-    LazyLock::new(|| SEEDS.into_iter().flat_map(|seed| detection_set(seed).unwrap()).map(judge).collect());
+    LazyLock::new(|| SEEDS.map(|seed| detection_set(seed).unwrap()).concat().into_par_iter().map(judge).collect());
 
 fn kind_of(class: Class) -> Kind {
     match class {

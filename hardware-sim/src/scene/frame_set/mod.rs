@@ -125,15 +125,27 @@ impl FrameSpec {
         Ok(scene)
     }
 
+    /// Renders the frame without its ground truth, whose outlines take a quarter of the time.
+    ///
+    /// # Errors
+    /// As [`FrameSpec::scene`].
+    pub fn frame(&self) -> Result<Rgb, FrameSetError> {
+        Ok(self.seen_in(&self.scene()?))
+    }
+
+    fn seen_in(&self, scene: &Scene) -> Rgb {
+        let frame = scene.render(&Exposure { angle_rad: self.angle_rad, number: self.number });
+        if self.demosaicked { frame.demosaicked() } else { frame }
+    }
+
     /// Renders the frame and its ground truth.
     ///
     /// # Errors
     /// As [`FrameSpec::scene`].
     pub fn render(&self) -> Result<Rendered, FrameSetError> {
         let scene = self.scene()?;
-        let frame = scene.render(&Exposure { angle_rad: self.angle_rad, number: self.number });
         Ok(Rendered {
-            frame: if self.demosaicked { frame.demosaicked() } else { frame },
+            frame: self.seen_in(&scene),
             truth: scene.truth_mask(self.angle_rad),
             edge: scene.truth_edge(self.angle_rad),
             body_edge: scene.body_edge(self.angle_rad),

@@ -97,6 +97,7 @@ fn a_frame_repeats_and_its_labels_are_those_of_its_outline() {
     assert_eq!(&frames::recipes().swap_remove(place).spec(1, place as u64, Realism::Clean).unwrap(), wedged, "a spec repeats");
     let rendered = wedged.render().unwrap();
     assert_eq!(rendered, wedged.render().unwrap());
+    assert_eq!(rendered.frame, wedged.frame().unwrap());
     assert_eq!(rendered.edge.len(), 1);
     let height = rendered.edge[0].iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], p| [l.min(p[1]), h.max(p[1])]);
     // 420 um, and the bead's silhouette fills its bore's.
