@@ -16,6 +16,7 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::{oneshot, watch};
+use tokio::task::JoinHandle;
 
 /// Longest time until requests are answered, also if the state of the previous process is not restored by then.
 const RESTORED: Duration = Duration::from_secs(2);
@@ -134,8 +135,7 @@ impl Daemon {
                 tracing::warn!("{name}, a second signal: ending at once");
                 std::process::exit(1);
             });
-            systemd::stopping();
-            informs.abort();
+            let ends = end_with_systemd(&informs, heartbeat);
             // All receivers are gone only if the server has failed, and its own result reports that.
             let _nobody = stop_in.send(Some(departure));
             client.abort();
@@ -143,6 +143,7 @@ impl Daemon {
                 Some(early) => early,
                 None => serving.await,
             };
+            ends.abort();
             drop(close);
             served.context("the server's task")?.context("the server")?;
             anyhow::Ok(departure)
@@ -178,6 +179,15 @@ async fn tell_systemd(session: SessionHandle, heartbeat: Heartbeat) {
         heartbeat.is_alive()
     };
     tokio::join!(sentences, systemd::watchdog(alive));
+}
+
+/// Lets systemd wait for an end on a slow disk. The watchdog still runs where the daemon ends by itself, as at SIGUSR1.
+fn end_with_systemd(informs: &JoinHandle<()>, heartbeat: Heartbeat) -> JoinHandle<()> {
+    systemd::stopping();
+    informs.abort();
+    tokio::spawn(async move {
+        tokio::join!(systemd::extend_end(|| heartbeat.is_at_disk()), systemd::watchdog(|| heartbeat.is_alive()));
+    })
 }
 
 /// Sends the notices that wait.

@@ -4,6 +4,8 @@
 //! serve: ready ─> status ... status ─> stopping
 //! driver alive? ── every half WatchdogSec ── yes: ping
 //!                                            no: no ping, and systemd kills and restarts the daemon
+//! ending, and the driver writes to the disk? ── every 2 s ── yes: more time, for two minutes at most
+//!                                                            no: systemd kills the daemon after TimeoutStopSec
 //! ```
 //! Without systemd (no `NOTIFY_SOCKET`) these functions do nothing.
 
@@ -11,6 +13,11 @@ use sd_notify::NotifyState;
 use std::io;
 use std::time::Duration;
 use tokio::time::{MissedTickBehavior, interval};
+
+/// Pause between two requests for more time to end, the time that each asks for, and their number: two minutes.
+const ASK_AGAIN: Duration = Duration::from_secs(2);
+const MORE_US: u32 = 10_000_000;
+const MOST_ASKED: u32 = 60;
 
 /// A lost notification is no reason to stop an instrument. The watchdog judges by the notifications that arrive.
 fn tell(states: &[NotifyState]) {
@@ -37,6 +44,23 @@ pub fn status(doing: &str) {
 /// The daemon ends in an orderly way.
 pub fn stopping() {
     tell(&[NotifyState::Stopping]);
+}
+
+/// Asks for more time to end while `at_disk` returns true: a slow disk is no reason to kill the daemon before it has written that it was
+/// asked to end, because the next start would take the end for a crash.
+pub async fn extend_end(at_disk: impl Fn() -> bool) {
+    extend_while(ASK_AGAIN, MOST_ASKED, at_disk, || tell(&[NotifyState::ExtendTimeoutUsec(MORE_US)])).await;
+}
+
+async fn extend_while(again: Duration, most: u32, at_disk: impl Fn() -> bool, extend: impl Fn()) {
+    let mut beat = interval(again);
+    beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    for _ in 0..most {
+        beat.tick().await;
+        if at_disk() {
+            extend();
+        }
+    }
 }
 
 /// Pings systemd's watchdog while `alive` returns true. Runs until it is dropped. Without a watchdog it only waits.
@@ -105,6 +129,15 @@ mod tests {
             () = ping_while(Duration::from_millis(4), asks, count) => unreachable!("runs until it is dropped"),
             () = script => {}
         }
+    }
+
+    #[tokio::test]
+    async fn an_end_gets_more_time_while_the_driver_writes_and_not_for_ever() {
+        let (asked, given) = (AtomicU32::new(0), AtomicU32::new(0));
+        let at_disk = || !(5..8).contains(&asked.fetch_add(1, SeqCst));
+        let extend = || drop(given.fetch_add(1, SeqCst));
+        extend_while(Duration::from_millis(1), 20, at_disk, extend).await;
+        assert_eq!((asked.load(SeqCst), given.load(SeqCst)), (20, 17));
     }
 
     #[test]
