@@ -34,7 +34,9 @@ impl Bench {
         let reading = bridge::Settings::reading(folder.path().join("external.txt"));
         let machine = bridge::Settings { to_smaller, speed_deg_per_s: speed_deg_per_s / SCALE, ..reading };
         let knobs = machine.knobs.clone();
-        let emulated = crate::motion::rig(RigSettings { controller: Controller::Bridge(machine), ..RigSettings::default() });
+        // Its device name may be that of another port once it is unplugged.
+        let serial_link = Some(folder.path().join("bridge"));
+        let emulated = crate::motion::rig(RigSettings { controller: Controller::Bridge(machine), serial_link, ..RigSettings::default() });
         Self { folder, knobs, speed_deg_per_s, emulated }
     }
 
@@ -131,13 +133,13 @@ fn only_the_next_stop_of_the_list_can_be_moved_to_and_the_refusal_says_both() {
 /// Sets a fault and makes the next move. Checks that the move fails as expected, that no further trigger follows, and that the axis can be
 /// recovered.
 fn fails(fault: impl FnOnce(&Bench), as_it_should: impl Fn(&DeviceError) -> bool) {
-    fails_on(Bench::new(), fault, as_it_should);
+    fails_on(&Bench::new(), fault, as_it_should);
 }
 
-fn fails_on(bench: Bench, fault: impl FnOnce(&Bench), as_it_should: impl Fn(&DeviceError) -> bool) {
+fn fails_on(bench: &Bench, fault: impl FnOnce(&Bench), as_it_should: impl Fn(&DeviceError) -> bool) {
     let mut axis = bench.standing();
     let stops = targets(ViewOrder::Sequential);
-    fault(&bench);
+    fault(bench);
     // A duplicated arrival shows at the next request.
     let error = stops[1..3].iter().find_map(|stop| axis.move_to(*stop).err()).unwrap();
     assert!(as_it_should(&error), "{error:?}");
@@ -183,7 +185,7 @@ fn an_arrival_that_does_not_come_in_time_is_missed_by_name() {
 fn an_arrival_too_many_or_too_soon_is_not_believed() {
     fails(|b| b.knobs.double_arrivals(1), |e| out_of_step(e, "no trigger explains"));
     // What the computer reads too late cannot be told from an arrival in time.
-    fails_on(Bench::going(ToSmaller::Shortest, 0.05 * SPEED_DEG_PER_S), |b| b.knobs.stray_arrivals(1), |e| out_of_step(e, "at least"));
+    fails_on(&Bench::going(ToSmaller::Shortest, 0.05 * SPEED_DEG_PER_S), |b| b.knobs.stray_arrivals(1), |e| out_of_step(e, "at least"));
     fails(|b| b.emulated.faults().serial().stray_to_host(b"R1\n"), |e| out_of_step(e, "before the trigger was acknowledged"));
 }
 
