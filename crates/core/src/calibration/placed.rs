@@ -30,7 +30,9 @@ const HALVES: usize = 4;
 pub(crate) struct Placed {
     /// Distance of its edges from those that the other views make expected, px: root of the mean square without the largest 5 %.
     pub own_px: f64,
-    /// The same at the angle at which it is least, px.
+    /// Half of the edges are nearer than this to those expected at its own angle, px.
+    pub half_px: f64,
+    /// The first distance at the angle at which it is least, px.
     pub best_px: f64,
     /// That angle minus its own, rad, from -pi to pi.
     pub off_rad: f64,
@@ -69,11 +71,14 @@ fn placed_among(pose: &Pose, slices: &[(Slice, Fit)], view: &TurnView, shift: Sh
     if slices.len() < SLICES_LEAST {
         return None;
     }
-    let at = |off_rad: f64| distance_px(pose, slices, &TurnView { omega: view.omega + off_rad, ..*view }, shift);
-    let own_px = at(0.0);
-    let tried = (1..ANGLES).map(|step| TAU * step as f64 / ANGLES as f64).map(|off_rad| (at(off_rad), off_rad));
+    let at = |off_rad: f64| residuals_px(pose, slices, &TurnView { omega: view.omega + off_rad, ..*view }, shift);
+    let own = at(0.0)?;
+    let own_px = trimmed_rms(own.iter().copied());
+    let distance_px = |off_rad: f64| at(off_rad).map_or(f64::INFINITY, |residuals| trimmed_rms(residuals.into_iter()));
+    let tried = (1..ANGLES).map(|step| TAU * step as f64 / ANGLES as f64).map(|off_rad| (distance_px(off_rad), off_rad));
     let (best_px, off_rad) = tried.fold((own_px, 0.0), |best, next| if next.0 < best.0 { next } else { best });
-    own_px.is_finite().then_some(Placed { own_px, best_px, off_rad: if off_rad > PI { off_rad - TAU } else { off_rad } })
+    let half_px = median(own.into_iter().map(f64::abs).collect());
+    Some(Placed { own_px, half_px, best_px, off_rad: if off_rad > PI { off_rad - TAU } else { off_rad } })
 }
 
 /// Whether a view may lie higher or lower than the calibration says.
@@ -106,19 +111,19 @@ fn fitted(pose: &Pose, views: &[TurnView], xs: &[f64]) -> Vec<(Slice, Fit)> {
     xs.iter().filter_map(|&x_um| fitted(x_um, Some(&fitted(x_um, None)?.1.support))).collect()
 }
 
-/// Distance of the edges of a view from the slices, px. Infinite for a view that shows less than half of their edges.
-fn distance_px(pose: &Pose, slices: &[(Slice, Fit)], view: &TurnView, shift: Shift) -> f64 {
+/// Distances of the edges of a view from the slices, px. `None` for a view that shows less than half of their edges.
+fn residuals_px(pose: &Pose, slices: &[(Slice, Fit)], view: &TurnView, shift: Shift) -> Option<Vec<f64>> {
     let residual = |(slice, fit): &(Slice, Fit), side: Side| {
         let tangent = pose.tangent(slice.x_um, view, side, Some(&fit.support))?;
         Some((side.sign(), tangent.offset_um - fit.support.at(tangent.theta)[0]))
     };
     let residuals: Vec<(f64, f64)> = slices.iter().flat_map(|slice| Side::BOTH.map(|side| residual(slice, side))).flatten().collect();
     if residuals.len() < slices.len() {
-        return f64::INFINITY;
+        return None;
     }
     let down_um = match shift {
         Shift::AsGiven => 0.0,
         Shift::Free => median(residuals.iter().map(|(sign, off_um)| sign * off_um).collect()),
     };
-    trimmed_rms(residuals.into_iter().map(|(sign, off_um)| off_um - sign * down_um)) * pose.camera().ky
+    Some(residuals.into_iter().map(|(sign, off_um)| (off_um - sign * down_um) * pose.camera().ky).collect())
 }
