@@ -26,7 +26,7 @@ fn status_of(file: &GateFile, now: jiff::Timestamp) -> GateStatus {
 /// The gate as a text for the operator: verdict, measured size, next action.
 fn summary(gate: &CheckedBeads, settings: &GateSettings) -> String {
     let GateNumbers { beads, diameter_um, repeat_um, .. } = &gate.numbers;
-    let off_um = diameter_um.mean - settings.nominal_um;
+    let off_um = diameter_um.mean - settings.expected_um();
     let side = if off_um < 0.0 { "small" } else { "large" };
     let size = format!("{beads} beads, mean diameter {:.1} µm ({:.1} µm too {side})", diameter_um.mean, off_um.abs());
     match gate.verdict {

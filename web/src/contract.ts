@@ -620,6 +620,8 @@ export interface StoredAreaMethod {
 
 export type StoredBeadGate = "flag" | "refuse" | "off";
 
+export type StoredBeadMaterial = "unknown" | "polystyrene" | "pmma" | "glass" | "opaque";
+
 export interface StoredBending {
   end_to_end_share: number;
   max_curvature_per_mm: number;
@@ -823,6 +825,7 @@ export interface StoredFringeSettings {
 
 export interface StoredGateSettings {
   aspect_off?: number;
+  bead_material?: StoredBeadMaterial;
   beads_least?: number;
   cusum_limit_sd?: number;
   cusum_slack_sd?: number;

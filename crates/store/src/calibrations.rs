@@ -41,6 +41,8 @@ struct Mean {
 #[derive(Debug, Deserialize)]
 struct Nominal {
     nominal_um: f64,
+    /// What the beads show, by their material. `None` in files of earlier versions.
+    expected_um: Option<f64>,
 }
 
 /// The newest calibration of a rig's scale.
@@ -50,7 +52,7 @@ pub struct RigCalibration {
     /// `beads` or `scale`.
     pub kind: &'static str,
     pub measured: jiff::Timestamp,
-    /// Deviation of the beads' mean diameter from the nominal one, percent. `None` for a scale.
+    /// Deviation of the beads' mean diameter from the one that beads of their material show, percent. `None` for a scale.
     pub bead_bias_percent: Option<f64>,
 }
 
@@ -98,6 +100,6 @@ fn of_rig(path: &Path, rig: &str, mode: Mode) -> Result<Option<RigCalibration>, 
     };
     let format = |e: serde_json::Error| StoreError::Format { path: path.to_owned(), expected: "a rig's calibration", found: e.to_string() };
     let OfSize { id, rig: of, mode: made, measured, diameter_um, against } = serde_json::from_value(rest).map_err(format)?;
-    let bead_bias_percent = diameter_um.zip(against).map(|(d, a)| 100.0 * (d.mean / a.nominal_um - 1.0));
+    let bead_bias_percent = diameter_um.zip(against).map(|(d, a)| 100.0 * (d.mean / a.expected_um.unwrap_or(a.nominal_um) - 1.0));
     Ok((of == rig && made == mode).then_some(RigCalibration { id, kind, measured, bead_bias_percent }))
 }

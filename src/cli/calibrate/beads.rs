@@ -11,6 +11,7 @@ use super::measured::{self, Measured};
 use anyhow::{Context, ensure};
 use carved_core::calibration::rig::{self, Refraction};
 use carved_core::measure::references::bead::BeadScore;
+use carved_core::measure::references::limb::BeadMaterial;
 use carved_core::statistics::Spread;
 use carved_records::Mode;
 use carved_store::calibrations::BEADS_SCHEMA;
@@ -28,6 +29,9 @@ pub struct Args {
     /// Standard deviation of the batch around the nominal diameter
     #[arg(long, value_name = "UM", default_value_t = 25.0)]
     nominal_sd_um: f64,
+    /// What the beads are made of: polystyrene, pmma, glass, opaque or unknown. Clear beads look smaller than they are
+    #[arg(long, value_name = "NAME", default_value = "unknown")]
+    bead_material: BeadMaterial,
     /// Folder for the dated file
     #[arg(long, value_name = "DIR", default_value = ".")]
     out: PathBuf,
@@ -70,6 +74,10 @@ pub struct MeasuredBeads {
 pub struct Against {
     pub nominal_um: f64,
     pub nominal_sd_um: f64,
+    #[serde(default)]
+    pub bead_material: BeadMaterial,
+    /// Diameter that beads of this material show. `None` in files of earlier versions: the nominal one.
+    pub expected_um: Option<f64>,
     /// Standard deviation of the scale from this number of beads of the batch, in per cent. The measurement itself cannot be better.
     pub scale_sd_percent: f64,
     /// The paper's t score with its critical value. `null` for fewer than three beads, or if all beads are equal.
@@ -98,7 +106,8 @@ fn find(args: &Args) -> anyhow::Result<MeasuredBeads> {
     let of_turns = |value: fn(&carved_core::reconstruction::CalibrationRecord) -> f64| turns.iter().map(|c| value(c)).collect::<Vec<_>>();
     let squares = of_turns(|c| c.uy_sd_px * c.uy_sd_px);
     let measured = set.measured()?;
-    let score = BeadScore::of(&diameters, args.nominal_um).map(serde_json::to_value).transpose()?;
+    let [expected_um, _] = args.bead_material.apparent_um(args.nominal_um);
+    let score = BeadScore::of(&diameters, expected_um).map(serde_json::to_value).transpose()?;
     Ok(MeasuredBeads {
         rig: set.rig,
         mode: set.mode,
@@ -107,6 +116,8 @@ fn find(args: &Args) -> anyhow::Result<MeasuredBeads> {
         against: Against {
             nominal_um: args.nominal_um,
             nominal_sd_um: args.nominal_sd_um,
+            bead_material: args.bead_material,
+            expected_um: Some(expected_um),
             scale_sd_percent: 100.0 * args.nominal_sd_um / args.nominal_um / (beads.len() as f64).sqrt(),
             score,
         },

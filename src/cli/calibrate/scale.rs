@@ -11,6 +11,7 @@ use super::keep;
 use super::measured;
 use anyhow::{Context, ensure};
 use carved_core::calibration::rig::{self, RigError, Scale};
+use carved_core::measure::references::limb::BeadMaterial;
 use carved_core::statistics::Spread;
 use carved_records::Mode;
 use carved_store::calibrations::SCALE_SCHEMA;
@@ -44,6 +45,9 @@ pub struct Args {
     /// Standard deviation of single beads around the mean, from the certificate
     #[arg(long, value_name = "UM", default_value_t = 0.0)]
     bead_spread: f64,
+    /// What the beads are made of: polystyrene, pmma, glass, opaque or unknown. Clear beads look smaller than they are
+    #[arg(long, value_name = "NAME", default_value = "unknown")]
+    bead_material: BeadMaterial,
     /// Certified inner diameter of the capillary
     #[arg(long, value_name = "UM", requires = "recordings")]
     bore_um: Option<f64>,
@@ -145,7 +149,10 @@ fn bead(args: &Args, known_um: f64) -> anyhow::Result<(MeasuredScale, jiff::Time
         lengths.push(length);
         widths.push(width);
     }
-    let of = |k, measured: &[f64]| rig::from_known(k, measured, known_um, known_sd_um, args.bead_spread).map_err(|e| hint(e, args));
+    let [looks_um, looks_sd_um] = args.bead_material.apparent_um(known_um);
+    let of = |k, measured: &[f64]| {
+        rig::from_known(k, measured, looks_um, known_sd_um.hypot(looks_sd_um), args.bead_spread).map_err(|e| hint(e, args))
+    };
     let (along, across) = (of(set.camera.kx, &lengths)?, of(set.camera.ky, &widths)?);
     let measured = set.measured()?;
     Ok((MeasuredScale::new((set.rig, set.mode), "bead", [lengths.len(), widths.len()], Some(along), Some(across)), measured))

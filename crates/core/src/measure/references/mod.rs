@@ -9,6 +9,7 @@
 //!              joint ─────── Mahalanobis, Hotelling's T^2, F_{2,n-2} ────────► │
 //!              stage ─────── probability of each age, equal priors ──────────► │
 //!  bead ─── the paper's t score of a set of beads, and its power
+//!  limb ─── how much smaller than it is a bead looks
 //!  summary ─ groups of a lab's own controls
 //! ```
 //! Age, estimator and ASD decide whether a number is compared at all: the paper's own means differ by several standard
@@ -19,6 +20,7 @@ pub mod bead;
 mod estimate;
 mod group;
 mod joint;
+pub mod limb;
 mod matching;
 mod predictive;
 mod stage;

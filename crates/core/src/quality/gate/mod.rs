@@ -16,6 +16,7 @@ pub use chart::Chart;
 pub use judge::{BeadGate, GateVerdict};
 pub use numbers::{BeadMeasured, GateNumbers};
 
+use crate::measure::references::limb::BeadMaterial;
 use crate::range::{Range, Ranged};
 use crate::ranges;
 use serde::{Deserialize, Serialize};
@@ -31,6 +32,8 @@ pub struct GateSettings {
     pub beads_least: usize,
     /// Nominal mean diameter of the beads, um.
     pub nominal_um: f64,
+    /// What the beads are made of: `polystyrene`, `pmma`, `glass`, `opaque` or `unknown`. Clear beads look smaller than they are.
+    pub bead_material: BeadMaterial,
     /// Smallest two-sided probability of the t score, %. Below it the mean diameter differs from the nominal one.
     pub t_percent: f64,
     /// Largest deviation of the mean ratio of length to width from 1. That ratio is the ratio of ky to kx.
@@ -51,6 +54,19 @@ pub struct GateSettings {
     pub cusum_limit_sd: f64,
 }
 
+impl GateSettings {
+    /// Mean diameter that these beads show, um.
+    pub fn expected_um(&self) -> f64 {
+        self.bead_material.apparent_um(self.nominal_um)[0]
+    }
+
+    /// Difference from it that is no reason to doubt the rig, um: what one bead may differ from itself, and what is not known of how
+    /// beads of this material look.
+    pub fn tolerated_um(&self) -> f64 {
+        self.repeat_um + 2.0 * self.bead_material.apparent_um(self.nominal_um)[1]
+    }
+}
+
 impl Default for GateSettings {
     /// docs/quality.md gives the source of each value.
     fn default() -> Self {
@@ -58,6 +74,7 @@ impl Default for GateSettings {
             max_age_h: 24.0,
             beads_least: 3,
             nominal_um: 500.0,
+            bead_material: BeadMaterial::Unknown,
             t_percent: 1.0,
             aspect_off: 0.01,
             roundness_um: 3.0,

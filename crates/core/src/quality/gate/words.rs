@@ -3,6 +3,7 @@
 use super::GateSettings;
 use super::chart::Chart;
 use super::judge::{BeadGate, GateVerdict};
+use crate::measure::references::limb::BeadMaterial;
 use crate::quality::Check;
 
 pub(super) fn words(gate: &BeadGate, settings: &GateSettings) -> Vec<String> {
@@ -21,16 +22,24 @@ pub(super) fn words(gate: &BeadGate, settings: &GateSettings) -> Vec<String> {
         said.extend(gate.charts.iter().filter(|c| c.jumped || c.drifted).map(chart));
     }
     said.extend(gate.score.as_ref().map(|s| {
-        let (off_um, held_um) = ((s.mean_um - s.nominal_um).abs(), s.detectable_um.max(settings.repeat_um));
+        let (off_um, held_um) = ((s.mean_um - s.nominal_um).abs(), s.detectable_um.max(settings.tolerated_um()));
         let percent = 100.0 * held_um / s.nominal_um;
-        let surely = if s.t_score > s.critical && off_um <= settings.repeat_um {
-            format!(". This is certain, and less than one bead may differ from itself (repeat_um, {} um)", settings.repeat_um)
+        let looks = match settings.bead_material {
+            BeadMaterial::Opaque => String::new(),
+            BeadMaterial::Unknown => format!(
+                " What the beads are made of is not stated (bead_material): clear ones look up to {:.1} um smaller than they are.",
+                settings.nominal_um - BeadMaterial::Polystyrene.apparent_um(settings.nominal_um)[0]
+            ),
+            _ => format!(" Beads of this material look {:.1} um smaller than they are, which is corrected.", settings.nominal_um - s.nominal_um),
+        };
+        let surely = if s.t_score > s.critical && off_um <= settings.tolerated_um() {
+            format!(". This is certain, and less than is no reason to doubt the rig ({:.1} um by repeat_um and bead_material)", settings.tolerated_um())
         } else {
             String::new()
         };
         format!(
             "the mean diameter is {off_um:.2} um off (t score {:.2}, limit {:.2}){surely}. {n} beads can miss a bias of less than {held_um:.2} um \
-             ({percent:.2} %). To calibrate the scale, use a certified bead or a micrometer",
+             ({percent:.2} %).{looks} To calibrate the scale, use a certified bead or a micrometer",
             s.t_score, s.critical
         )
     }));
