@@ -221,26 +221,22 @@ pub(super) struct RawOptics {
     pub index_outside: f64,
 }
 
-/// Thin walls, as on most rigs: the lines of the wall in their pictures lie as those of 20 to 35 um do.
 fn thin_wall_um() -> f64 {
-    25.0
+    GlassTube::THIN.outer_radius_um - GlassTube::THIN.bore_radius_um
 }
 
 fn water() -> f64 {
-    1.333
+    GlassTube::THIN.inside
 }
 
 fn borosilicate() -> f64 {
-    1.474
+    GlassTube::THIN.glass
 }
-
-/// Inner diameter of the vendor's capillary, um.
-const VAST_BORE_UM: f64 = 600.0;
 
 impl RawOptics {
     /// The tube of the capillary. `None` where it turns no ray, and where a value is out of its range, which is reported elsewhere.
     pub fn glass(&self) -> Option<GlassTube> {
-        let bore_radius_um = self.bore_um.unwrap_or(VAST_BORE_UM) / 2.0;
+        let bore_radius_um = self.bore_um.map_or(GlassTube::THIN.bore_radius_um, |bore_um| bore_um / 2.0);
         let tube = GlassTube {
             bore_radius_um,
             outer_radius_um: bore_radius_um + self.wall_um,

@@ -129,6 +129,8 @@ fn a_beads_frames_become_a_recording_that_measures() {
     let views: Vec<PathBuf> = (0..24).map(|i| out.join(format!("frames/view_{i:03}.png"))).collect();
     let mut psi = recording["rig"]["camera"].clone();
     psi["omega"] = recording["ledger"].as_array().unwrap()[..24].iter().map(|e| e["omega"].clone()).collect();
+    // The emulated rig has no glass. Without these words a thin wall would be assumed.
+    psi["glass"] = serde_json::json!({"bore_radius_um": 325, "outer_radius_um": 325, "inside": 1.333, "glass": 1.474, "outside": 1.333});
     let camera = dir.path().join("camera.json");
     std::fs::write(&camera, psi.to_string()).unwrap();
     let again = dir.path().join("again");

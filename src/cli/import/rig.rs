@@ -9,7 +9,7 @@ use crate::cli::segment::{self, input::Kind};
 use crate::config::{Config, references};
 use anyhow::{Context, bail, ensure};
 use carved_core::frame::RawFrame;
-use carved_core::geometry::Camera;
+use carved_core::geometry::{Camera, GlassTube};
 use carved_core::measure::references::References;
 use carved_records::Method;
 use serde::Deserialize;
@@ -19,8 +19,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// The keys of camera.json. Unknown keys are reported, because a misspelt key would silently get its default.
-const KEYS: [&str; 15] =
-    ["f", "kx", "ky", "ux", "uy", "s", "alpha", "gamma", "phi", "width", "height", "omega", "views", "pixel_convention", "model"];
+const KEYS: [&str; 16] =
+    ["f", "kx", "ky", "ux", "uy", "s", "alpha", "gamma", "phi", "width", "height", "glass", "omega", "views", "pixel_convention", "model"];
 
 /// What the files and options say, whatever the size of the pictures.
 pub(super) struct Sources {
@@ -91,7 +91,7 @@ impl Sources {
 
     /// The rig that took pictures of this kind.
     pub fn rig(&self, args: &Args, kind: Kind, warn: &mut dyn FnMut(String)) -> anyhow::Result<Rig> {
-        let (camera, camera_from) = match (&self.psi, &self.config, &args.config, &args.cameras) {
+        let (mut camera, camera_from) = match (&self.psi, &self.config, &args.config, &args.cameras) {
             (Some(psi), _, _, Some(file)) => (psi.camera.clone(), file.display().to_string()),
             (_, Some(config), Some(file), _) => {
                 let from = format!("[optics] of {}", file.display());
@@ -124,6 +124,9 @@ impl Sources {
             kind.width,
             kind.height
         );
+        // A camera's file rarely describes the glass. Pictures of larvae in a capillary are taken through it all the same.
+        let otherwise = || self.config.as_ref().map_or_else(|| Some(thin_glass(&camera)), |config| config.optics.glass);
+        camera.glass = camera.glass.or_else(otherwise).filter(|tube| !tube.is_clear());
         Ok(Rig {
             name: self.config.as_ref().map_or_else(|| "imported".into(), |c| c.rig_name.clone()),
             camera,
@@ -134,6 +137,13 @@ impl Sources {
             empty: self.config.as_ref().and_then(|c| c.empty_capillary.clone()),
         })
     }
+}
+
+/// The vendor's capillary with a thin wall, in water. `ky` above `kx` shows that it is in air.
+fn thin_glass(camera: &Camera) -> GlassTube {
+    /// `ky / kx` is 1 in water and 1.333 in air.
+    const IN_AIR_FROM: f64 = 1.2;
+    if camera.ky / camera.kx < IN_AIR_FROM { GlassTube::THIN } else { GlassTube { outside: 1.0, ..GlassTube::THIN } }
 }
 
 /// The camera of pictures that VAST has cut above and below the capillary, which it puts into the middle. `None` if they are not cut.
