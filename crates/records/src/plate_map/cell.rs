@@ -54,6 +54,27 @@ impl Column {
         Self::ALL.into_iter().find(|c| c.name() == heading)
     }
 
+    /// The column of a heading of a dispenser's report or of another program (Echo, D300, OMERO). `None` if it is unknown.
+    pub fn of_foreign_heading(heading: &str) -> Option<Self> {
+        const FOREIGN: [(&str, Column); 13] = [
+            ("destination_well", Column::Well),
+            ("dispensed_well", Column::Well),
+            ("well_name", Column::Well),
+            ("sample_name", Column::Compound),
+            ("fluid_name", Column::Compound),
+            ("compound_name", Column::Compound),
+            ("dispensed_conc", Column::Concentration),
+            ("dispensed_concentration", Column::Concentration),
+            ("destination_concentration", Column::Concentration),
+            ("final_concentration", Column::Concentration),
+            ("conc_units", Column::ConcentrationUnit),
+            ("concentration_units", Column::ConcentrationUnit),
+            ("destination_concentration_units", Column::ConcentrationUnit),
+        ];
+        let heading = heading.trim().to_ascii_lowercase().replace('.', "").replace([' ', '-'], "_");
+        FOREIGN.into_iter().find(|(name, _)| *name == heading).map(|(_, column)| column)
+    }
+
     pub fn known() -> String {
         Self::ALL.map(Self::name).join(", ")
     }

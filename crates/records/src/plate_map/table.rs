@@ -1,9 +1,16 @@
 //! The CSV format: one heading, one line per well.
+//!
+//! ```text
+//! compound, 1, 2, 3 ..  A, x, y, ..         a block per column in the layout of the plate (plater) ── matrix
+//! Run ID, 7   [DETAILS]   Destination Well  a dispenser's report: its first lines are left out ────── transfers
+//! # header s,d                              the first line of OMERO's tables is left out
+//! ```
 
-use super::cell::{Cell, Column, Row};
+use super::cell::{Cell, Column, Row, well_of};
 use super::number::Decimal;
 use super::{Mistake, Place, Reading, text};
 use csv::{ByteRecord, ReaderBuilder, StringRecord};
+use std::collections::BTreeSet;
 
 pub fn read(bytes: &[u8], reading: &mut Reading) {
     let text = match text::decode(bytes) {
@@ -20,11 +27,20 @@ pub fn read(bytes: &[u8], reading: &mut Reading) {
         b',' => Decimal::Point,
         _ => Decimal::Either,
     };
-    let mut rows = Rows::new(text, delimiter, lines_before);
+    let mut rows: Vec<(u64, StringRecord)> = Rows::new(text, delimiter, lines_before).collect();
+    if rows.first().is_some_and(|(_, record)| record.get(0).is_some_and(|cell| cell.starts_with("# header"))) {
+        rows.remove(0);
+    }
+    if rows.first().is_some_and(|(_, record)| is_matrix_heading(record)) {
+        return matrix(&rows, decimal, reading);
+    }
+    let begin = heading(&rows, reading);
+    let mut rows = rows.into_iter().skip(begin);
     let Some((line, headings)) = rows.next() else {
         return reading.wrong(Mistake::in_line(1, "", format!("the file is empty; its first line names the columns: {}", Column::known())));
     };
     let columns = columns(line, &headings, reading);
+    let rows = transfers(rows.collect(), &columns, reading);
     if !columns.iter().any(|heading| matches!(heading, Heading::Known(Column::Well, _))) {
         // Every line would have the same mistake.
         return;
@@ -120,14 +136,21 @@ enum Heading {
 }
 
 fn columns(line: u64, headings: &StringRecord, reading: &mut Reading) -> Vec<Heading> {
-    if headings.iter().all(|heading| Column::of_heading(heading).is_none()) {
+    let column_of = |heading: &str| {
+        let foreign = || Column::of_foreign_heading(heading).filter(|c| headings.iter().all(|other| Column::of_heading(other) != Some(*c)));
+        Column::of_heading(heading).or_else(foreign)
+    };
+    if headings.iter().all(|heading| column_of(heading).is_none()) {
         let detail = format!("this line must name the columns, and names none of them: {}", Column::known());
         reading.wrong(Mistake::in_line(line, "", detail));
         return Vec::new();
     }
     let mut found: Vec<Heading> = Vec::new();
     for heading in headings {
-        let column = Column::of_heading(heading);
+        let column = column_of(heading);
+        if let Some(column) = column.filter(|_| Column::of_heading(heading).is_none()) {
+            reading.note(format!("line {line}, {heading}: is read as {}", column.name()));
+        }
         let is_same = |seen: &Heading| match (seen, column) {
             (Heading::Known(seen, _), Some(column)) => *seen == column,
             (Heading::Unknown(seen), None) => seen == heading,
@@ -151,6 +174,109 @@ fn columns(line: u64, headings: &StringRecord, reading: &mut Reading) -> Vec<Hea
         reading.wrong(Mistake::in_line(line, "well", format!("the column well is missing; the known columns are {}", Column::known())));
     }
     found
+}
+
+/// Whether a record begins a block in the layout of the plate: a name, and the numbers of the plate's columns.
+fn is_matrix_heading(record: &StringRecord) -> bool {
+    record.len() > 2 && record.iter().skip(1).zip(1..).all(|(cell, number): (&str, usize)| cell == number.to_string())
+}
+
+/// Reads blocks in the layout of the plate. Each is a column of the plate map: its name is in the corner, the letters of the rows are on the
+/// left. A well is planned if a block has a cell for it.
+fn matrix(records: &[(u64, StringRecord)], decimal: Decimal, reading: &mut Reading) {
+    let mut wells: Vec<(String, u64, Vec<Cell>, Vec<(String, String)>)> = Vec::new();
+    let (mut name, mut width) = (String::new(), 0);
+    for (line, record) in records {
+        if is_matrix_heading(record) {
+            (name, width) = (record[0].to_owned(), record.len());
+            if name.is_empty() || Column::of_heading(&name) == Some(Column::Well) {
+                reading.wrong(Mistake::in_line(*line, &name, "the corner of a block names its column, such as compound"));
+            }
+            continue;
+        }
+        let row = &record[0];
+        if record.len() > width || well_of(&format!("{row}01")).is_none() {
+            let detail = format!("expected a letter of a row and {} cells, or the heading of a block: a name, 1, 2, 3 ...", width - 1);
+            reading.wrong(Mistake::in_line(*line, &name, detail));
+            continue;
+        }
+        for (number, text) in record.iter().enumerate().skip(1).filter(|(_, text)| !text.is_empty()) {
+            let well = format!("{}{number:02}", row.to_ascii_uppercase());
+            let at = wells.iter().position(|(known, ..)| *known == well).unwrap_or_else(|| {
+                let own = Cell { column: Column::Well, name: "well".into(), text: well.clone() };
+                wells.push((well, *line, vec![own], Vec::new()));
+                wells.len() - 1
+            });
+            let (_, _, cells, kept) = &mut wells[at];
+            match Column::of_heading(&name) {
+                Some(column) if cells.iter().any(|cell| cell.column == column) => {
+                    reading.wrong(Mistake::in_line(*line, &name, format!("the block {name} is there twice, or its row {row} is")));
+                }
+                Some(column) => cells.push(Cell { column, name: name.clone(), text: text.to_owned() }),
+                None => kept.push((name.clone(), text.to_owned())),
+            }
+        }
+    }
+    for (_, line, cells, kept) in wells {
+        if let Some(well) = reading.row(&Row { place: Place::Line(line), decimal, cells }) {
+            for (column, text) in kept {
+                reading.keep(&column, &well, &text);
+            }
+        }
+    }
+}
+
+/// The place of the heading among the records. A report has lines before it, which are left out.
+fn heading(records: &[(u64, StringRecord)], reading: &mut Reading) -> usize {
+    let names = |record: &StringRecord, find: fn(&str) -> Option<Column>, column: Option<Column>| {
+        record.iter().filter_map(find).any(|found| column.is_none_or(|column| found == column))
+    };
+    if records.first().is_none_or(|(_, first)| names(first, Column::of_heading, None) || names(first, Column::of_foreign_heading, None)) {
+        return 0;
+    }
+    let is_heading = |record: &StringRecord| {
+        record.len() > 2
+            && (names(record, Column::of_heading, Some(Column::Well)) || names(record, Column::of_foreign_heading, Some(Column::Well)))
+    };
+    let found = records.iter().position(|(_, record)| is_heading(record)).unwrap_or(0);
+    if let (1.., Some((line, _))) = (found, records.get(found)) {
+        reading.note(format!("line {line} is read as the heading; the lines before it are left out"));
+    }
+    found
+}
+
+/// The lines of a dispenser's report that name a well's treatment: a solvent that was dispensed beside a compound is left out, and so are
+/// lines behind the list that name no well. Of another file, all lines.
+fn transfers(records: Vec<(u64, StringRecord)>, columns: &[Heading], reading: &mut Reading) -> Vec<(u64, StringRecord)> {
+    let place = |column: Column| columns.iter().position(|heading| matches!(heading, Heading::Known(known, _) if *known == column));
+    let is_report =
+        columns.iter().any(|heading| matches!(heading, Heading::Known(Column::Well, name) if Column::of_heading(name).is_none()));
+    let (Some(well), true) = (place(Column::Well), is_report) else { return records };
+    let well = |record: &StringRecord| record.get(well).and_then(well_of);
+    let is_solvent = |record: &StringRecord| {
+        let name = place(Column::Compound).and_then(|at| record.get(at)).unwrap_or_default().to_ascii_lowercase();
+        ["dmso", "water", "vehicle", "pbs"].iter().any(|solvent| name.starts_with(solvent))
+    };
+    let treated: BTreeSet<String> = records.iter().filter(|(_, r)| !is_solvent(r)).filter_map(|(_, r)| well(r)).collect();
+    let (mut beside, mut behind) = (0, 0);
+    let mut kept: Vec<(u64, StringRecord)> = Vec::new();
+    for (line, record) in records {
+        let name = well(&record);
+        if name.is_none() && record.len() < columns.len() {
+            behind += 1;
+        } else if is_solvent(&record) && name.is_some_and(|name| treated.contains(&name)) {
+            beside += 1;
+        } else {
+            kept.push((line, record));
+        }
+    }
+    if beside > 0 {
+        reading.note(format!("{beside} line(s) of a solvent that was dispensed beside a compound are left out"));
+    }
+    if behind > 0 {
+        reading.note(format!("{behind} line(s) that name no well are left out"));
+    }
+    kept
 }
 
 /// The non-empty records of a text, each with its first line.

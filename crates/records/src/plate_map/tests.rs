@@ -339,3 +339,57 @@ fn the_example_of_the_documents_is_sound() {
         assert!(documents.contains(&format!("`{}`", unit.symbol())), "docs/plate-map.md lacks {}", unit.symbol());
     }
 }
+
+/// The layout of plater: a block per column.
+#[test]
+fn blocks_in_the_layout_of_the_plate_are_read() {
+    let map = csv("compound,1,2,3\nA,DMSO,rapamycin,\nB,,rapamycin,\n,,,\nconcentration,1,2,3\nA,,5,\nB,,10,\n\n\
+         concentration_unit,1,2,3\nA,,uM,\nB,,uM,\n\nClutch,1,2,3\nA,a,b,\nB,,b,c\n")
+    .unwrap();
+    let wells: Vec<(&str, Option<&str>, Option<f64>)> =
+        map.plate_map.iter().map(|p| (p.well.as_str(), p.compound.as_deref(), p.concentration)).collect();
+    let expected =
+        [("A01", Some("DMSO"), None), ("A02", Some("rapamycin"), Some(5.0)), ("B02", Some("rapamycin"), Some(10.0)), ("B03", None, None)];
+    assert_eq!(wells, expected);
+    assert_eq!(map.metadata["columns"]["Clutch"], serde_json::json!({"A01": "a", "A02": "b", "B02": "b", "B03": "c"}));
+    let wrong = csv("compound,1,2,3\nA,x,,\nA,y,,\nrow 3,,,\nC,x,y,z,w\n").unwrap_err();
+    let said: Vec<String> = wrong.iter().map(ToString::to_string).collect();
+    assert!(said[0].starts_with("line 3, compound: the block compound is there twice"), "{said:?}");
+    assert!(said[1].starts_with("line 4, compound: expected a letter of a row and 3 cells"), "{said:?}");
+    assert!(said[2].starts_with("line 5, compound: expected a letter"), "{said:?}");
+}
+
+/// The kind of an Echo's transfer report: lines before and behind the list, and a backfill of solvent.
+#[test]
+fn a_report_of_an_acoustic_dispenser_is_read() {
+    let map = csv(
+        "Run ID,14618\nRun Date/Time,11/27/2026 09:12\n\n[DETAILS]\nSource Well,Destination Plate Barcode,Destination Well,Sample Name,\
+         Transfer Volume,Destination Concentration,Destination Concentration Units\nA1,P-7,B3,rapamycin,2.5,5,uM\n\
+         A2,P-7,B3,DMSO,22.5,,\nA2,P-7,B4,DMSO,25,,\n\nInstrument Name,E5XX-1\nInstrument Serial Number,E5XX-1234\n",
+    )
+    .unwrap();
+    let wells: Vec<(&str, Option<&str>, Option<f64>)> =
+        map.plate_map.iter().map(|p| (p.well.as_str(), p.compound.as_deref(), p.concentration)).collect();
+    assert_eq!(wells, [("B03", Some("rapamycin"), Some(5.0)), ("B04", Some("DMSO"), None)]);
+    for part in
+        ["Destination Well: is read as well", "Sample Name: is read as compound", "1 line(s) of a solvent", "2 line(s) that name no well"]
+    {
+        assert!(map.notes.iter().any(|note| note.contains(part)), "{part}: {:?}", map.notes);
+    }
+    assert_eq!(map.metadata["columns"]["Source Well"]["B03"], "A1");
+    // Two compounds in one well: which one it is must be said.
+    let wrong = csv("Destination Well,Sample Name\nA1,a\nA1,b\n").unwrap_err();
+    assert!(wrong[0].to_string().contains("A01 stands in the plate map twice"), "{wrong:?}");
+}
+
+#[test]
+fn a_report_of_a_digital_dispenser_and_a_table_of_omero_are_read() {
+    let map =
+        csv("Dispensed well,Fluid name,Dispensed conc.,Conc. units\nA1,rapamycin,\"0.5\",\u{b5}M\nB1,DMSO normalization,,\n").unwrap();
+    assert_eq!((map.plate_map[0].concentration, map.plate_map[0].compound.as_deref()), (Some(0.5), Some("rapamycin")));
+    let map = csv("# header s,s,s,d\nPlate,Well,Compound,DPF\nP-7,A1,DMSO,4\n").unwrap();
+    assert_eq!((map.plate_map[0].well.as_str(), map.plate_map[0].dpf), ("A01", Some(4.0)));
+    // A lab's own column of such a name stays its own beside carved's.
+    let map = csv("well,compound,Sample Name\nA01,DMSO,s-17\n").unwrap();
+    assert_eq!((map.plate_map[0].compound.as_deref(), &map.metadata["columns"]["Sample Name"]["A01"]), (Some("DMSO"), &"s-17".into()));
+}
