@@ -2,7 +2,7 @@
 
 .DEFAULT_GOAL := help
 .PHONY: help build run test test-doc test-page test-python test-module test-qa test-service test-features test-slurm qa fuzz tutorial lint bench deb
-.PHONY: deb-test offline offline-test wheel web contract deny deps-build deps-web deps-python deps-test deps-slurm deps-bench deps-package
+.PHONY: deb-test offline offline-test wheel release-python web contract deny deps-build deps-web deps-python deps-test deps-slurm deps-bench deps-package
 .PHONY: deps-machine
 
 CARGO ?= cargo
@@ -99,6 +99,9 @@ bench: deps-build deps-bench ## benchmarks, then other tools beside carved: docs
 
 wheel: deps-build deps-python ## the Python module: python/dist/carved-*.whl
 	python/check wheel
+
+release-python: deps-build deps-python ## what goes to PyPI, built and checked: python/dist (python/release --upload publishes it)
+	python/release
 
 offline: deps-build ## carved for the nodes of a cluster, without libraries: target/offline/carved-VERSION-x86_64-linux.tar.gz
 	scripts/build-offline

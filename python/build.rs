@@ -1,6 +1,7 @@
 //! States the commit of the sources.
 
-#[path = "../scripts/commit.rs"]
+// A link to that of the project, so that the source distribution has it.
+#[path = "commit.rs"]
 mod commit;
 
 use std::path::Path;

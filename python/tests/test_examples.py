@@ -11,12 +11,15 @@ from nbclient import NotebookClient
 EXAMPLES = ROOT / "python" / "examples"
 
 
-def test_the_notebook_goes_from_frames_to_a_figure(tmp_path: pathlib.Path) -> None:
+def test_the_notebook_goes_from_frames_to_figures_in_an_empty_folder(tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> None:
     notebook = nbformat.read(EXAMPLES / "turn.ipynb", as_version=4)  # type: ignore[no-untyped-call]
-    NotebookClient(notebook, timeout=600, kernel_name="python3", resources={"metadata": {"path": str(EXAMPLES)}}).execute()
+    # Only what is installed: nothing of the sources is beside it or on the path.
+    monkeypatch.delenv("PYTHONPATH", raising=False)
+    NotebookClient(notebook, timeout=600, kernel_name="python3", resources={"metadata": {"path": str(tmp_path)}}).execute()
     pictures = [o for cell in notebook.cells if cell.cell_type == "code" for o in cell.outputs if "image/png" in o.get("data", {})]
-    assert len(pictures) == 1
-    assert len(pictures[0]["data"]["image/png"]) > 10_000
+    assert len(pictures) == 2
+    assert all(len(picture["data"]["image/png"]) > 10_000 for picture in pictures)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_the_examples_of_the_page_run(frames: Turn, recording: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> None:

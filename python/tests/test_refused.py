@@ -101,10 +101,14 @@ def test_pictures(frames: Turn) -> None:
         carved.segment(np.zeros((160, 512), np.uint8))
     with pytest.raises(carved.SegmentError, match="at least"):
         carved.segment(np.zeros((1, 1), np.uint8))
-    with pytest.raises(TypeError, match="the dtype is uint16, expected uint8"):
-        carved.segment(frames.views[0].astype(np.uint16))
-    with pytest.raises(TypeError, match="found list, expected a numpy array"):
-        carved.segment([[1]])  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="the dtype is uint32, expected uint8 or uint16"):
+        carved.segment(frames.views[0].astype(np.uint32))
+    with pytest.raises(TypeError, match="the dtypes are uint8 and uint16"):
+        carved.segment(frames.views[0].astype(np.uint16), empty=frames.views[0])
+    with pytest.raises(carved.InputError, match="expected rows of one length"):
+        carved.segment([[1, 2], [3]])
+    with pytest.raises(TypeError, match="image: found dict, expected an array"):
+        carved.segment({})  # type: ignore[arg-type]
     with pytest.raises(carved.InputError, match=r"expected \(height, width\)"):
         carved.segment(np.zeros((4, 4, 4), np.uint8))
     with pytest.raises(carved.InputError, match=r"edge\.blur_px"):
@@ -154,7 +158,7 @@ def test_recordings(recording: pathlib.Path, tmp_path: pathlib.Path) -> None:
     with pytest.raises(carved.InputError, match="Possible numbers: 3, 4, 6, 8, 12, 24"):
         opened.measure(5)
     with pytest.raises(IndexError):
-        opened.frame(24)
+        opened.frames[24]
     copy = tmp_path / "A01"
     shutil.copytree(recording, copy)
     (copy / "frames" / "view_003.png").unlink()

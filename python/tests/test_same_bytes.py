@@ -67,7 +67,7 @@ def test_a_packed_recording_is_read_as_its_folder(recording: pathlib.Path) -> No
     with tarfile.open(pack, "w") as archive:
         for file in sorted(file for file in recording.rglob("*") if file.is_file()):
             archive.add(file, arcname=f"A01/{file.relative_to(recording)}")
-    assert np.array_equal(carved.read(pack).frame(3), carved.read(recording).frame(3))
+    assert np.array_equal(carved.read(pack).frames[3], carved.read(recording).frames[3])
 
 
 def test_a_profile_as_carved_segment(frames: Turn, tmp_path: pathlib.Path) -> None:

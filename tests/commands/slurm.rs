@@ -335,3 +335,38 @@ fn a_node_that_dies_in_the_middle_changes_no_byte_of_the_table() {
     done("snakemake", &workflow);
     assert_eq!(fs::read_to_string(out.join("table.csv")).unwrap().trim_end(), expected);
 }
+
+/// `examples/dask` on the processors of this machine.
+#[test]
+#[ignore = "installs Dask: make test-slurm"]
+fn a_dask_cluster_gives_the_table_of_a_serial_measurement_and_measures_only_what_changed() {
+    let dir = tempfile::tempdir().unwrap();
+    let (runs, list) = plates(dir.path());
+    let (serial, out) = (dir.path().join("serial"), dir.path().join("out"));
+    done("measure", &carved().arg("measure").arg("--out").arg(&serial).args(&runs).output().unwrap());
+    let expected = table(&runs, &serial);
+    let python = venv::python("dask", "distributed", "examples/dask/requirements.txt").unwrap();
+    let program = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/dask/measure.py");
+    let measured = |more: &[&str]| {
+        let output = Command::new(&python)
+            .arg(&program)
+            .args(["--shards", "5", "--carved", env!("CARGO_BIN_EXE_carved"), "--runs"])
+            .args([&list, Path::new("--out"), &out])
+            .args(more)
+            .current_dir(dir.path())
+            .output();
+        let said = done("dask", &output.unwrap());
+        serde_json::from_str::<serde_json::Value>(said.lines().last().unwrap()).unwrap()
+    };
+    fs::write(&list, runs[..2].join("\n")).unwrap();
+    assert_eq!(measured(&[])["measured"], RECORDINGS * 2 / 3);
+    fs::write(&list, runs.join("\n")).unwrap();
+    let found = measured(&[]);
+    assert_eq!(found["measured"], RECORDINGS / 3, "a plate more");
+    assert!(found["plates_per_core_hour"].as_f64().unwrap() > 0.0, "{found}");
+    assert_eq!(fs::read_to_string(out.join("table.csv")).unwrap().trim(), expected);
+    assert_eq!(measured(&[])["measured"], 0, "nothing has changed");
+    let method = dir.path().join("method.toml");
+    fs::write(&method, "asd = 4\norder = \"sequential\"\nepsilon = 0.05\nvoxel_um = 28.0\n").unwrap();
+    assert_eq!(measured(&["--method", method.to_str().unwrap()])["measured"], RECORDINGS);
+}

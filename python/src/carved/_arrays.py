@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -11,23 +12,38 @@ import numpy.typing as npt
 from ._errors import InputError
 
 Bytes = npt.NDArray[np.uint8]
+Counts = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 Floats = npt.NDArray[np.float64]
 
 
-def picture(name: str, array: object) -> Bytes:
-    """A frame: uint8, `(height, width)` or `(height, width, 3)`, contiguous. A contiguous array is not copied."""
-    found = _array(name, array)
-    if found.dtype != np.uint8:
-        raise TypeError(f"{name}: the dtype is {found.dtype}, expected uint8")
+def picture(name: str, given: object) -> Counts:
+    """A frame: uint8 or uint16, `(height, width)` or `(height, width, 3)`, contiguous. A contiguous array is not copied."""
+    found = array(name, given)
+    if found.dtype not in (np.uint8, np.uint16):
+        raise TypeError(f"{name}: the dtype is {found.dtype}, expected uint8 or uint16")
     if found.ndim not in (2, 3) or (found.ndim == 3 and found.shape[2] != 3):
         raise InputError(f"{name}: the shape is {found.shape}, expected (height, width) or (height, width, 3)")
     _not_empty(name, found)
     return np.ascontiguousarray(found)
 
 
-def silhouette(name: str, array: object) -> Bytes:
+def eight_bits(pictures: Sequence[Counts]) -> list[Bytes]:
+    """Frames of one camera in 8 bits, as the commands read files of 16 bits.
+
+    Cameras of 10, 12 and 14 bits store their counts unscaled in 16 bits: the largest count of all frames shows which it was.
+    """
+    if len({item.dtype for item in pictures}) > 1:
+        raise TypeError("the dtypes are uint8 and uint16, expected the same for all frames, the closure and the empty capillary")
+    if pictures[0].dtype == np.uint8:
+        return [item.view(np.uint8) for item in pictures]
+    largest = max(int(item.max()) for item in pictures)
+    bits = next((bits for bits in (10, 12, 14) if largest >> bits == 0), 16)
+    return [(item >> (bits - 8)).astype(np.uint8) for item in pictures]
+
+
+def silhouette(name: str, given: object) -> Bytes:
     """A silhouette: bool, or uint8 as coverage from 0 to 255, `(height, width)`. A contiguous uint8 array is not copied."""
-    found = _array(name, array)
+    found = array(name, given)
     if found.ndim != 2:
         raise InputError(f"{name}: the shape is {found.shape}, expected (height, width)")
     _not_empty(name, found)
@@ -47,7 +63,7 @@ def silhouettes(name: str, stack: object) -> list[Bytes]:
     return found
 
 
-def pictures(name: str, stack: object) -> list[Bytes]:
+def pictures(name: str, stack: object) -> list[Counts]:
     """A stack `(views, height, width[, 3])` or a sequence of frames of one size."""
     found = [picture(f"{name}[{at}]", item) for at, item in enumerate(items(name, stack))]
     _one_size(name, found)
@@ -56,10 +72,11 @@ def pictures(name: str, stack: object) -> list[Bytes]:
 
 def items(name: str, stack: object) -> Sequence[object]:
     """The pictures of a stack, without a copy."""
-    if isinstance(stack, np.ndarray):
-        if stack.ndim < 3:
-            raise InputError(f"{name}: the shape is {stack.shape}, expected (views, height, width)")
-        found: Sequence[object] = list(stack)
+    if _is_arraylike(stack) and not isinstance(stack, Sequence):
+        whole = array(name, stack)
+        if whole.ndim < 3:
+            raise InputError(f"{name}: the shape is {whole.shape}, expected (views, height, width)")
+        found: Sequence[object] = list(whole)
     elif isinstance(stack, Iterable) and not isinstance(stack, (str, bytes)):
         found = list(stack)
     else:
@@ -101,18 +118,32 @@ def names(values: Sequence[str] | None, views: int) -> list[str]:
     return found
 
 
-def _array(name: str, array: object) -> npt.NDArray[np.generic]:
-    if not isinstance(array, np.ndarray):
-        raise TypeError(f"{name}: found {type(array).__name__}, expected a numpy array")
-    return array
+def _is_arraylike(value: object) -> bool:
+    return hasattr(value, "__array__") or hasattr(value, "__array_interface__")
 
 
-def _not_empty(name: str, array: npt.NDArray[np.generic]) -> None:
+def array(name: str, given: object) -> npt.NDArray[Any]:
+    """An array, or what numpy makes one of: xarray, pandas, pictures of Pillow, lists of rows."""
+    if isinstance(given, np.ndarray):
+        return given if given.dtype.isnative else given.astype(given.dtype.newbyteorder("="))
+    if not _is_arraylike(given) and not isinstance(given, (list, tuple)):
+        raise TypeError(f"{name}: found {type(given).__name__}, expected an array")
+    try:
+        found: npt.NDArray[Any] = np.asarray(given)
+    except ValueError as error:
+        raise InputError(f"{name}: {error}; expected rows of one length") from None
+    # Whole numbers of Python and of tables are int64, whatever their size.
+    if found.dtype.kind in "iu" and found.dtype.itemsize > 2 and found.size and found.min() >= 0 and found.max() <= 65535:
+        return found.astype(np.uint8 if found.max() <= 255 else np.uint16)
+    return found
+
+
+def _not_empty(name: str, array: npt.NDArray[Any]) -> None:
     if 0 in array.shape:
         raise InputError(f"{name}: the shape is {array.shape}, expected at least one pixel")
 
 
-def _one_size(name: str, found: list[Bytes]) -> None:
+def _one_size(name: str, found: Sequence[npt.NDArray[Any]]) -> None:
     for at, item in enumerate(found):
         if item.shape != found[0].shape:
             raise InputError(f"{name}[{at}]: the shape is {item.shape}, expected {found[0].shape} as {name}[0]")

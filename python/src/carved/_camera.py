@@ -6,7 +6,7 @@ import dataclasses
 import json
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -35,6 +35,8 @@ class Camera:
         alpha: tilt of the capillary towards the camera, rad.
         gamma: roll of the capillary in the image, rad.
         phi: elevation of the projection centre, rad; nominally a quarter turn.
+        glass: the tube that turns the rays, as in `camera.json`: `bore_radius_um`, `outer_radius_um`, and the refractive indices
+            `inside`, `glass`, `outside`. `None`: rays are not turned.
     """
 
     f: float
@@ -48,6 +50,7 @@ class Camera:
     alpha: float = 0.0
     gamma: float = 0.0
     phi: float = math.pi / 2
+    glass: Mapping[str, float] | None = None
 
     def __post_init__(self) -> None:
         for field in ("f", "kx", "ky", "ux", "uy", "s", "alpha", "gamma", "phi"):
@@ -65,6 +68,9 @@ class Camera:
             if not 1 <= value < 2**32:
                 raise InputError(f"camera: {field} is {value} px; it must be at least 1")
             object.__setattr__(self, field, int(value))
+
+        if self.glass is not None and not isinstance(self.glass, Mapping):
+            raise TypeError(f"camera: glass is a {type(self.glass).__name__}, expected the numbers of the tube by name, or None")
 
     @classmethod
     def published(cls, width: int, height: int) -> Camera:
@@ -93,7 +99,12 @@ class Camera:
 
     def to_json(self) -> str:
         """The text of `camera.json`, without angles."""
-        return json.dumps(dataclasses.asdict(self))
+        found = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        if self.glass is None:
+            del found["glass"]
+        else:
+            found["glass"] = dict(self.glass)
+        return json.dumps(found)
 
     def projections(self, angles: Sequence[float] | npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """The projection of each view, float64 `(views, 3, 4)`: `(u w, v w, w) = P (x, y, z, 1)`; u, v in px, w in um."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -17,10 +17,13 @@ from ._errors import InputError
 from ._segment import Method as SegmentMethod
 from ._segment import Profile, settings_json
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 Progress = Callable[[int, int], object]
 Box = tuple[tuple[float, float, float], tuple[float, float, float]]
 Angles = Sequence[float] | npt.NDArray[np.float64]
-Views = npt.NDArray[Any] | Sequence[npt.NDArray[Any]] | Sequence[Profile]
+Views = npt.ArrayLike | Sequence[npt.ArrayLike] | Sequence[Profile]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -107,6 +110,32 @@ class Model:
         return f"<carved.{type(self).__name__}: {self.volume_um3:.6g} um^3, {self.area_um2:.6g} um^2, {flags}>"
 
 
+# Names of the tables' columns (docs/tables.md), and where their numbers are in the report of a measurement.
+COLUMNS = {
+    "estimator": "measurement.estimator",
+    "estimator_fallback": "measurement.fallback",
+    "volume_um3": "measurement.volume_um3",
+    "volume_sd_um3": "measurement.volume_sd_um3",
+    "area_um2": "measurement.area_um2",
+    "area_sd_um2": "measurement.area_sd_um2",
+    "shape_estimator": "shape.estimator",
+    "body_length_um": "shape.body.length_um",
+    "extent_along_um": "measurement.length_um",
+    "diameter_um": "measurement.diameter_um",
+    "sphere_rms_um": "measurement.sphere_rms_um",
+    "aspect_ratio": "measurement.aspect_ratio",
+    "sphericity": "shape.solid.sphericity",
+    "bending_total_deg": "shape.body.bending.total_deg",
+    "max_curvature_per_mm": "shape.body.bending.max_curvature_per_mm",
+    "support_volume_um3": "measurement.estimators.support.volume_um3",
+    "support_area_um2": "measurement.estimators.support.area_um2",
+    "voxel_volume_um3": "measurement.estimators.voxel.volume_um3",
+    "voxel_area_um2": "measurement.estimators.voxel.area_um2",
+    "field_volume_um3": "measurement.field_volume_um3",
+    "field_area_um2": "measurement.field_area_um2",
+}
+
+
 class Hull(Model):
     """The voxels that the silhouettes leave, and their surface. The camera is used as it is, and no standard deviation is known."""
 
@@ -134,6 +163,30 @@ class Measurement(Model):
         """The estimator that is trusted: `support` or `voxel`."""
         return str(self._numbers["estimator"])
 
+    def to_dict(self) -> dict[str, float | int | str | bool | None]:
+        """One flat row: numbers and flags by the names of the columns of `carved export table` (docs/tables.md).
+
+        What the measurement does not have is `None`. `software_version` and `software_commit` are those of this module.
+        """
+        row: dict[str, float | int | str | bool | None] = {"flags": ";".join(self.flags), "flag_count": len(self.flags)}
+        for column, path in COLUMNS.items():
+            value: Any = self.report if "measurement" in self.report else {"measurement": self.report, "shape": self.report.get("shape")}
+            for key in path.split("."):
+                value = value.get(key) if isinstance(value, dict) else None
+            row[column] = value
+        row.update(software_version=build.version, software_commit=build.commit, software_dirty=build.dirty)
+        return row
+
+    def to_series(self, name: str | None = None) -> pd.Series[Any]:
+        """The same row as a pandas Series. `pd.DataFrame([m.to_series("A01"), ...])` is a table. pandas must be installed.
+
+        Args:
+            name: name of the series, which becomes the label of its row.
+        """
+        import pandas as pd
+
+        return pd.Series(self.to_dict(), name=name, dtype=object)
+
 
 def measure(
     views: Views,
@@ -146,8 +199,8 @@ def measure(
     box_um: Box | None = None,
     bead: bool = False,
     calibrate: bool = True,
-    closure: npt.NDArray[np.uint8] | None = None,
-    empty: npt.NDArray[np.uint8] | None = None,
+    closure: npt.ArrayLike | None = None,
+    empty: npt.ArrayLike | None = None,
     bayer: bool = False,
     segmentation: SegmentMethod | None = None,
     settings: Mapping[str, Any] | None = None,
@@ -160,8 +213,9 @@ def measure(
     Frames are segmented and measured as `carved measure` does. Silhouettes are measured as `carved reconstruct` does: the same bytes.
 
     Args:
-        views: frames, uint8 `(views, height, width)` or `(views, height, width, 3)`; or silhouettes, bool or uint8 coverage
-            `(views, height, width)` with 255 inside, or profiles of `segment`. A sequence of arrays will do.
+        views: frames, uint8 or uint16 `(views, height, width)` or `(views, height, width, 3)`; or silhouettes, bool or uint8 coverage
+            `(views, height, width)` with 255 inside, or profiles of `segment`. A sequence of arrays will do, and so does all of which
+            numpy makes an array (xarray, pandas, lists). Counts of 10, 12 and 14 bits in uint16 are recognised by the largest one.
         angles: angle of the capillary in each view, rad, `(views,)`.
         camera: the camera of the rig.
         kind: `"frames"` or `"silhouettes"`. It must be given for grey uint8 pictures, which may be either.
@@ -290,11 +344,11 @@ def _kind(views: Views) -> Literal["frames", "silhouettes"]:
     first = _arrays.items("views", views)[0]
     if isinstance(first, Profile):
         return "silhouettes"
-    if isinstance(first, np.ndarray):
-        if first.dtype == np.bool_:
-            return "silhouettes"
-        if first.ndim == 3:
-            return "frames"
+    array = _arrays.array("views[0]", first)
+    if array.dtype == np.bool_:
+        return "silhouettes"
+    if array.ndim == 3 or array.dtype == np.uint16:
+        return "frames"
     raise InputError("kind: grey pictures may be frames or silhouettes; give kind='frames' or kind='silhouettes'")
 
 
@@ -342,8 +396,8 @@ def _frames(
     box_um: Box | None,
     bead: bool,
     calibrate: bool,
-    closure: npt.NDArray[np.uint8] | None,
-    empty: npt.NDArray[np.uint8] | None,
+    closure: npt.ArrayLike | None,
+    empty: npt.ArrayLike | None,
     bayer: bool,
     segmentation: SegmentMethod | None,
     settings: Mapping[str, Any] | None,
@@ -366,18 +420,21 @@ def _frames(
     keys.pop("early_stop", None)
     if box_um is not None:
         keys["box_um"] = _box(box_um)
-    others = []
+    others: list[_arrays.Counts | None] = []
     for name, frame in (("closure", closure), ("empty", empty)):
         other = None if frame is None else _arrays.picture(name, frame)
         if other is not None and other.shape != frames[0].shape:
             raise InputError(f"{name}: the shape is {other.shape}, expected {frames[0].shape} as the frames")
         others.append(other)
+    in_eight = iter(_arrays.eight_bits([*frames, *(other for other in others if other is not None)]))
+    in_bytes = [next(in_eight) for _ in frames]
+    of_closure, of_empty = (None if other is None else next(in_eight) for other in others)
     found = _native.measure_frames(
-        frames,
+        in_bytes,
         bool(bayer),
         _arrays.angles(angles, len(frames)),
-        others[0],
-        others[1],
+        of_closure,
+        of_empty,
         camera.to_json(),
         json.dumps(keys),
         bool(bead),

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +13,35 @@ import numpy.typing as npt
 from . import _native
 from ._camera import Camera
 from ._measure import Measurement, Progress
+
+
+class Frames(Sequence[npt.NDArray[np.uint8]]):
+    """The frames of a recording, one per angle. Each is read and verified when it is used; `numpy.asarray` reads all."""
+
+    def __init__(self, found: _native.NativeRecording, places: list[int]) -> None:
+        self._found = found
+        self._places = places
+
+    def __len__(self) -> int:
+        return len(self._places)
+
+    @overload
+    def __getitem__(self, at: int) -> npt.NDArray[np.uint8]: ...
+    @overload
+    def __getitem__(self, at: slice) -> Frames: ...
+    def __getitem__(self, at: int | slice) -> npt.NDArray[np.uint8] | Frames:
+        """A frame, uint8 `(height, width)` or `(height, width, 3)`, read-only. Bayer frames stay mosaics. A slice has its frames."""
+        if isinstance(at, slice):
+            return Frames(self._found, self._places[at])
+        return self._found.frame(self._places[at])
+
+    def __array__(self, dtype: npt.DTypeLike | None = None, copy: bool | None = None) -> npt.NDArray[Any]:
+        if copy is False:
+            raise ValueError("the frames of a recording are read from its files; an array of them is always a copy")
+        return np.asarray(np.stack(list(self)), dtype=dtype)
+
+    def __repr__(self) -> str:
+        return f"<carved.Frames: {len(self)}>"
 
 
 class Recording:
@@ -24,6 +53,8 @@ class Recording:
         camera: the camera of the rig.
         angles: float64 `(views,)`, angle of the capillary in each view, rad, without the closure view.
         numbers: int `(views,)`, number of each view.
+        frames: the frames of these views, uint8 `(height, width)` or `(height, width, 3)` each, read-only; a sequence, of which
+            `numpy.asarray` makes one array. Bayer frames stay mosaics.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
@@ -34,19 +65,12 @@ class Recording:
         views = self._found.views
         self._places = [place for place, (_, _, closure) in enumerate(views) if not closure]
         self._closure = next((place for place, (_, _, closure) in enumerate(views) if closure), None)
+        self.frames = Frames(self._found, self._places)
         self.angles: npt.NDArray[np.float64] = np.array([views[place][1] for place in self._places], dtype=np.float64)
         self.numbers: npt.NDArray[np.int64] = np.array([views[place][0] for place in self._places], dtype=np.int64)
 
     def __len__(self) -> int:
         return len(self._places)
-
-    def frame(self, at: int) -> npt.NDArray[np.uint8]:
-        """The frame of view `at` (from 0), uint8 `(height, width)` or `(height, width, 3)`, read-only. Bayer frames stay mosaics."""
-        return self._found.frame(self._places[at])
-
-    def frames(self) -> Iterator[npt.NDArray[np.uint8]]:
-        """The frames of all views, one by one."""
-        return (self.frame(at) for at in range(len(self)))
 
     @property
     def closure(self) -> npt.NDArray[np.uint8] | None:

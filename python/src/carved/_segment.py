@@ -68,17 +68,18 @@ def settings_json(method: Method | None, settings: Mapping[str, Any] | None) -> 
 
 
 def segment(
-    image: npt.NDArray[np.uint8],
+    image: npt.ArrayLike,
     *,
     method: Method | None = None,
     settings: Mapping[str, Any] | None = None,
-    empty: npt.NDArray[np.uint8] | None = None,
+    empty: npt.ArrayLike | None = None,
     bayer: bool = False,
 ) -> Profile:
     """Find the outline of the specimen in a picture of its capillary. Both walls must be in view.
 
     Args:
-        image: uint8, `(height, width)` for grey or `(height, width, 3)` for red, green, blue.
+        image: uint8 or uint16, `(height, width)` for grey or `(height, width, 3)` for red, green, blue. Counts of 10, 12 and 14 bits
+            in uint16 are recognised by the largest one.
         method: `"hybrid"` (default) or `"level-set"`.
         settings: keys of a method's `segment` table (docs/configuration.md), for example `{"edge": {"blur_px": 1.5}}`.
         empty: picture of the empty capillary of the same shape. What it shows is not taken for the specimen.
@@ -88,7 +89,7 @@ def segment(
         The profile. Its mask is empty where the capillary is empty.
 
     Raises:
-        TypeError: an array is not uint8.
+        TypeError: an array is not uint8 or uint16.
         InputError: a shape or a setting is wrong.
         SegmentError: the picture gives no profile.
     """
@@ -98,7 +99,8 @@ def segment(
     other = None if empty is None else _arrays.picture("empty", empty)
     if other is not None and other.shape != pixels.shape:
         raise InputError(f"empty: the shape is {other.shape}, expected {pixels.shape} as the image")
-    found = _native.segment(pixels, bayer, json.dumps(settings_json(method, settings)), other)
+    in_eight = _arrays.eight_bits([pixels] if other is None else [pixels, other])
+    found = _native.segment(in_eight[0], bayer, json.dumps(settings_json(method, settings)), None if other is None else in_eight[1])
     warnings = []
     if found.blocks is not None:
         warnings.append(
