@@ -108,8 +108,7 @@ fn surfaces(c: &mut Criterion) {
     group.bench_function("live mesh as GLB", |b| {
         b.iter(|| {
             let mut glb = Vec::new();
-            export::write_glb(black_box(&live), None, &serde_json::json!({"unit": "um"}), export::Stand::AsMesh, &mut glb)
-                .unwrap_or_else(|e| panic!("{e}"));
+            export::write_glb(black_box(&live), None, export::Unit::M, &[], &mut glb).unwrap_or_else(|e| panic!("{e}"));
             glb.len()
         });
     });

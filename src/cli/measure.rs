@@ -183,6 +183,20 @@ pub(super) fn compute_with_hull(reader: &RecordingReader, method: &Method) -> an
     compute_with(reader, method, &bar)
 }
 
+/// As [`compute_with_hull`]; `seen` is called with each view and its segmented frame, from several threads.
+pub(super) fn compute_and_see(
+    reader: &RecordingReader,
+    method: &Method,
+    seen: impl Fn(&LedgerEntry, &SegmentedFrame) + Sync,
+) -> anyhow::Result<Computed> {
+    let entries = recording::views(reader, method).map_err(|error| of_recording(reader, error))?;
+    let all_seen = |entry: &LedgerEntry, frame: &SegmentedFrame| {
+        seen(entry, frame);
+        Ok(())
+    };
+    recording::compute(reader, method, &entries, all_seen).map_err(|error| of_recording(reader, error))
+}
+
 /// As [`compute_with_hull`], with a bar that counts the views.
 fn compute_with(reader: &RecordingReader, method: &Method, bar: &ProgressBar) -> anyhow::Result<Computed> {
     let entries = recording::views(reader, method).map_err(|error| of_recording(reader, error))?;

@@ -3,9 +3,10 @@
 //! ```text
 //!  "glTF" 2 length | length "JSON" {...} | length "BIN\0" positions f32 x 3, normals f32 x 3, indices u32, colours f32 x 3
 //! ```
-//! The format's unit is the metre, and its y points up. The model of a recording is in um and in the axes of carved, y down, as the page
-//! shows it. An exported file has the unit that was asked for, and a node that turns it upright. `asset.extras.unit` names the unit.
+//! The format's unit is the metre, and its y points up. The positions are in um and in the axes of carved, y down, as the page shows them;
+//! the node above the mesh turns them upright and scales them. `asset.extras.unit` names the unit of the scene.
 
+use super::Unit;
 use carved_core::surface::Mesh;
 use serde_json::{Value, json};
 use std::io::{self, Write};
@@ -18,21 +19,13 @@ const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 /// Roughness of the surface, from 0 for a mirror to 1: matt, with a faint gloss that shows its curvature.
 const ROUGHNESS: f64 = 0.8;
 
-/// How a scene stands.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Stand {
-    /// In the axes of the mesh: y down, z away from the camera.
-    AsMesh,
-    /// In the axes of glTF: half a turn about x, so that y points up and z to the viewer.
-    Upright,
-}
-
-/// Writes the mesh as GLB. `colours` are those of the vertices, red, green and blue from 0 to 255 in sRGB; viewers show them as they are,
-/// without a light. `extras` are the facts of the file: the `unit` of the positions, and what else is known.
+/// Writes a mesh in um as GLB. `unit` is that of the scene: metres, or another one for a program that clips or picks badly at 0.004.
+/// `colours` are those of the vertices, red, green and blue from 0 to 255 in sRGB; viewers show them as they are, without a light.
+/// `facts` say what else is known of the mesh.
 ///
 /// # Errors
 /// An empty mesh, which the format cannot represent, and errors of the writer.
-pub fn write_glb(mesh: &Mesh, colours: Option<&[[f64; 3]]>, extras: &Value, stand: Stand, out: &mut impl Write) -> io::Result<()> {
+pub fn write_glb(mesh: &Mesh, colours: Option<&[[f64; 3]]>, unit: Unit, facts: &[(&str, String)], out: &mut impl Write) -> io::Result<()> {
     if mesh.is_empty() {
         return Err(io::Error::new(io::ErrorKind::InvalidInput, "glTF holds no empty mesh: 0 triangles found, at least 1 expected"));
     }
@@ -66,15 +59,17 @@ pub fn write_glb(mesh: &Mesh, colours: Option<&[[f64; 3]]>, extras: &Value, stan
 
     let view =
         |offset: usize, length: usize, target: u32| json!({"buffer": 0, "byteOffset": offset, "byteLength": length, "target": target});
-    let node = match stand {
-        Stand::AsMesh => json!({"mesh": 0}),
-        Stand::Upright => json!({"mesh": 0, "rotation": [1, 0, 0, 0]}),
-    };
+    let scale = [unit.of_um(1.0); 3];
+    let mut extras = json!({"unit": unit.symbol()});
+    for (key, value) in facts {
+        extras[*key] = value.as_str().into();
+    }
     let mut document = json!({
         "asset": {"version": "2.0", "generator": concat!("carved ", env!("CARGO_PKG_VERSION")), "extras": extras},
         "scene": 0,
         "scenes": [{"nodes": [0]}],
-        "nodes": [node],
+        // Half a turn about x: y points up, and z to the viewer.
+        "nodes": [{"mesh": 0, "rotation": [1, 0, 0, 0], "scale": scale}],
         "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "NORMAL": 1}, "indices": 2, "mode": 4, "material": 0}]}],
         // The default of the format is metal, which is black where a scene has no surroundings that it reflects.
         "materials": [{"pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": ROUGHNESS}}],

@@ -8,12 +8,14 @@
 //!  Voxels ── nrrd ── 3D Slicer, ITK, ParaView
 //!  frames ─┬─ ome_tiff ── Fiji, CellProfiler, QuPath, OMERO
 //!          └─ zarr ── napari and all that reads OME-Zarr
+//!  outlines ── imagej ── Fiji, CellProfiler
 //! ```
-//! The formats write to any `Write`, in the unit of the mesh, except that NRRD is in mm. The caller decides about files and whether they may
+//! The formats write to any `Write`, in the unit of the mesh, except that NRRD is in mm and GLB in m. The caller decides about files and whether they may
 //! be replaced.
 
 mod decimate;
 mod glb;
+mod imagej;
 mod nrrd;
 mod ome_tiff;
 mod ply;
@@ -22,7 +24,8 @@ mod unit;
 pub mod zarr;
 
 pub use decimate::{Decimated, decimate};
-pub use glb::{Stand, write_glb};
+pub use glb::write_glb;
+pub use imagej::{CORNER_PX, Outline, imagej_rois};
 pub use nrrd::write_nrrd;
 pub use ome_tiff::{OmeTiffError, Stack, Subject, ome_tiff};
 pub use ply::{PlyError, read_ply, write_ply};
@@ -42,11 +45,12 @@ mod tests {
     #[test]
     fn ply_is_its_header_and_its_records() {
         let mut bytes = Vec::new();
-        write_ply(&tetrahedron(), "um", &mut bytes).unwrap();
+        write_ply(&tetrahedron(), "um", "field", &mut bytes).unwrap();
         let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
         let header = std::str::from_utf8(&bytes[..end]).unwrap();
         assert!(header.starts_with("ply\nformat binary_little_endian 1.0\n"), "{header}");
         assert!(header.contains("element vertex 4\n") && header.contains("element face 4\n") && header.contains("um"), "{header}");
+        assert!(header.contains("\ncomment estimator field\n"), "{header}");
         let body = &bytes[end..];
         assert_eq!(body.len(), 4 * 12 + 4 * 13);
         assert_eq!(body[12..16], 10.5f32.to_le_bytes());
@@ -57,7 +61,7 @@ mod tests {
     #[test]
     fn a_ply_that_was_spoiled_is_refused_with_the_reason() {
         let mut bytes = Vec::new();
-        write_ply(&tetrahedron(), "um", &mut bytes).unwrap();
+        write_ply(&tetrahedron(), "um", "field", &mut bytes).unwrap();
         let expected = 4 * 12 + 4 * 13;
         assert_eq!(read_ply(&bytes[..bytes.len() - 1]), Err(PlyError::Length { expected, found: expected - 1 }));
         assert_eq!(read_ply(b"ply\n"), Err(PlyError::Header { missing: "end_header" }));
@@ -71,7 +75,7 @@ mod tests {
     #[test]
     fn glb_is_a_container_of_json_and_buffer_that_agree() {
         let mut bytes = Vec::new();
-        write_glb(&tetrahedron(), None, &serde_json::json!({"unit": "um"}), Stand::AsMesh, &mut bytes).unwrap();
+        write_glb(&tetrahedron(), None, Unit::M, &[("estimator", "field".into())], &mut bytes).unwrap();
         let word = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
         assert_eq!((&bytes[..4], word(4), word(8)), (b"glTF".as_slice(), 2, bytes.len()));
         let (json_len, json_kind) = (word(12), word(16));
@@ -80,6 +84,8 @@ mod tests {
         let at = 20 + json_len;
         assert_eq!((word(at), word(at + 4)), (bytes.len() - at - 8, 0x004e_4942));
         assert_eq!(json["buffers"][0]["byteLength"], word(at));
+        assert_eq!(json["asset"]["extras"], serde_json::json!({"unit": "m", "estimator": "field"}));
+        assert_eq!(json["nodes"], serde_json::json!([{"mesh": 0, "rotation": [1, 0, 0, 0], "scale": [1e-6, 1e-6, 1e-6]}]));
         assert_eq!(json["accessors"][0]["min"], serde_json::json!([0.0, 0.0, -5.25]));
         assert_eq!(json["accessors"][0]["max"], serde_json::json!([10.5, 20.0, 0.0]));
         for view in json["bufferViews"].as_array().unwrap() {
@@ -147,8 +153,8 @@ mod tests {
 
     #[test]
     fn an_empty_mesh_is_refused_by_glb_which_cannot_hold_one() {
-        let refused = write_glb(&Mesh::default(), None, &serde_json::Value::Null, Stand::Upright, &mut Vec::new()).unwrap_err();
+        let refused = write_glb(&Mesh::default(), None, Unit::M, &[], &mut Vec::new()).unwrap_err();
         assert_eq!(refused.kind(), std::io::ErrorKind::InvalidInput);
-        write_ply(&Mesh::default(), "um", &mut Vec::new()).unwrap();
+        write_ply(&Mesh::default(), "um", "field", &mut Vec::new()).unwrap();
     }
 }

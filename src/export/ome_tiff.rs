@@ -3,10 +3,14 @@
 //! ```text
 //!  Image 0  camera          T = views by number, C = 1 grey or 3 colours of one channel
 //!  Image 1  second camera   if there is one
+//!  Image 2  profile         if it was asked for: 1 inside, 0 outside
 //!  Plate ── Well ── WellSample ── Image        Plane ── DoubleAnnotation   angle of the view, deg
+//!                                  └─ ROI      polygons of a view, if they were asked for
 //! ```
 //! The text is ASCII, as TIFF demands of a description; other letters are character references. A file of 4 GB and more is a BigTIFF.
 
+use super::CORNER_PX;
+use carved_core::profile::Polygon;
 use std::fmt::Write as _;
 use std::io::{Cursor, Seek, Write};
 use tiff::TiffError;
@@ -30,6 +34,8 @@ pub struct Stack {
     pub pixel_um: [f64; 2],
     /// Number and angle (deg) of each view, in the order of the pictures.
     pub views: Vec<(u32, f64)>,
+    /// Outlines of each view in px, pixel centres at integers, in the order of the pictures. May be shorter than `views`.
+    pub outlines: Vec<Vec<Polygon>>,
 }
 
 /// The specimen of a file.
@@ -159,7 +165,7 @@ fn xml(subject: &Subject, stacks: &[Stack]) -> String {
         let _ = write!(out, "<WellSample ID=\"WellSample:{number}\" Index=\"{number}\"><ImageRef ID=\"Image:{number}\"/></WellSample>");
     }
     out.push_str("</Well></Plate>");
-    let (mut annotations, mut directory) = (String::new(), 0);
+    let (mut annotations, mut directory, mut all_rois) = (String::new(), 0, String::new());
     for (number, stack) in stacks.iter().enumerate() {
         let (planes, tiff_data) = planes(stack, &mut directory, &mut annotations);
         let [width, height] = stack.size;
@@ -172,9 +178,10 @@ fn xml(subject: &Subject, stacks: &[Stack]) -> String {
              planes.</Description><Pixels ID=\"Pixels:{number}\" DimensionOrder=\"XYCZT\" Type=\"uint8\" SizeX=\"{width}\" SizeY=\"{height}\" \
              SizeC=\"{samples}\" SizeZ=\"1\" SizeT=\"{views}\" Interleaved=\"{interleaved}\" PhysicalSizeX=\"{x}\" PhysicalSizeXUnit=\"&#181;m\" \
              PhysicalSizeY=\"{y}\" PhysicalSizeYUnit=\"&#181;m\"><Channel ID=\"Channel:{number}:0\" Name=\"{channel}\" \
-             SamplesPerPixel=\"{samples}\"/>{tiff_data}{planes}</Pixels><AnnotationRef ID=\"Annotation:facts\"/></Image>",
+             SamplesPerPixel=\"{samples}\"/>{tiff_data}{planes}</Pixels>{roi_refs}<AnnotationRef ID=\"Annotation:facts\"/></Image>",
             channel = text(&stack.channel),
             started = text(&subject.started),
+            roi_refs = rois(number, stack, &mut all_rois),
             views = stack.views.len(),
             interleaved = samples == 3,
         );
@@ -183,8 +190,27 @@ fn xml(subject: &Subject, stacks: &[Stack]) -> String {
     for (key, value) in &subject.facts {
         let _ = write!(out, "<M K=\"{}\">{}</M>", text(key), text(value));
     }
-    out.push_str("</Value></MapAnnotation></StructuredAnnotations></OME>");
+    out.push_str("</Value></MapAnnotation></StructuredAnnotations>");
+    out.push_str(&all_rois);
+    out.push_str("</OME>");
     out
+}
+
+/// The outlines of a stack as regions, one for each view that has some, and the references of its image to them.
+fn rois(number: usize, stack: &Stack, all: &mut String) -> String {
+    let mut references = String::new();
+    for (t, (polygons, (view, _))) in stack.outlines.iter().zip(&stack.views).enumerate().filter(|(_, (polygons, _))| !polygons.is_empty())
+    {
+        let _ = write!(references, "<ROIRef ID=\"ROI:{number}:{t}\"/>");
+        let _ = write!(all, "<ROI ID=\"ROI:{number}:{t}\" Name=\"view {view}\"><Union>");
+        for (at, polygon) in polygons.iter().enumerate() {
+            let points: Vec<String> = polygon.vertices.iter().map(|[u, v]| format!("{:.3},{:.3}", u + CORNER_PX, v + CORNER_PX)).collect();
+            let points = points.join(" ");
+            let _ = write!(all, "<Polygon ID=\"Shape:{number}:{t}:{at}\" TheZ=\"0\" TheT=\"{t}\" Points=\"{points}\"/>");
+        }
+        all.push_str("</Union></ROI>");
+    }
+    references
 }
 
 /// The planes of a stack, and which directory of the file has each. Adds the angles to the annotations.

@@ -69,15 +69,15 @@ pub fn read_ply(bytes: &[u8]) -> Result<Mesh, PlyError> {
     Ok(Mesh { vertices: points, triangles })
 }
 
-/// Writes the mesh as PLY. `unit` is the unit of the positions, for a comment in the header.
+/// Writes the mesh as PLY. `unit` is the unit of the positions, and `estimator` made the surface; comments in the header name both.
 ///
 /// # Errors
 /// Those of the writer.
-pub fn write_ply(mesh: &Mesh, unit: &str, out: &mut impl Write) -> io::Result<()> {
+pub fn write_ply(mesh: &Mesh, unit: &str, estimator: &str, out: &mut impl Write) -> io::Result<()> {
     let (vertices, faces) = (mesh.vertices.len(), mesh.triangles.len());
     write!(
         out,
-        "ply\nformat binary_little_endian 1.0\ncomment made by carved {}\ncomment unit {unit}\n\
+        "ply\nformat binary_little_endian 1.0\ncomment made by carved {}\ncomment unit {unit}\ncomment estimator {estimator}\n\
          element vertex {vertices}\nproperty float x\nproperty float y\nproperty float z\n\
          element face {faces}\nproperty list uchar int vertex_indices\nend_header\n",
         env!("CARGO_PKG_VERSION")

@@ -7,6 +7,7 @@
 
 use super::live;
 use crate::export;
+use carved_core::measure::Estimator;
 use carved_core::profile::Picture;
 use carved_core::surface::{Colours, Mesh};
 use carved_records::{LedgerEntry, Method, Mode, ReferenceStatus, SpecimenOutcome, WellStatus};
@@ -31,6 +32,11 @@ pub fn write(writer: &mut RecordingWriter, mesh: &Mesh, file: &MeasurementFile) 
     Ok(model)
 }
 
+/// What files with a specimen's surface say about it: the estimator that made it.
+pub fn facts_of_mesh() -> [(&'static str, String); 1] {
+    [("estimator", Estimator::Field.name().into())]
+}
+
 /// Name of the file with a specimen's surface.
 pub const MESH: &str = "mesh.ply";
 
@@ -41,7 +47,7 @@ pub const MESH: &str = "mesh.ply";
 pub fn ply(mesh: &Mesh, mode: Mode) -> Result<Vec<u8>, StoreError> {
     let mut bytes = Vec::new();
     let unit = if mode == Mode::Simulated { "um (simulated)" } else { "um" };
-    export::write_ply(mesh, unit, &mut bytes).map_err(StoreError::io("encode", Path::new(MESH)))?;
+    export::write_ply(mesh, unit, Estimator::Field.name(), &mut bytes).map_err(StoreError::io("encode", Path::new(MESH)))?;
     Ok(bytes)
 }
 
@@ -99,8 +105,7 @@ pub fn coloured(reader: &RecordingReader) -> Result<Option<Vec<u8>>, StoreError>
     let mesh = export::decimate(&mesh, COLOURED_ERROR_UM).mesh;
     let colours = colours(reader, &numbers, &mesh)?;
     let mut out = Vec::new();
-    export::write_glb(&mesh, Some(&colours), &serde_json::json!({"unit": "um"}), export::Stand::AsMesh, &mut out)
-        .map_err(StoreError::io("encode", &path))?;
+    export::write_glb(&mesh, Some(&colours), export::Unit::M, &facts_of_mesh(), &mut out).map_err(StoreError::io("encode", &path))?;
     Ok(Some(out))
 }
 

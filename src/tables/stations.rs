@@ -1,7 +1,7 @@
 //! The table of body slices: a row per slice of every specimen that has a body axis, head first.
 
 use super::{Cell, Heading, Kind, Table};
-use carved_store::{StoreError, StoredRun};
+use carved_store::{StoreError, StoredRun, columns};
 use serde_json::Value;
 
 /// Numbers of a slice: column, JSON pointer, meaning.
@@ -26,6 +26,7 @@ pub fn table(runs: &[StoredRun]) -> Result<Table, StoreError> {
         heading("run", Kind::Text),
         heading("well", Kind::Text),
         heading("mode", Kind::Text),
+        heading("estimator", Kind::Text),
         heading("head_end", Kind::Text),
         heading("station", Kind::Integer),
         heading("s_share", Kind::Number),
@@ -44,6 +45,7 @@ pub fn table(runs: &[StoredRun]) -> Result<Table, StoreError> {
                     Cell::from(run.record().id.as_str()),
                     Cell::from(planned.well.as_str()),
                     Cell::from(measurement["mode"].as_str()),
+                    Cell::from(columns::shape_estimator(&measurement)),
                     Cell::from(body["head"]["end"].as_str()),
                     Cell::from(i + 1),
                     Cell::from(share),

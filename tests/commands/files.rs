@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!  scene ── pictures of a plate ── import --plate ── run ── export ─┬─ pynrrd, SimpleITK, trimesh
-//!                                                                   ├─ tifffile, ome-types
+//!                                                                   ├─ tifffile, ome-types, roifile
 //!                                                                   └─ zarr, ome-zarr-models, ome-zarr-py, ngio
 //! ```
 
@@ -53,7 +53,7 @@ fn export(format: &str, input: &Path, out: &Path, more: &[&str]) -> Output {
 
 /// The Python with the readers. It is installed once: tests run at the same time.
 static READERS: LazyLock<Result<PathBuf, String>> = LazyLock::new(|| {
-    let modules = "nrrd, SimpleITK, trimesh, tifffile, ome_types, zarr, ome_zarr_models, ome_zarr, ngio, PIL";
+    let modules = "nrrd, SimpleITK, trimesh, tifffile, roifile, ome_types, zarr, ome_zarr_models, ome_zarr, ngio, PIL";
     venv::python("files", modules, "tests/readers/requirements-files.txt")
 });
 
@@ -80,7 +80,7 @@ fn nrrd_stl_and_glb_have_the_size_and_the_place_of_the_model() {
     for well in ["A02", "B03"] {
         let (recording, files) = (run.join(well), dir.path().join(well));
         fs::create_dir(&files).unwrap();
-        for stored in ["measurement.json", "mesh.ply"] {
+        for stored in ["measurement.json", "mesh.ply", "model.glb"] {
             fs::copy(recording.join(stored), files.join(stored)).unwrap();
         }
         done(&export("nrrd", &recording, &files.join("model.nrrd"), &[]));
@@ -129,7 +129,7 @@ fn a_model_that_cannot_be_exported_is_refused_with_the_way_out() {
     fs::write(&mesh, &bytes).unwrap();
     let out = dir.path().join("model.stl");
     done(&export("stl", &well, &out, &["--unit", "um"]));
-    assert!(fs::read(&out).unwrap().starts_with(b"carved unit um imported A02 "));
+    assert!(fs::read(&out).unwrap().starts_with(b"carved unit um imported estimator field A02 "));
     // A recording without a surface is computed: the same surface.
     let of_mesh = fs::read(&out).unwrap();
     let bare = dir.path().join("bare");
@@ -153,6 +153,47 @@ fn an_ome_tiff_has_the_pixels_the_angles_the_scale_and_the_well() {
         if !read("read_ome_tiff.py", &[&run.join(well), &out]) {
             return;
         }
+    }
+}
+
+#[test]
+#[cfg_attr(not(has_python), ignore = "no Python 3 with venv: apt-get install python3-venv")]
+fn outlines_labels_and_voxels_are_opened_in_the_world_of_pictures() {
+    let dir = tempfile::tempdir().unwrap();
+    let run = plate(dir.path());
+    for well in ["A02", "B03"] {
+        let (recording, files) = (run.join(well), dir.path().join(well));
+        fs::create_dir(&files).unwrap();
+        done(&export("rois", &recording, &files.join("rois.zip"), &[]));
+        done(&export("ome-tiff", &recording, &files.join("views.ome.tiff"), &["--outlines", "--labels"]));
+        done(&export("voxels", &recording, &files.join("voxels.ome.zarr"), &[]));
+        let again = export("voxels", &recording, &files.join("voxels.ome.zarr"), &[]);
+        assert!(!again.status.success() && stderr(&again).contains("exists already"), "{}", stderr(&again));
+        if !read("read_world.py", &[&recording, &files]) {
+            return;
+        }
+    }
+}
+
+/// A run that was copied under another name.
+#[test]
+fn pictures_that_two_runs_have_in_common_are_named() {
+    let dir = tempfile::tempdir().unwrap();
+    let run = plate(dir.path());
+    let copy = dir.path().join("P-018");
+    assert!(Command::new("cp").arg("-a").args([&run, &copy]).status().unwrap().success());
+    let mut record = json(&copy.join("run.json"));
+    record["id"] = "P-018".into();
+    fs::write(copy.join("run.json"), record.to_string()).unwrap();
+    let table = |runs: &[&Path]| carved().args(["export", "table"]).args(runs).output().unwrap();
+    let alone = table(&[&run]);
+    done(&alone);
+    assert!(!stderr(&alone).contains("in common"), "{}", stderr(&alone));
+    let both = table(&[&run, &copy]);
+    done(&both);
+    for well in ["A02", "B03"] {
+        let expected = format!("P-017 {well} and P-018 {well} have {} picture(s) in common", VIEWS + 1);
+        assert!(stderr(&both).contains(&expected), "{expected}: {}", stderr(&both));
     }
 }
 

@@ -2,7 +2,7 @@
 
     read_models.py FOLDER RECORDING
 
-FOLDER is A02 (a ball) or B03 (a larva) with measurement.json, mesh.ply, model.nrrd, model.stl, texture.glb and m.glb, mm.glb, um.glb.
+FOLDER is A02 (a ball) or B03 (a larva) with measurement.json, mesh.ply, model.glb, model.nrrd, model.stl, texture.glb and m.glb, mm.glb, um.glb.
 """
 
 import json
@@ -29,6 +29,7 @@ def near(what, found, expected, tolerance):
 data, header = nrrd.read(str(folder / "model.nrrd"))
 assert set(np.unique(data)) == {0, 1} and int(data.sum()) == numbers["voxels"], data.sum()
 near("pynrrd, voxel in mm", header["space directions"], np.eye(3) * voxel_um / 1000, 1e-12)
+assert header["estimator"] == "voxel", header
 assert header["space units"] == ["mm"] * 3 and header["space"] == "3D-right-handed" and header["mode"] == "imported", header
 volume_um3 = data.sum() * abs(np.linalg.det(header["space directions"])) * 1e9
 near("pynrrd, volume", volume_um3, numbers["estimators"]["voxel"]["volume_um3"], 1e-9 * volume_um3)
@@ -52,7 +53,7 @@ assert stl.is_watertight and stl.is_winding_consistent and len(stl.faces) == len
 near("STL in mm, volume", stl.volume * 1e9, numbers["field_volume_um3"], 1e-5 * ply.volume)
 near("STL in mm, place", stl.bounds * 1000, ply.bounds, 1e-3)
 header = (folder / "model.stl").read_bytes()[:80].decode()
-assert header.startswith("carved unit mm imported"), header
+assert header.startswith("carved unit mm imported estimator field"), header
 for unit, um in {"m": 1e6, "mm": 1e3, "um": 1.0}.items():
     scene = trimesh.load(folder / f"{unit}.glb")
     glb = scene.to_mesh()
@@ -67,6 +68,17 @@ for unit, um in {"m": 1e6, "mm": 1e3, "um": 1.0}.items():
     # The default of the format is metal, which is black without surroundings.
     material = document["materials"][document["meshes"][0]["primitives"][0]["material"]]["pbrMetallicRoughness"]
     assert material["metallicFactor"] == 0 and 0.5 < material["roughnessFactor"] <= 1, material
+
+# The model of the recording: metres with y up, in the scene. It has fewer triangles, which are at most 1 um off (root mean square).
+stored = trimesh.load(folder / "model.glb").to_mesh()
+near("model.glb, place in m", stored.bounds, np.sort(ply.bounds * [1, -1, -1], axis=0) / 1e6, 6e-6)
+near("model.glb, volume in m^3", stored.volume * 1e18, ply.volume, 0.01 * ply.volume)
+assert measured["shape"]["estimator"] == "field", measured["shape"]["estimator"]
+assert b"\ncomment estimator field\n" in (folder / "mesh.ply").read_bytes()[:400]
+for name in ("model.glb", "m.glb", "texture.glb"):
+    raw = (folder / name).read_bytes()
+    document = json.loads(raw[20 : 20 + int.from_bytes(raw[12:16], "little")])
+    assert (document["asset"]["extras"]["unit"], document["asset"]["extras"]["estimator"]) == ("m", "field"), document["asset"]
 
 # The colours: the frames at the places of the vertices, blended by the fourth power of the cosine between normal and view.
 recording = json.loads((Path(sys.argv[2]) / "recording.json").read_text())

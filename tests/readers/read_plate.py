@@ -32,6 +32,13 @@ for recording in sorted(run.glob("*/recording.json")):
 assert listed == [f"{well.name[0]}/{int(well.name[1:])}" for well in with_views], (listed, with_views)
 
 opened = open_ome_zarr_plate(path, mode="r")
+# The table of the run, as a table of ngio.
+assert opened.list_tables() == ["specimens"], opened.list_tables()
+table = opened.get_table("specimens").dataframe
+record = json.loads((run / "run.json").read_text())
+assert list(table["well"]) == [w["well"] for w in record["plan"]["plate_map"]], list(table["well"])
+volumes = {w["well"]: w["volume_um3"] for w in record["wells"] if w["volume_um3"]}
+assert len(volumes) == 2 and {w: v for w, v in zip(table["well"], table["volume_um3"]) if v == v} == volumes, volumes
 assert opened.wells_paths() == listed, opened.wells_paths()
 # One picture of all wells, each at its place of the plate.
 (whole,) = (node for node in Reader(parse_url(path))() if node.data)

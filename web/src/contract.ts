@@ -779,7 +779,7 @@ export interface StoredEstimateStanding {
   volume: StoredPlaceAnswer;
 }
 
-export type StoredEstimator = "voxel" | "support";
+export type StoredEstimator = "voxel" | "support" | "field";
 
 export interface StoredEstimators {
   support?: StoredSupportEstimate | null;
@@ -1197,6 +1197,7 @@ export type StoredSense = 1 | -1;
 export interface StoredShape {
   body?: StoredBody | null;
   body_reason?: string | null;
+  estimator?: StoredEstimator;
   harmonics?: StoredHarmonics | null;
   harmonics_reason?: string | null;
   solid?: StoredSolid | null;

@@ -11,7 +11,7 @@ mod views;
 
 use anyhow::{Context, ensure};
 use carved_store::{StoredRun, durable};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Subcommand)]
@@ -30,6 +30,10 @@ pub enum Command {
     Mihcsme(mihcsme::Args),
     /// Write the voxel model of a specimen as NRRD, for 3D Slicer, ITK and ParaView.
     Nrrd(model::NrrdArgs),
+    /// Write the voxel model of a specimen as an OME-Zarr 0.5 image with labels, for napari and all that reads OME-Zarr.
+    Voxels(model::VoxelsArgs),
+    /// Write the outlines of a specimen's views as regions of ImageJ, for Fiji.
+    Rois(model::RoisArgs),
     /// Write the surface of a specimen as binary STL, for printers.
     Stl(model::StlArgs),
     /// Write the surface of a specimen as GLB (glTF 2.0), for Blender and viewers.
@@ -52,6 +56,8 @@ pub fn run(command: &Command) -> anyhow::Result<()> {
         Command::Rocrate(args) => provenance::rocrate(args),
         Command::Mihcsme(args) => mihcsme::run(args),
         Command::Nrrd(args) => model::nrrd(args),
+        Command::Voxels(args) => model::voxels(args),
+        Command::Rois(args) => model::rois(args),
         Command::Stl(args) => model::stl(args),
         Command::Glb(args) => model::glb(args),
         Command::OmeTiff(args) => ome_tiff::run(args),
@@ -77,7 +83,42 @@ pub(super) fn read(folders: &[PathBuf]) -> anyhow::Result<Vec<StoredRun>> {
         ensure!(names.insert(name.clone()), "{}: the run {name} is named twice; a table has each run once", folder.display());
         runs.push(run);
     }
+    note_copies(&runs)?;
     Ok(runs)
+}
+
+/// Says which wells of different runs have pictures in common: one is a copy of the other, and its numbers would count twice. Pictures of
+/// one run are compared when they are taken or imported. No two pictures of a camera are equal, because of its noise.
+fn note_copies(runs: &[StoredRun]) -> anyhow::Result<()> {
+    if runs.len() < 2 {
+        return Ok(());
+    }
+    let mut first: HashMap<String, usize> = HashMap::new();
+    let mut wells: Vec<String> = Vec::new();
+    let mut common: BTreeMap<(usize, usize), usize> = BTreeMap::new();
+    for run in runs {
+        let of_run = wells.len()..;
+        for planned in &run.record().plan.plate_map {
+            let Some(recording) = run.well(planned)?.recording else { continue };
+            let this = wells.len();
+            wells.push(format!("{} {}", run.record().id, planned.well));
+            for hash in recording["ledger"].as_array().into_iter().flatten().filter_map(|entry| entry["sha256"].as_str()) {
+                let other = *first.entry(hash.to_owned()).or_insert(this);
+                if !of_run.contains(&other) {
+                    *common.entry((other, this)).or_default() += 1;
+                }
+            }
+        }
+    }
+    for ((a, b), pictures) in common {
+        note!(
+            "carved: {} and {} have {pictures} picture(s) in common: one is a copy of the other, and its numbers count twice. Leave one of the \
+             runs out",
+            wells[a],
+            wells[b]
+        );
+    }
+    Ok(())
 }
 
 /// Writes a file whole or not at all.

@@ -5,17 +5,18 @@
 //! OUT/A/1/0/zarr.json               one image per well: t (planned views), c, y, x; scale in um
 //! OUT/A/1/0/0  1  2                 full size, half, quarter
 //! OUT/A/1/0/labels/profile/0  1  2  1 inside the profile
+//! OUT/tables/specimens              the table of the run, for ngio
 //! ```
 //! Only wells that are written are listed, and every well has all planned views: other plates are refused by ngio and ngff-zarr, or shown
 //! wrong by napari-ome-zarr. Views that were not taken have no chunk. A command that was interrupted is repeated: it goes on with the wells
 //! that are not listed.
 
 use super::{read, views, write};
-use crate::export::zarr::{self, METADATA, SHARD, Shard};
+use crate::export::zarr::{self, METADATA, PICTURES, Shard};
+use crate::tables::{self, csv};
 use anyhow::{Context, bail, ensure};
-use carved_core::frame::PixelFormat;
 use carved_records::{PlannedWell, RunPlan};
-use carved_store::{RecordingFiles, RecordingReader, StoreError, StoredRun, durable, frames};
+use carved_store::{RecordingFiles, RecordingReader, StoreError, StoredRun, durable};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -35,18 +36,14 @@ pub struct Args {
 const LEVELS: usize = 3;
 
 /// Version of the format.
-const VERSION: &str = "0.5";
+pub(super) const VERSION: &str = "0.5";
 
 /// Writes the plate.
 ///
 /// # Errors
 /// A run or a frame that cannot be read, wells that do not fit one plate, and files that cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    ensure!(
-        args.out.file_name().is_some_and(|name| name.to_string_lossy().to_lowercase().ends_with(".ome.zarr")),
-        "{}: the name of this folder ends in .ome.zarr",
-        args.out.display()
-    );
+    is_named(&args.out)?;
     let runs = read(std::slice::from_ref(&args.run))?;
     let run = runs.first().context("one run is named")?;
     let plan = &run.record().plan.plate_map;
@@ -64,9 +61,30 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             bail!("{}: nothing was recorded of well {}", args.run.display(), planned.well);
         }
     }
+    table(&args.out, &runs)?;
     ensure!(!plate.written.is_empty(), "{}: no well of this run has a view", args.run.display());
     note!("carved: {}: {} well(s) of {} views", args.out.display(), plate.written.len(), plate.planned);
     Ok(())
+}
+
+/// Checks the ending of a folder's name.
+///
+/// # Errors
+/// It is another one.
+pub(super) fn is_named(out: &Path) -> anyhow::Result<()> {
+    let is = out.file_name().is_some_and(|name| name.to_string_lossy().to_lowercase().ends_with(".ome.zarr"));
+    ensure!(is, "{}: the name of this folder ends in .ome.zarr", out.display());
+    Ok(())
+}
+
+/// The table of the run as a table of ngio: the file of its backend `csv`, and what describes it.
+fn table(out: &Path, runs: &[StoredRun]) -> anyhow::Result<()> {
+    const NAME: &str = "specimens";
+    let tables = out.join("tables");
+    let folder = tables.join(NAME);
+    file(&folder.join("table.csv"), csv::text(&tables::specimens(runs)?).as_bytes())?;
+    group(&folder, &json!({"type": "generic_table", "table_version": "1", "backend": "csv", "index_key": null, "index_type": null}))?;
+    group(&tables, &json!({"tables": [NAME]}))
 }
 
 /// The recording of a well. `None` if it has no view.
@@ -151,7 +169,7 @@ impl Plate {
         let image = folder.join("0");
         self.arrays(&image, shape, |view| picture(reader, view), zarr::halved)?;
         let labels = image.join("labels").join("profile");
-        let has_profiles = self.arrays(&labels, [1, shape[1], shape[2]], |view| profile(reader, view), zarr::thinned)?;
+        let has_profiles = self.arrays(&labels, [1, shape[1], shape[2]], |view| views::profile(reader, view), zarr::thinned)?;
         let name = format!("{} {}", self.run, recording.specimen.well);
         if has_profiles {
             let shown = json!({"source": {"image": "../../"}, "colors": [{"label-value": 1, "rgba": [255, 140, 0, 255]}]});
@@ -162,6 +180,7 @@ impl Plate {
             views::by_number(reader).iter().map(|e| json!({"view": e.view, "omega_deg": e.omega.to_degrees()})).collect();
         let mut facts = serde_json::Map::new();
         facts.extend(super::model::facts(recording).into_iter().map(|(key, value)| (key.to_owned(), value.into())));
+        facts.extend(views::measured_facts(reader)?.into_iter().map(|(key, value)| (key, value.into())));
         facts.extend(views::plate_map_facts(&recording.specimen, Some(&self.plan))?.into_iter().map(|(key, value)| (key, value.into())));
         let ome = json!({"version": VERSION, "multiscales": [multiscale(&name, um)], "omero": {"channels": channels(colours)}});
         group(&image, &json!({"ome": ome, "carved": {"views": angles, "facts": facts}}))?;
@@ -203,8 +222,8 @@ impl Plate {
         if is_there {
             for (level, (shard, [width, height])) in shards.into_iter().zip(sizes).enumerate() {
                 let folder = image.join(level.to_string());
-                file(&folder.join(SHARD), &shard.finish())?;
-                json_file(&folder.join(METADATA), &zarr::array([self.planned, colours, height, width]))?;
+                file(&folder.join(zarr::shard(PICTURES.len())), &shard.finish())?;
+                json_file(&folder.join(METADATA), &zarr::array([self.planned, colours, height, width], PICTURES))?;
             }
         }
         Ok(is_there)
@@ -235,24 +254,6 @@ impl Plate {
 fn picture(reader: &RecordingReader, view: usize) -> anyhow::Result<Option<Vec<u8>>> {
     let entry = reader.recording().ledger.carved().find(|entry| entry.view as usize == view);
     entry.map(|entry| Ok(views::planar(&reader.frame(entry)?))).transpose()
-}
-
-/// The profile of a view: 1 inside, 0 outside. `None` if the view has none.
-fn profile(reader: &RecordingReader, view: usize) -> anyhow::Result<Option<Vec<u8>>> {
-    let name = format!("profiles/view_{view:03}.png");
-    let Some(bytes) = reader.file(&name)? else { return Ok(None) };
-    let mask = frames::decode_bytes(&reader.folder().join(&name), &bytes, PixelFormat::Mono8)?;
-    let camera = &reader.recording().rig.camera;
-    ensure!(
-        (mask.width(), mask.height()) == (camera.width, camera.height),
-        "{}: it is {} x {} px, the camera {} x {} px",
-        reader.folder().join(&name).display(),
-        mask.width(),
-        mask.height(),
-        camera.width,
-        camera.height
-    );
-    Ok(Some(mask.bytes().iter().map(|&coverage| u8::from(coverage >= 128)).collect()))
 }
 
 /// `A` to `AF`.
@@ -288,15 +289,15 @@ fn channels(colours: usize) -> Vec<Value> {
     named.iter().map(|[label, color]| json!({"label": label, "color": color, "active": true, "window": window})).collect()
 }
 
-fn group(folder: &Path, attributes: &Value) -> anyhow::Result<()> {
+pub(super) fn group(folder: &Path, attributes: &Value) -> anyhow::Result<()> {
     json_file(&folder.join(METADATA), &zarr::group(attributes))
 }
 
-fn json_file(path: &Path, value: &Value) -> anyhow::Result<()> {
+pub(super) fn json_file(path: &Path, value: &Value) -> anyhow::Result<()> {
     file(path, &serde_json::to_vec_pretty(value)?)
 }
 
-fn file(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
+pub(super) fn file(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
     durable::create_folder(durable::folder_of(path))?;
     write(path, bytes)
 }

@@ -1,11 +1,16 @@
 //! The views of a recording, as `ome-tiff` and `ome-zarr` write them.
 
-use anyhow::Context;
+use crate::cli::measure::compute_and_see;
+use crate::tables::statistics::QUANTITIES;
+use anyhow::{Context, ensure};
 use carved_core::frame::{PixelFormat, RawFrame};
-use carved_core::profile::Picture;
+use carved_core::pipeline::SegmentedFrame;
+use carved_core::profile::{Picture, Polygon};
 use carved_records::{LedgerEntry, PlannedWell, PlateFormat, RunPlan, well_place};
-use carved_store::{RecordingReader, StoreError};
+use carved_store::{MEASUREMENT, RecordingReader, StoreError, frames};
 use serde_json::Value;
+use std::collections::BTreeMap;
+use std::sync::{Mutex, PoisonError};
 
 /// The newest take of every view, by number, without the view at 360 deg.
 pub(super) fn by_number(reader: &RecordingReader) -> Vec<&LedgerEntry> {
@@ -48,6 +53,62 @@ pub(super) fn plate_map_facts(planned: &PlannedWell, plan: Option<&RunPlan>) -> 
     };
     let all = fields.into_iter().filter(|(name, _)| name != "well").chain(cells);
     Ok(all.filter_map(|(name, value)| Some((name, text(value)?))).collect())
+}
+
+/// The main numbers of a measured specimen, by the names of their columns, and its flags. Empty where it was not measured.
+pub(super) fn measured_facts(reader: &RecordingReader) -> anyhow::Result<Vec<(String, String)>> {
+    let Some(bytes) = reader.file(MEASUREMENT)? else { return Ok(Vec::new()) };
+    let found: Value = serde_json::from_slice(&bytes).with_context(|| reader.folder().join(MEASUREMENT).display().to_string())?;
+    let text = |key: &str, pointer: &str| match found.pointer(pointer)? {
+        Value::String(text) => Some((key.to_owned(), text.clone())),
+        Value::Array(list) => Some((key.to_owned(), list.iter().filter_map(Value::as_str).collect::<Vec<_>>().join(";"))),
+        Value::Null => None,
+        other => Some((key.to_owned(), other.to_string())),
+    };
+    let of_quantities = QUANTITIES.iter().filter_map(|(name, _, pointer)| text(name, pointer));
+    let others = [
+        ("estimator", "/measurement/estimator"),
+        ("volume_sd_um3", "/measurement/volume_sd_um3"),
+        ("area_sd_um2", "/measurement/area_sd_um2"),
+        ("flags", "/flags"),
+    ];
+    Ok(of_quantities.chain(others.into_iter().filter_map(|(key, pointer)| text(key, pointer))).collect())
+}
+
+/// The profile of a view: 1 inside, 0 outside. `None` if the view has none.
+///
+/// # Errors
+/// A file that cannot be read, was altered, or has another size than the camera.
+pub(super) fn profile(reader: &RecordingReader, view: usize) -> anyhow::Result<Option<Vec<u8>>> {
+    let name = format!("profiles/view_{view:03}.png");
+    let Some(bytes) = reader.file(&name)? else { return Ok(None) };
+    let mask = frames::decode_bytes(&reader.folder().join(&name), &bytes, PixelFormat::Mono8)?;
+    let camera = &reader.recording().rig.camera;
+    ensure!(
+        (mask.width(), mask.height()) == (camera.width, camera.height),
+        "{}: it is {} x {} px, the camera {} x {} px",
+        reader.folder().join(&name).display(),
+        mask.width(),
+        mask.height(),
+        camera.width,
+        camera.height
+    );
+    Ok(Some(mask.bytes().iter().map(|&coverage| u8::from(coverage >= 128)).collect()))
+}
+
+/// The outlines of the views by number, found in the frames as the measurement does. A view without a profile has none.
+///
+/// # Errors
+/// A recording that cannot be measured, as its numbers need all of its frames.
+pub(super) fn outlines(reader: &RecordingReader) -> anyhow::Result<BTreeMap<u32, Vec<Polygon>>> {
+    let found = Mutex::new(BTreeMap::new());
+    let seen = |entry: &LedgerEntry, segmented: &SegmentedFrame| {
+        if let (false, Ok(profile)) = (entry.closure, &segmented.profile) {
+            found.lock().unwrap_or_else(PoisonError::into_inner).insert(entry.view, profile.edge.clone());
+        }
+    };
+    compute_and_see(reader, &reader.recording().method, seen)?;
+    Ok(found.into_inner().unwrap_or_else(PoisonError::into_inner))
 }
 
 /// Row and column of a well from 0.

@@ -18,6 +18,7 @@ use crate::cli::with_causes;
 use anyhow::Context;
 use carved_core::flag::Flag;
 use carved_core::geometry::BoxUm;
+use carved_core::measure::Estimator;
 use carved_core::reconstruction::{ReconstructionSettings, SurfaceSettings};
 use carved_offline::silhouettes::{self, Cameras, Refusal, Settings, SilhouettesError, Step, View};
 use serde_json::{Map, Value, json};
@@ -158,7 +159,7 @@ fn reconstruct(args: &Args) -> anyhow::Result<serde_json::Value> {
     let mesh_path = match &measured.mesh {
         Some(mesh) => {
             let mut ply = Vec::new();
-            crate::export::write_ply(mesh, settings.unit.name(), &mut ply)?;
+            crate::export::write_ply(mesh, settings.unit.name(), Estimator::Field.name(), &mut ply)?;
             Some(destination.write(&ply)?)
         }
         None => None,

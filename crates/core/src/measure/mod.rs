@@ -106,6 +106,9 @@ pub enum Estimator {
     Voxel,
     /// Support functions of the slices.
     Support,
+    /// The field of the hull with tolerance, with its surface at the sub-pixel outlines. The mesh and the shape are its own; `volume_um3` and
+    /// `area_um2` never are.
+    Field,
 }
 
 impl Estimator {
@@ -114,6 +117,7 @@ impl Estimator {
         match self {
             Self::Voxel => "voxel",
             Self::Support => "support",
+            Self::Field => "field",
         }
     }
 }

@@ -4,7 +4,9 @@ use super::row::{Row, hash_of};
 use super::{Cell, Kind, ontology};
 use crate::{Computation, RunRecord};
 use carved_core::flag::StoredFlag;
+use carved_core::measure::Estimator;
 use carved_records::{InstrumentIdentity, Mode, PlannedWell, SpecimenKind, WellNote};
+use serde_json::Value;
 
 /// Where a value is.
 #[derive(Clone, Copy)]
@@ -207,6 +209,13 @@ fn noted<'r>(row: &'r Row) -> Option<&'r WellNote> {
 /// The reason of a row whose numbers are not in the folder of a later computation.
 pub const NOT_MEASURED_AGAIN: &str = "not_measured_again";
 
+/// The estimator of the shape in the JSON of a `measurement.json`: `field` too where an earlier version wrote no name. `None` without a
+/// shape.
+pub fn shape_estimator(measurement: &Value) -> Option<&str> {
+    let shape = measurement.get("shape")?.as_object()?;
+    Some(shape.get("estimator").and_then(Value::as_str).unwrap_or(Estimator::Field.name()))
+}
+
 fn reason(row: &Row) -> Cell {
     if row.well.computation == Computation::Missing {
         return NOT_MEASURED_AGAIN.into();
@@ -246,6 +255,13 @@ pub const AFTER: &[Column] = &[
         Number,
         Measured("/measurement/area_sd_um2"),
         "standard deviation of `area_um2`: the root of the sum of the squares of its parts, without the differences between larvae",
+    ),
+    col(
+        "shape_estimator",
+        Text,
+        Made(|r| r.well.measurement.as_ref().and_then(shape_estimator).into()),
+        "`field`: what `body_length_um` and all numbers of the shape, the slices, `mesh.ply` and `model.glb` come from; its volume is \
+         `field_volume_um3`",
     ),
     col("body_length_um", Number, Measured("/shape/body/length_um"), "length along the bent body axis"),
     col(

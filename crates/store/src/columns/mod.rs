@@ -10,7 +10,7 @@ mod list;
 pub mod ontology;
 mod row;
 
-pub use list::{AFTER, BEFORE, Column, NOT_MEASURED_AGAIN, Source, mode, page};
+pub use list::{AFTER, BEFORE, Column, NOT_MEASURED_AGAIN, Source, mode, page, shape_estimator};
 pub use row::{OfRun, Row, hash_of};
 
 use rusqlite::types::{Null, ToSql, ToSqlOutput};

@@ -21,6 +21,7 @@ pub use harmonics::{Harmonics, MAX_DEGREE};
 pub use orientation::{Dorsal, End, Head};
 pub use solid::Solid;
 
+use super::Estimator;
 use crate::surface::Mesh;
 use serde::{Deserialize, Serialize};
 
@@ -30,6 +31,10 @@ type Vector = nalgebra::Vector3<f64>;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Shape {
+    /// The estimator that made the surface. Its volume and area are `field_volume_um3` and `field_area_um2`, not `volume_um3` and
+    /// `area_um2`.
+    #[serde(default = "field")]
+    pub estimator: Estimator,
     /// Numbers of the whole solid. `None` with `solid_reason`.
     pub solid: Option<Solid>,
     /// Why there is no `solid`. There is then no other part either.
@@ -81,8 +86,13 @@ impl Shape {
             (None, Some(_)) => value_or_reason(Err(Refusal::NoAxis)),
             (None, None) => (None, None),
         };
-        Self { solid, solid_reason, body: found.map(|(body, _)| body), body_reason, harmonics, harmonics_reason }
+        Self { estimator: field(), solid, solid_reason, body: found.map(|(body, _)| body), body_reason, harmonics, harmonics_reason }
     }
+}
+
+/// The estimator of every surface that a shape is measured of.
+fn field() -> Estimator {
+    Estimator::Field
 }
 
 fn value_or_reason<T>(result: Result<T, Refusal>) -> (Option<T>, Option<String>) {
