@@ -163,6 +163,9 @@ impl Report<'_> {
                     Flagged::Excluded => { "Statistics leave out the " (self.statistics.specimens_with_flags) " specimen(s) with flags." },
                 }
             }
+            @if self.statistics.specimens > 0 && !self.statistics.counts_any() {
+                p.warning { "No specimen counts: all " (self.statistics.specimens) " have flags for which statistics leave them out. There are no groups." }
+            }
         }
     }
 

@@ -4,7 +4,7 @@ use crate::tables::method_hash;
 use carved_records::{Mode, SpecimenKind};
 use carved_store::{Software, StoreError, StoredRun};
 use serde_json::Value;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
 /// How a run was measured.
@@ -79,6 +79,15 @@ struct Recorded {
     larvae: usize,
     beads: usize,
     fallback: usize,
+    /// Specimens by flag.
+    flags: BTreeMap<String, usize>,
+    /// Specimens with flags.
+    flagged: usize,
+    /// Specimens that needed several attempts, and the most attempts that one needed.
+    repeated: usize,
+    most_attempts: usize,
+    /// The limits that the specimens were compared with, by name: each limit with its unit once.
+    limits: BTreeMap<String, BTreeSet<String>>,
 }
 
 impl Methods {
@@ -124,6 +133,19 @@ impl Recorded {
             if let Some(measurement) = &well.measurement {
                 *if planned.specimen == SpecimenKind::Bead { &mut found.beads } else { &mut found.larvae } += 1;
                 found.fallback += usize::from(measurement["measurement"]["estimator"] == "voxel");
+                let flags = well.status.as_ref().map(|status| status.flags.as_slice()).unwrap_or_default();
+                found.flagged += usize::from(!flags.is_empty());
+                for flag in flags {
+                    *found.flags.entry(flag.to_string()).or_default() += 1;
+                }
+                let attempts = well.earlier_attempts + 1;
+                found.repeated += usize::from(attempts > 1);
+                found.most_attempts = found.most_attempts.max(attempts);
+                for check in measurement["quality"]["checks"].as_array().into_iter().flatten() {
+                    let Some((name, limit)) = check["name"].as_str().zip(check["limit"].as_f64()) else { continue };
+                    let unit = check["unit"].as_str().unwrap_or_default();
+                    found.limits.entry(name.to_owned()).or_default().insert(format!("{limit} {unit}"));
+                }
             }
             found.method.get_or_insert_with(|| recording["method"].clone());
             found.rig.get_or_insert_with(|| recording["rig"].clone());
@@ -207,18 +229,26 @@ fn paragraph(run: &StoredRun, recorded: &Recorded, hash: &str) -> String {
             _ => "; the error of the scale was not stated and is not included".to_owned(),
         },
     ));
-    let q = &method.quality;
-    add(format_args!(
-        "Specimens were flagged, not dropped, beyond limits on the closure of the turn (overlap {}, shift {} px along and {} px across), the \
-         residual of the views ({} px median, {} px worst), usable views ({} %) and the standard deviation of the volume ({} %).",
-        q.closure_overlap,
-        q.closure_along_px,
-        q.closure_across_px,
-        q.residual_px,
-        q.residual_view_px,
-        q.usable_percent,
-        q.volume_sd_percent,
-    ));
+    let measured = recorded.larvae + recorded.beads;
+    if !recorded.limits.is_empty() {
+        let limits: Vec<String> = recorded.limits.iter().map(|(name, limits)| format!("{name} {}", joined(limits))).collect();
+        add(format_args!("Specimens were flagged, not dropped, beyond these limits: {}.", limits.join(", ")));
+    }
+    if recorded.flagged > 0 {
+        let flags: Vec<String> = recorded.flags.iter().map(|(flag, n)| format!("{flag} {n}")).collect();
+        add(format_args!("Of {measured} measured specimens, {} had flags: {}.", recorded.flagged, flags.join(", ")));
+    } else if measured > 0 {
+        add(format_args!("None of {measured} measured specimens had a flag."));
+    }
+    match recorded.repeated {
+        0 if measured > 0 => add(format_args!("Each specimen was measured at the first attempt.")),
+        0 => {}
+        n => add(format_args!(
+            "{} needed several attempts, at most {}; the numbers are those of the last one.",
+            count(n, "specimen", "specimens"),
+            recorded.most_attempts
+        )),
+    }
     text.trim_end().to_owned()
 }
 

@@ -357,6 +357,11 @@ impl Statistics {
         Ok(Self::of_samples(&samples::of(runs)?, names, modes, flagged))
     }
 
+    /// Whether any specimen counts.
+    pub fn counts_any(&self) -> bool {
+        self.quantities.iter().any(|quantity| !quantity.groups.is_empty())
+    }
+
     fn of_samples(all: &[Sample], runs: Vec<String>, modes: Vec<String>, flagged: Flagged) -> Self {
         let specimens_with_flags = all.iter().filter(|s| !s.flags.is_empty()).count();
         let quantities = (0..QUANTITIES.len()).filter_map(|q| quantity(q, all, flagged, &runs)).collect();

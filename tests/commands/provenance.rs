@@ -19,6 +19,7 @@ fn leaves(path: &str, value: &Value, found: &mut Vec<String>) {
 fn the_methods_name_program_method_and_every_parameter() {
     let dir = tempfile::tempdir().unwrap();
     let run = plate(&dir.path().join("data"), "r1", "P-1", 4);
+    copy_folder(&run.join("A02"), &run.join("A02.attempt-1"));
     let output = carved().args(["export", "methods"]).arg(&run).output().unwrap();
     done(&output);
     let text = String::from_utf8(output.stdout).unwrap();
@@ -31,8 +32,16 @@ fn the_methods_name_program_method_and_every_parameter() {
         "at each of 21 evenly spaced angles, to the nearest step of the motor.",
         "the error of the scale was not stated and is not included.",
         "voxels of 6.93 um, of which 5 % of the views may miss a voxel",
+        "Of 2 measured specimens, 1 had flags: moved 1, residual 1.",
+        "1 specimen needed several attempts, at most 2; the numbers are those of the last one.",
     ] {
         assert!(text.contains(part), "{part}\n{text}");
+    }
+    // Every limit that the specimens were compared with, as their files have them.
+    let checks = json(&run.join("A01/measurement.json"))["quality"]["checks"].clone();
+    for check in checks.as_array().unwrap() {
+        let limit = format!("{} {} {}", check["name"].as_str().unwrap(), check["limit"].as_f64().unwrap(), check["unit"].as_str().unwrap());
+        assert!(text.contains(&limit), "{limit}\n{text}");
     }
     // Every value of the method stands in the list.
     let mut lines = Vec::new();

@@ -211,6 +211,13 @@ fn a_row_has_the_plate_map_the_numbers_and_where_they_come_from() {
     let expected = ["larva.json", "bead.json"].map(|name| example(name).pointer("/shape/body/stations").unwrap().as_array().unwrap().len());
     assert_eq!(stations.len(), expected.iter().sum::<usize>());
     assert_eq!((stations[0]["well"].as_str(), stations[0]["station"].as_str()), ("A01", "1"));
+    // Slices and volume are of different estimators, and both tables say of which.
+    assert_eq!(
+        (stations[0]["estimator"].as_str(), larva["shape_estimator"].as_str(), larva["estimator"].as_str()),
+        ("field", "field", "support")
+    );
+    assert_eq!(number("/shape/solid/volume_um3").to_bits(), number("/measurement/field_volume_um3").to_bits());
+    assert!(number("/measurement/volume_um3") < 0.98 * number("/measurement/field_volume_um3"), "the two differ by more than their errors");
     assert_eq!(stations[0]["width_um"].parse::<f64>().unwrap().to_bits(), number("/shape/body/stations/0/width_um").to_bits());
 }
 
@@ -406,6 +413,45 @@ fn statistics_are_written_as_tables_and_as_json() {
     assert_eq!((&all["specimens"], &all["specimens_with_flags"], &all["modes"]), (&json!(4), &json!(2), &json!(["simulated"])));
     let diameter = all["quantities"].as_array().unwrap().iter().find(|q| q["name"] == "diameter_um").unwrap();
     assert_eq!((&diameter["groups"], diameter["left_out"].as_array().unwrap().len()), (&json!([]), 2), "only the beads have one");
+}
+
+/// Flags on every specimen.
+#[test]
+fn statistics_in_which_no_specimen_counts_are_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let run = plate(dir.path(), "r1", "P-1", 4);
+    let file = run.join("run.json");
+    let flag = |code: &str| {
+        let mut record = json(&file);
+        for well in &mut record["wells"].as_array_mut().unwrap()[..2] {
+            well["flags"] = json!([code]);
+        }
+        std::fs::write(&file, record.to_string()).unwrap();
+    };
+    let out = dir.path().join("s.csv");
+    let statistics = |more: &[&str]| carved().args(["export", "statistics"]).arg(&run).arg("--out").arg(&out).args(more).output().unwrap();
+    // A flag of a sound number, and one of a doubtful one.
+    for (code, refused) in [("closure_undecided", vec!["--without-flagged"]), ("moved", vec!["--without-flagged", ""])] {
+        flag(code);
+        for more in refused {
+            let output = statistics(&[more].into_iter().filter(|arg| !arg.is_empty()).collect::<Vec<_>>());
+            assert_eq!(output.status.code(), Some(1), "{code} {more}");
+            assert!(stderr(&output).contains("0 of 2 measured specimens count"), "{}", stderr(&output));
+            assert!(stderr(&output).contains("--with-flagged counts") && !out.exists(), "{}", stderr(&output));
+        }
+        done(&statistics(&["--with-flagged"]));
+        assert!(rows(&out).iter().any(|row| row["quantity"] == "volume_um3"));
+        std::fs::remove_file(&out).unwrap();
+    }
+    let report = dir.path().join("report.html");
+    done(&carved().arg("report").arg(&run).arg("--without-flagged").arg("--out").arg(&report).output().unwrap());
+    assert!(std::fs::read_to_string(&report).unwrap().contains("No specimen counts: all 2 have flags"));
+    // A run without any number has no statistics, which is no mistake.
+    let empty = plate(dir.path(), "r2", "P-2", 4);
+    for well in ["A01", "A02"] {
+        std::fs::remove_dir_all(empty.join(well)).unwrap();
+    }
+    done(&carved().args(["export", "statistics", "--without-flagged"]).arg(&empty).output().unwrap());
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use super::{read, write};
 use crate::tables::csv;
 use crate::tables::statistics::{Flagged, Statistics, groups_table, responses_table, windows_table};
-use anyhow::{Context, bail};
+use anyhow::{Context, bail, ensure};
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Args)]
@@ -49,7 +49,7 @@ impl Which {
 /// Writes the statistics.
 ///
 /// # Errors
-/// A run that cannot be read, a file that cannot be written, or a format that there is not.
+/// A run that cannot be read, a file that cannot be written, a format that there is not, or specimens of which none counts.
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let as_json = args.out.as_deref().map(is_json).transpose()?.unwrap_or(false);
     for file in [&args.responses, &args.controls].into_iter().flatten() {
@@ -65,6 +65,12 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             note!("carved: {}: {words}", quantity.name);
         }
     }
+    ensure!(
+        statistics.specimens == 0 || statistics.counts_any(),
+        "0 of {} measured specimens count, so that a table would have no row; nothing was written. --with-flagged counts specimens with flags{}",
+        statistics.specimens,
+        if flagged == Flagged::Excluded { ", and without --without-flagged those count whose flags leave the number sound" } else { "" },
+    );
     match &args.out {
         Some(file) if as_json => write(file, &serde_json::to_vec_pretty(&statistics).context("the statistics cannot be written as JSON")?)?,
         Some(file) => write(file, csv::text(&groups_table(&statistics)).as_bytes())?,
