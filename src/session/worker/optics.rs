@@ -15,8 +15,8 @@
 //! A specimen lies inside the bore. It cannot hide the outer lines of both walls or the light beside them. A specimen can look like a
 //! crooked wall from some sides. A fault of the instrument looks so from all sides.
 
+use super::retry::retaken_most;
 use super::skip;
-use super::turn::retaken_most;
 use crate::session::preflight;
 use carved_core::pipeline::{Pipeline, PipelineError, SegmentedFrame};
 use carved_core::profile::{Profile, ProfileError};

@@ -29,6 +29,14 @@ use carved_devices::acquisition::AcquisitionError;
 use carved_records::LedgerError;
 use carved_records::Phase;
 
+/// A tenth of the views may be retaken. If more do not fit, the cause is not the single views.
+const RETAKEN_SHARE: u32 = 10;
+
+/// Maximum number of views of a turn that are retaken.
+pub fn retaken_most(asd: u32) -> usize {
+    asd.div_ceil(RETAKEN_SHARE) as usize
+}
+
 /// Whether a new reference and another turn may succeed. The specimen is there, and no person is needed first.
 pub fn may_be_tried_again(error: &RunError) -> bool {
     match error {

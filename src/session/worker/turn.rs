@@ -6,6 +6,7 @@
 //!                       └─ otherwise ───────────────> accepted: it may leave, its numbers are computed meanwhile
 //! ```
 
+use super::retry::retaken_most;
 use super::science::{NoVerdict, Science};
 use super::specimen::{Ended, Work};
 use super::watch::within;
@@ -26,14 +27,6 @@ pub enum Attempt {
     /// Another attempt may succeed. Contains the reason.
     Again(String),
     Cancelled,
-}
-
-/// A tenth of the views may be retaken. If more do not fit, the cause is not the single views.
-const RETAKEN_SHARE: u32 = 10;
-
-/// Maximum number of views of a turn that are retaken.
-pub fn retaken_most(asd: u32) -> usize {
-    asd.div_ceil(RETAKEN_SHARE) as usize
 }
 
 impl Worker {

@@ -158,7 +158,8 @@ impl Segmenter {
         let profile = self.segment(picture, settings, empty)?;
         let is_searched = settings.method == Method::Hybrid && settings.fringe.reach_bore > 0.0;
         let may_have_fins = is_searched && !profile.body.iter().all(|outline| fringe::is_disc(&outline.vertices));
-        let borders = may_have_fins.then(|| FinBorders::of(&self.background.contrast, &profile, picture.height()));
+        let Profile { body, walls, quality, .. } = &profile;
+        let borders = may_have_fins.then(|| FinBorders::of(&self.background.contrast, body, walls, quality.blur_px, picture.height()));
         Ok((profile, borders))
     }
 }

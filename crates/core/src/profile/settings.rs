@@ -2,7 +2,6 @@
 //!
 //! The ranges exclude what no frame can need and what would take too long.
 
-use super::edge::onset::REACH_PX;
 use crate::range::{OutOfRange, Range, Ranged, outside_in};
 use crate::ranges;
 use serde::{Deserialize, Serialize};
@@ -246,6 +245,8 @@ const BORE: &str = "of the bore's height";
 const BORE2: &str = "of the squared bore";
 const NOISE: &str = "standard deviations of the noise";
 const CHANCE: &str = "standard deviations of chance";
+/// Samples along a normal of the coarse outline reach this far to either side, px.
+pub(super) const REACH_PX: usize = 9;
 /// The edge is fitted in a window of this reach to either side of the coarse outline, px.
 const EDGE_REACH_PX: f64 = REACH_PX as f64 - 2.0;
 

@@ -19,12 +19,12 @@
 //! edges.
 
 use super::blur::{self, Models, SAME_BLUR};
-use super::onset::{Kind, NEAR, Onsets, PER_PX, PER_WINDOW, REACH_PX, SAMPLES, SHIFTS_PER_PX};
+use super::onset::{Kind, NEAR, Onsets, PER_PX, PER_WINDOW, SAMPLES, SHIFTS_PER_PX};
 use crate::profile::body::bubble::Disc;
 use crate::profile::raster::outline::{self, Outlines, Polygon, Smoother, normals, smooth_cyclic};
 use crate::profile::raster::path::Path;
 use crate::profile::raster::plane::{Plane, gaussian};
-use crate::profile::settings::EdgeSettings;
+use crate::profile::settings::{EdgeSettings, REACH_PX};
 
 /// The certainty of one vertex of the refined outline.
 #[derive(Debug, Clone, Copy, PartialEq)]

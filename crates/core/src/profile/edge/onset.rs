@@ -12,9 +12,10 @@
 //! mixture. All of them begin at the edge and none may be negative: the edge is where the darkness begins, whatever its
 //! profile. The level outside is free, but held near 0 by what is known about the background.
 
+use crate::profile::settings::REACH_PX;
+
 /// Samples along a normal: from `REACH_PX` outside to `REACH_PX` inside.
 pub(in crate::profile) const PER_PX: usize = 2;
-pub(in crate::profile) const REACH_PX: usize = 9;
 pub(in crate::profile) const SAMPLES: usize = 2 * REACH_PX * PER_PX + 1;
 /// Positions per px that the fit tries. The residual rises much faster on one side of the edge than on the other, so that a
 /// parabola through positions further apart would move the edge: by up to 0.06 px at 8 per px, and 0.02 px at 32.

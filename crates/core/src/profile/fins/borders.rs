@@ -7,8 +7,10 @@
 
 use super::fringe::{Filters, INSIDE, OUTER, WALL_LINE_PX, mark};
 use crate::profile::bore::background::Contrast;
+use crate::profile::bore::walls::Walls;
+use crate::profile::raster::columns::Columns;
+use crate::profile::raster::outline::Polygon;
 use crate::profile::raster::plane::{gaussian, quantile};
-use crate::profile::{Columns, Profile};
 use std::sync::Arc;
 
 /// Standard deviation of the mean along the capillary, px.
@@ -56,13 +58,19 @@ pub(crate) struct Window<'a> {
 }
 
 impl FinBorders {
-    /// The responses beside the body of a profile, of whose frame this is the contrast.
-    pub(in crate::profile) fn of(contrast: &Contrast, profile: &Profile, picture_height: usize) -> Self {
+    /// The responses beside the outlines of a body, of whose frame this is the contrast.
+    pub(in crate::profile) fn of(
+        contrast: &Contrast,
+        body: &[Polygon],
+        walls: &Walls,
+        blur_px: Option<f64>,
+        picture_height: usize,
+    ) -> Self {
         let plane = &contrast.lightness;
-        let body = Columns::from_outlines(&profile.body, plane.width, picture_height);
-        let (mark, blur_px) = (mark(contrast.all_light), profile.quality.blur_px);
+        let body = Columns::from_outlines(body, plane.width, picture_height);
+        let mark = mark(contrast.all_light);
         let window = Window { lightness: &plane.data, width: plane.width, top: plane.top, mark, blur_px };
-        let inner = |u: usize| [profile.walls.upper.inner.at(u as f64), profile.walls.lower.inner.at(u as f64)];
+        let inner = |u: usize| [walls.upper.inner.at(u as f64), walls.lower.inner.at(u as f64)];
         Self::beside(&window, &body, inner)
     }
 
