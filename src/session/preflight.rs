@@ -9,7 +9,7 @@ use super::Instrument;
 use super::{Check, gate};
 use crate::api::NoticesStatus;
 use crate::config::Config;
-use carved_core::statistics::median;
+use carved_core::statistics::upper_median;
 use carved_devices::acquisition::grab;
 use carved_devices::cancel::CancelToken;
 use carved_devices::outputs::{self, OutputUse};
@@ -122,7 +122,7 @@ impl Blurs {
     /// The median of those before the newest. `None` where too few are known.
     fn usual_px(&self) -> Option<f64> {
         let earlier: Vec<f64> = self.0.iter().copied().take(self.0.len().saturating_sub(1)).collect();
-        (earlier.len() >= Self::LEAST).then(|| median(earlier))
+        (earlier.len() >= Self::LEAST).then(|| upper_median(earlier))
     }
 
     /// Compares the newest blur with that of the specimens before it, or with the method's where too few are known. `None` before the

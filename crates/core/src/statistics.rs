@@ -1,10 +1,13 @@
 //! Statistics of samples, and fits that are robust against single wrong values.
 //!
 //! ```text
-//!   values ── mean, sd, median       (day, value) ── straight line
+//!   values ── mean, sd, median, quantiles       (day, value) ── straight line
 //!   rows, values ── least squares ── residuals ── weights by Huber ─┐
 //!                        ▲──────────────────────────────────────────┘
 //! ```
+//! Quantiles differ in the value that they take where the share falls between two values. Each rule has one function, whose name says
+//! which: [`lower_quantile`], [`upper_quantile`] and [`median`], which is the mean of both at a half. The many grey values of a frame
+//! have their own selection, of the nearest rank (`profile/raster/plane.rs`), which writes over its input.
 
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
@@ -14,18 +17,39 @@ pub fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
+/// The value of this rank in the sorted values, or the last one. `None` without values.
+fn of_rank(mut values: Vec<f64>, rank: usize) -> Option<f64> {
+    let last = values.len().checked_sub(1)?;
+    Some(*values.select_nth_unstable_by(rank.min(last), f64::total_cmp).1)
+}
+
+/// The value at `share` (0 to 1) of the sorted values; between two of them the lower one. `None` without values.
+pub fn lower_quantile(values: Vec<f64>, share: f64) -> Option<f64> {
+    let rank = share * values.len().saturating_sub(1) as f64;
+    of_rank(values, rank as usize)
+}
+
+/// The value at `share` (0 to 1) of the sorted values, each of which takes the same share; between two of them the upper one. `None`
+/// without values.
+pub fn upper_quantile(values: Vec<f64>, share: f64) -> Option<f64> {
+    let rank = share * values.len() as f64;
+    of_rank(values, rank as usize)
+}
+
+/// The median; of an even number of values the mean of the middle two, as in numpy. `None` without values.
+pub fn median(values: Vec<f64>) -> Option<f64> {
+    let lower = lower_quantile(values.clone(), 0.5)?;
+    Some(f64::midpoint(lower, upper_quantile(values, 0.5)?))
+}
+
 /// The median; of an even number of values the upper one of the middle two. 0 without values.
-pub fn median(mut values: Vec<f64>) -> f64 {
-    if values.is_empty() {
-        return 0.0;
-    }
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+pub fn upper_median(values: Vec<f64>) -> f64 {
+    upper_quantile(values, 0.5).unwrap_or(0.0)
 }
 
 /// The median of the magnitudes, scaled to a standard deviation.
 pub(crate) fn mad_sd(values: &[f64]) -> f64 {
-    1.4826 * median(values.iter().map(|v| v.abs()).collect())
+    1.4826 * upper_median(values.iter().map(|v| v.abs()).collect())
 }
 
 /// Number, mean and standard deviation (divisor n - 1) of values.
@@ -138,10 +162,18 @@ mod tests {
         near(spread.sd.unwrap(), (50.0f64 / 3.0).sqrt());
         near(spread.sd_of_mean().unwrap(), (50.0f64 / 12.0).sqrt());
         assert_eq!((Spread::of(&[2.0]).unwrap().sd, Spread::of(&[])), (None, None));
-        near(median(vec![5.0, 1.0, 3.0, 4.0]), 4.0);
+        let four = vec![5.0, 1.0, 3.0, 4.0];
+        near(upper_median(four.clone()), 4.0);
+        near(median(four.clone()).unwrap(), 3.5);
+        near(median(vec![5.0, 1.0, 3.0]).unwrap(), 3.0);
+        assert_eq!((0.0, median(Vec::new())), (upper_median(Vec::new()), None));
+        for (share, lower, upper) in [(0.0, 1.0, 1.0), (0.3, 1.0, 3.0), (0.5, 3.0, 4.0), (0.75, 4.0, 5.0), (1.0, 5.0, 5.0)] {
+            near(lower_quantile(four.clone(), share).unwrap(), lower);
+            near(upper_quantile(four.clone(), share).unwrap(), upper);
+        }
         // Of 1, 2, 3 the middle; 9 moves nothing.
         near(mad_sd(&[-1.0, 3.0, -9.0, 2.0, -2.0]), 1.4826 * 2.0);
-        near(median(Vec::new()) + mean(&[]), 0.0);
+        near(mean(&[]), 0.0);
     }
 
     // numpy.polyfit([0, 1, 3], [1, 2, 3], 1) gives 9 / 14; residuals' squares sum to 1 / 14 over squares of 14 / 3.

@@ -8,7 +8,7 @@
 
 use super::{RecordingReader, Software, StoreError, durable};
 use carved_core::quality::gate::{BeadGate, BeadMeasured, GateNumbers, GateSettings, GateVerdict};
-use carved_core::statistics::median;
+use carved_core::statistics::upper_median;
 use carved_records::{Mode, SpecimenKind, sha256_hex};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -129,7 +129,7 @@ fn bead(path: &Path) -> Result<Option<Bead>, StoreError> {
         diameter_um,
         aspect_ratio,
         sphere_rms_um,
-        residual_px: (!residuals.is_empty()).then(|| median(residuals)),
+        residual_px: (!residuals.is_empty()).then(|| upper_median(residuals)),
         uy_px: record.calibration.as_ref().map(|c| c.psi.uy),
         gamma_deg: record.calibration.as_ref().map(|c| c.psi.gamma.to_degrees()),
     });

@@ -14,6 +14,7 @@ use carved_core::flag::StoredFlag;
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::pipeline::SegmentedFrame;
 use carved_core::profile::{ColumnEdges, Columns, Mask, Polygon, Profile};
+use carved_core::statistics::upper_median;
 use hardware_sim::scene::{Camera, Exposure, Outline, Scene, SceneSettings, Specimen};
 use std::collections::BTreeMap;
 
@@ -292,15 +293,13 @@ pub fn run(work: &Work) -> anyhow::Result<Section> {
     let places: Vec<Vec<String>> = places
         .iter()
         .map(|(place, errors)| {
-            let mut sorted = errors.clone();
-            sorted.sort_by(f64::total_cmp);
             let short = 100.0 * errors.iter().filter(|e| **e < -1.5).count() as f64 / errors.len() as f64;
             let Summary { mean, sd, .. } = Summary::of(errors);
             vec![
                 (*place).to_owned(),
                 errors.len().to_string(),
                 format!("{mean:+.3}"),
-                format!("{:+.3}", sorted[sorted.len() / 2]),
+                format!("{:+.3}", upper_median(errors.clone())),
                 format!("{sd:.2}"),
                 format!("{short:.1}"),
             ]

@@ -3,6 +3,7 @@
 use super::annotation::Annotations;
 use anyhow::Context;
 use carved_core::profile::{Comparison, Profile};
+use carved_core::statistics::median;
 use carved_store::durable;
 use std::path::Path;
 
@@ -180,7 +181,7 @@ fn summary(rows: &[Row]) -> Vec<String> {
         let Some((worst, picture)) = values.iter().copied().max_by(|a, b| (a.0 - best).abs().total_cmp(&(b.0 - best).abs())) else {
             return;
         };
-        let median = f64::midpoint(values[(values.len() - 1) / 2].0, values[values.len() / 2].0);
+        let median = median(values.iter().map(|(value, _)| *value).collect()).unwrap_or(worst);
         lines.push(format!("{name}: median {median:.digits$}, worst {worst:.digits$} ({picture})"));
     };
     figure("IoU", 4, 1.0, &|c, _| Some(c.iou));

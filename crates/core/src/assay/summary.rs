@@ -1,6 +1,6 @@
 //! One sample of values.
 
-use crate::statistics::Spread;
+use crate::statistics::{self, Spread};
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
@@ -28,7 +28,7 @@ impl Summary {
     /// The statistics of values. `None` without any, and where one is not finite.
     pub fn of(values: &[f64]) -> Option<Self> {
         let spread = Spread::of(values).filter(|_| values.iter().all(|v| v.is_finite()))?;
-        let median = middle(values)?;
+        let median = statistics::median(values.to_vec())?;
         let distances: Vec<f64> = values.iter().map(|v| (v - median).abs()).collect();
         let half = spread.sd_of_mean().zip(student(spread.n as f64 - 1.0)).map(|(sd, t)| t * sd);
         Some(Self {
@@ -37,18 +37,9 @@ impl Summary {
             sd: spread.sd,
             mean_interval_95: half.map(|half| [spread.mean - half, spread.mean + half]),
             median,
-            mad: middle(&distances)?,
+            mad: statistics::median(distances)?,
         })
     }
-}
-
-/// The median as in numpy: of an even number of values the mean of the middle two. [`crate::statistics::median`] takes the upper one.
-/// `None` without values.
-fn middle(values: &[f64]) -> Option<f64> {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let upper = *sorted.get(sorted.len() / 2)?;
-    if sorted.len() % 2 == 1 { Some(upper) } else { Some(f64::midpoint(sorted[sorted.len() / 2 - 1], upper)) }
 }
 
 /// Half width of the interval, in standard deviations, with so many degrees of freedom. `None` without any.

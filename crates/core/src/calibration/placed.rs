@@ -13,7 +13,7 @@ use super::support::Support;
 use super::tangents::{Pose, TurnView};
 use crate::geometry::Camera;
 use crate::parallel::prelude::*;
-use crate::statistics::median;
+use crate::statistics::upper_median;
 use std::f64::consts::{PI, TAU};
 
 /// Most slices that are compared.
@@ -92,7 +92,7 @@ enum Shift {
 /// Places of the slices, um.
 fn places(pose: &Pose, views: &[TurnView]) -> Vec<f64> {
     let extents: Vec<(usize, usize)> = views.iter().filter_map(|v| v.columns.extent()).collect();
-    let middle = |of: fn(&(usize, usize)) -> usize| median(extents.iter().map(|e| of(e) as f64).collect());
+    let middle = |of: fn(&(usize, usize)) -> usize| upper_median(extents.iter().map(|e| of(e) as f64).collect());
     let (from, to) = (middle(|e| e.0), middle(|e| e.1));
     let count = ((to - from) as usize).min(SLICES);
     (0..count).map(|i| pose.slice(from + (to - from) * (i as f64 + 0.5) / count as f64)).collect()
@@ -123,7 +123,7 @@ fn residuals_px(pose: &Pose, slices: &[(Slice, Fit)], view: &TurnView, shift: Sh
     }
     let down_um = match shift {
         Shift::AsGiven => 0.0,
-        Shift::Free => median(residuals.iter().map(|(sign, off_um)| sign * off_um).collect()),
+        Shift::Free => upper_median(residuals.iter().map(|(sign, off_um)| sign * off_um).collect()),
     };
     Some(residuals.into_iter().map(|(sign, off_um)| (off_um - sign * down_um) * pose.camera().ky).collect())
 }

@@ -9,7 +9,7 @@
 use super::least_squares::Solution;
 use crate::parallel::prelude::*;
 use crate::profile::Columns;
-use crate::statistics::{fit, fit_robust, mad_sd, median};
+use crate::statistics::{fit, fit_robust, mad_sd, upper_median};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -158,9 +158,9 @@ const JUMP_LEAST_PX: f64 = 2.5;
 
 /// The view with the largest excess over its limit. `None` where no view exceeds one.
 pub fn worst(offs: &[ViewOff]) -> Option<(usize, Bad)> {
-    let usual = median(offs.iter().map(|o| o.rms_px).collect());
+    let usual = upper_median(offs.iter().map(|o| o.rms_px).collect());
     let spread = |of: &dyn Fn(&ViewOff) -> f64| {
-        let middle = median(offs.iter().map(of).collect());
+        let middle = upper_median(offs.iter().map(of).collect());
         let sd = mad_sd(&offs.iter().map(|o| of(o) - middle).collect::<Vec<_>>());
         (middle, sd)
     };
@@ -191,7 +191,7 @@ const AREA_OFF: f64 = 0.25;
 pub fn wrong_areas(views: &[(f64, f64)]) -> Vec<(usize, Bad)> {
     let mut weights = vec![1.0; views.len()];
     let wave = |omega: f64| Vector3::new(1.0, (2.0 * omega).cos(), (2.0 * omega).sin());
-    let middle = median(views.iter().map(|v| v.1).collect());
+    let middle = upper_median(views.iter().map(|v| v.1).collect());
     if views.len() < 6 || middle <= 0.0 {
         return Vec::new();
     }
@@ -222,7 +222,7 @@ pub fn short(views: &[&Columns]) -> Vec<(usize, Bad)> {
     if extents.len() < 6 {
         return Vec::new();
     }
-    let usual = |of: fn(&(usize, usize)) -> usize| median(extents.iter().map(|e| of(e) as f64).collect()) as usize;
+    let usual = |of: fn(&(usize, usize)) -> usize| upper_median(extents.iter().map(|e| of(e) as f64).collect()) as usize;
     let (from, to) = (usual(|e| e.0), usual(|e| e.1));
     let length = (to.max(from) - from + 1) as f64;
     let share = |view: &Columns| (from..=to).filter(|&u| view.get(u).is_none()).count() as f64 / length;

@@ -5,7 +5,7 @@ use super::least_squares::{GivenView, GlassFound, Priors, Solution, SolveError, 
 use super::screen::{Bad, Moved, ViewOff, moved, short, views_off, worst, wrong_areas};
 use super::tangents::TurnView;
 use crate::geometry::{Camera, Projection};
-use crate::statistics::{Line, median};
+use crate::statistics::{Line, upper_median};
 use nalgebra::Matrix4;
 
 /// Least views that count in a calibration. Fewer views enclose nothing.
@@ -209,7 +209,8 @@ fn covariance(camera: &Camera, found: &Solved, views: &[GivenView], offs: &[View
         at_least(3, priors.rho);
         at_least(1, priors.gamma_rad);
         // uy is the row of the axis in the principal point's column, and the specimen lies beside it.
-        let lever_px = median(views.iter().filter_map(|v| v.columns.extent()).map(|(a, b)| (a + b) as f64 / 2.0 - camera.ux).collect());
+        let lever_px =
+            upper_median(views.iter().filter_map(|v| v.columns.extent()).map(|(a, b)| (a + b) as f64 / 2.0 - camera.ux).collect());
         at_least(0, lever_px.abs() * priors.gamma_rad);
         at_least(2, priors.alpha_rad);
     }
@@ -267,7 +268,7 @@ fn solved(camera: &Camera, views: &[GivenView], priors: Priors) -> Result<Solved
 /// Whether most slices are discs.
 fn is_round(solution: &Solution) -> bool {
     let shape = |coefficients: &[f64]| coefficients.iter().skip(3).map(|c| c * c).sum::<f64>().sqrt() / coefficients[0];
-    median(solution.slices.iter().map(|(_, fit)| shape(&fit.support.coefficients)).collect()) < DISC
+    upper_median(solution.slices.iter().map(|(_, fit)| shape(&fit.support.coefficients)).collect()) < DISC
 }
 
 /// Ratios of true to planned angles that are tried as a start. Half the turn is not among them: it shows every slice from each

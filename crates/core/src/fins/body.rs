@@ -3,7 +3,7 @@
 use super::{Edge, Slice};
 use crate::calibration::{Support, basis};
 use crate::parallel::prelude::*;
-use crate::statistics::{Line, median};
+use crate::statistics::{Line, upper_median};
 use nalgebra::{SMatrix, SVector};
 
 /// Harmonics of the body's outline.
@@ -98,7 +98,7 @@ pub(super) fn bodies(slices: &[Slice], needed: usize, px_um: f64) -> Option<Vec<
     let (&first, &last) = (at.first()?, at.last()?);
     let along = |k: usize| -> Vec<f64> {
         let medians: Vec<f64> = (0..there.len())
-            .map(|i| median((0..MEDIAN).map(|j| there[(i + j).saturating_sub(MEDIAN / 2).min(there.len() - 1)][k]).collect()))
+            .map(|i| upper_median((0..MEDIAN).map(|j| there[(i + j).saturating_sub(MEDIAN / 2).min(there.len() - 1)][k]).collect()))
             .collect();
         smoothed(&medians, SIGMA)
     };

@@ -3,7 +3,7 @@
 use super::body::smoothed;
 use super::points::Point;
 use super::{Fin, Slice};
-use crate::statistics::median;
+use crate::statistics::upper_median;
 
 /// Largest distance of a point from the end of a chain, px, and what each missing slice adds to it.
 const JUMP_PX: f64 = 5.0;
@@ -48,7 +48,7 @@ fn distance(chain: &Chain, at: usize, point: Point) -> Option<f64> {
         return None;
     }
     let end = &chain[chain.len().saturating_sub(END)..];
-    let [y, z] = [0, 1].map(|k| median(end.iter().map(|(_, p)| p.at_um[k]).collect()) - point.at_um[k]);
+    let [y, z] = [0, 1].map(|k| upper_median(end.iter().map(|(_, p)| p.at_um[k]).collect()) - point.at_um[k]);
     Some(y.hypot(z) / (1.0 + JUMP_PER_GAP * gap as f64))
 }
 
@@ -58,7 +58,7 @@ fn fin(chain: &Chain, slices: &[Slice]) -> Fin {
     let (first, last) = (chain[0].0, chain[n - 1].0);
     let [y, z] = [0, 1].map(|k| {
         let medians: Vec<f64> = (0..n)
-            .map(|i| median((0..MEDIAN).map(|j| chain[(i + j).saturating_sub(MEDIAN / 2).min(n - 1)].1.at_um[k]).collect()))
+            .map(|i| upper_median((0..MEDIAN).map(|j| chain[(i + j).saturating_sub(MEDIAN / 2).min(n - 1)].1.at_um[k]).collect()))
             .collect();
         let filled: Vec<f64> = (first..=last)
             .map(|x| {
@@ -73,5 +73,5 @@ fn fin(chain: &Chain, slices: &[Slice]) -> Fin {
         smoothed(&filled, SIGMA)
     });
     let points_um = (first..=last).zip(y.iter().zip(&z)).map(|(x, (&y, &z))| [slices[x].x_um, y, z]).collect();
-    Fin { points_um, edges: median(chain.iter().map(|(_, p)| p.edges as f64).collect()) as usize }
+    Fin { points_um, edges: upper_median(chain.iter().map(|(_, p)| p.edges as f64).collect()) as usize }
 }

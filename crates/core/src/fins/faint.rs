@@ -16,7 +16,7 @@ use super::pool::{DIRECTIONS, Evidence, FEW, Grid, Sight};
 use super::taper::tapered;
 use super::{Fin, FinSlice, FinView};
 use crate::profile::FinBorders;
-use crate::statistics::median;
+use crate::statistics::upper_median;
 use std::f64::consts::{PI, TAU};
 
 /// Slices from one that is searched to the next. A slice is one px of the capillary.
@@ -177,7 +177,7 @@ impl<'a> Search<'a> {
         };
         let step = (views.len() / VIEWS_MOST).max(1);
         let mut sights: Vec<Sight> = views.iter().step_by(step).map(sight).collect::<Option<_>>()?;
-        let of_views = |of: &dyn Fn(&FinBorders) -> f64| median(sights.iter().map(|s| of(s.borders)).collect());
+        let of_views = |of: &dyn Fn(&FinBorders) -> f64| upper_median(sights.iter().map(|s| of(s.borders)).collect());
         let (margin_px, bore_um) = (of_views(&FinBorders::margin_px), of_views(&FinBorders::bore_px) / 2.0 * px_um);
         let grid = Grid::new(slices, STEP, bore_um, margin_px, px_um);
         if grid.radii == 0 || sights.is_empty() {
@@ -292,8 +292,8 @@ fn is_accepted(piece: &Piece, evidence: &[Evidence], goes_on: bool, views: usize
         piece.stations().zip(&piece.states).map(|(at, &(a, r))| of(&evidence[at], a * radii + r)).collect()
     };
     let gain: f32 = piece.stations().zip(&piece.states).map(|(at, &(a, r))| evidence[at].score[a * radii + r]).sum();
-    let response = median(along(&Evidence::response));
-    let is_few = median(along(&|e, i| f64::from(e.views[i]))) < FEW * 2.0 * views as f64;
+    let response = upper_median(along(&Evidence::response));
+    let is_few = upper_median(along(&|e, i| f64::from(e.views[i]))) < FEW * 2.0 * views as f64;
     let length_px = (piece.states.len() * STEP) as f64;
     let end = BODY_END_PX / STEP;
     let beside_ends = piece.first > end && piece.stations().end + end < evidence.len();
@@ -348,7 +348,7 @@ fn shaped(piece: &Piece, evidence: &[Evidence], grid: &Grid, slices: &[FinSlice]
         })
         .collect();
     let views = |(at, &(a, r)): (usize, &State)| f64::from(evidence[at].views[a * grid.radii + r]);
-    Fin { points_um, edges: median(piece.stations().zip(&piece.states).map(views).collect()) as usize }
+    Fin { points_um, edges: upper_median(piece.stations().zip(&piece.states).map(views).collect()) as usize }
 }
 
 /// Two parts of a fin as one, with a point in every slice. Between the parts it is straight.

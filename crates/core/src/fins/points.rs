@@ -2,7 +2,7 @@
 
 use super::{Edge, SAME_PX, Slice, centre};
 use crate::calibration::Support;
-use crate::statistics::median;
+use crate::statistics::upper_median;
 use nalgebra::{Matrix2, Vector2};
 use std::f64::consts::TAU;
 
@@ -115,7 +115,7 @@ fn meeting(group: &[Outstanding], px_um: f64) -> Option<(Vector2<f64>, usize)> {
     for _ in 0..ROUNDS {
         let p = nearest(group, &weights)?;
         let residuals: Vec<f64> = group.iter().map(|e| residual(e, p)).collect();
-        let sd = (1.4826 * median(residuals.iter().map(|r| r.abs()).collect())).max(SD_LEAST_PX * px_um);
+        let sd = (1.4826 * upper_median(residuals.iter().map(|r| r.abs()).collect())).max(SD_LEAST_PX * px_um);
         weights.iter_mut().zip(&residuals).for_each(|(w, r)| *w = 1.0 / (1.0 + (r / (2.0 * sd)).powi(2)));
         found = p;
     }

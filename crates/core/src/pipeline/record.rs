@@ -10,7 +10,7 @@ use crate::measure::shape::Shape;
 use crate::profile::{Detection, ProfileQuality, Walls};
 use crate::quality::{ClosureOff, ClosureSd, Quality, TurnFinding, ViewStrip, add_raised};
 use crate::reconstruction::CalibrationRecord;
-use crate::statistics::median;
+use crate::statistics::{median, upper_median};
 use serde::{Deserialize, Serialize};
 
 /// The result of one view.
@@ -181,7 +181,7 @@ impl SpecimenRecord {
     /// Median blur of the views, px. `None` where no view shows it.
     pub fn blur_px(&self) -> Option<f64> {
         let blurs: Vec<f64> = self.views.iter().filter_map(|view| view.quality?.blur_px).collect();
-        (!blurs.is_empty()).then(|| median(blurs))
+        (!blurs.is_empty()).then(|| upper_median(blurs))
     }
 
     /// Adds the comparison with reference larvae of the same age: volume and area in standard deviations from their mean, and
@@ -204,12 +204,10 @@ pub(super) fn compare_areas(views: &mut [ViewRecord]) {
         return;
     }
     for (k, (at, area)) in areas.iter().enumerate() {
-        let mut near: [f64; 2 * TO_EITHER_SIDE] = std::array::from_fn(|i| {
+        let near: [f64; 2 * TO_EITHER_SIDE] = std::array::from_fn(|i| {
             let away = if i < TO_EITHER_SIDE { n - 1 - i } else { i - TO_EITHER_SIDE + 1 };
             areas[(k + away) % n].1
         });
-        near.sort_by(f64::total_cmp);
-        let median = f64::midpoint(near[TO_EITHER_SIDE - 1], near[TO_EITHER_SIDE]);
-        views[*at].area_ratio = Some(area / median);
+        views[*at].area_ratio = median(near.to_vec()).map(|median| area / median);
     }
 }

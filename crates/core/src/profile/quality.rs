@@ -61,6 +61,7 @@ pub(super) fn of_edge(edge: &[Polygon], points: &[Vec<EdgePoint>], bore: &Bore, 
     contrasts.sort_unstable_by(f64::total_cmp);
     let seen = contrasts.len();
     ProfileQuality {
+        // The upper median, within the buffer: a warm segmenter allocates nothing.
         edge_contrast_sigma: contrasts.get(seen / 2).copied().unwrap_or(0.0),
         edge_error_px: if seen > 0 { (squares / seen as f64).sqrt() } else { 0.0 },
         uncertain_share: uncertain as f64 / total as f64,

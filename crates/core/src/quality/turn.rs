@@ -14,7 +14,7 @@ use super::limits::QualitySettings;
 use super::strip::ViewStrip;
 use crate::calibration::widest_gap;
 use crate::flag::Flag;
-use crate::statistics::median;
+use crate::statistics::upper_median;
 
 /// The view at 360 deg compared with the view at 0 deg.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -81,7 +81,7 @@ impl Quality {
     pub(crate) fn of(turn: &TurnFacts, l: &QualitySettings) -> Self {
         let used = || turn.strip.iter().filter(|v| v.used);
         let residuals: Vec<f64> = used().filter_map(|v| v.residual_px).collect();
-        let residual = (!residuals.is_empty()).then(|| median(residuals));
+        let residual = (!residuals.is_empty()).then(|| upper_median(residuals));
         let worst = used().filter_map(|v| Some((v.residual_px?, v.view))).max_by(|a, b| a.0.total_cmp(&b.0)).unzip();
         let least = used().filter_map(|v| Some((v.overlap_percent?, v.view))).min_by(|a, b| a.0.total_cmp(&b.0)).unzip();
         let views = turn.omegas.len() as f64;

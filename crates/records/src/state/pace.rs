@@ -9,6 +9,7 @@
 //! the events, so a restart gets the same estimate as the live run.
 
 use crate::{EventBody, EventData, Phase, SpecimenOutcome};
+use carved_core::statistics::upper_quantile;
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, VecDeque};
@@ -62,11 +63,8 @@ fn keep(list: &mut VecDeque<f64>, value: f64) {
     list.push_back(value);
 }
 
-/// Quantile of a list, by nearest rank. `None` if the list is empty.
-fn quantile(values: &VecDeque<f64>, q: f64) -> Option<f64> {
-    let mut sorted: Vec<f64> = values.iter().copied().collect();
-    sorted.sort_by(f64::total_cmp);
-    sorted.get(((sorted.len() as f64 * q) as usize).min(sorted.len().saturating_sub(1))).copied()
+fn quantile(values: &VecDeque<f64>, share: f64) -> Option<f64> {
+    upper_quantile(values.iter().copied().collect(), share)
 }
 
 impl UnderWay {

@@ -6,7 +6,7 @@
 
 use super::MarkError;
 use crate::profile::Spot;
-use crate::statistics::{self, median};
+use crate::statistics::{self, upper_median};
 use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::TAU;
 
@@ -113,7 +113,7 @@ pub fn track(views: &[MarkView], glass: impl Fn(f64) -> [f64; 2]) -> Result<Mark
         let near = if round == 0 { SOUGHT * wall_px } else { NEAR_PX };
         on = views.iter().filter_map(|v| Some((v.omega, way.spot(v, axis, near)?))).collect();
         fit = circle(&on, axis).ok_or(MarkError::NotFound { seen: on.len(), views: views.len(), needed })?;
-        way = Way { u_px: median(on.iter().map(|(_, s)| s.u_px).collect()), fit, ..way };
+        way = Way { u_px: upper_median(on.iter().map(|(_, s)| s.u_px).collect()), fit, ..way };
     }
     if on.len() < needed {
         return Err(MarkError::NotFound { seen: on.len(), views: views.len(), needed });

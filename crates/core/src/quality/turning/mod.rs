@@ -21,7 +21,7 @@ mod placing;
 
 use crate::parallel::prelude::*;
 use crate::profile::{Columns, Picture, Profile};
-use crate::statistics::median;
+use crate::statistics::upper_median;
 pub use findings::TurnFinding;
 use outlines::{Mirror, distance_px, shape_distance_px};
 use pixels::{BorePicture, Difference, Sampling, difference};
@@ -113,7 +113,7 @@ impl Turning {
     /// Median row of the middle of the bore over the views, px.
     pub fn middle_v(&self) -> Option<f64> {
         let rows: Vec<f64> = self.views.iter().filter_map(|v| v.middle_v).collect();
-        (!rows.is_empty()).then(|| median(rows))
+        (!rows.is_empty()).then(|| upper_median(rows))
     }
 
     /// What the comparison of the views shows, the cause before its consequences. A bead is not judged by its shape.
@@ -186,7 +186,7 @@ impl Turning {
             let widest = (from..=to).filter_map(|u| v.body.get(u)).map(|e| e.lower - e.upper).fold(0.0, f64::max);
             Some((to - from + 1) as f64 / widest)
         });
-        median(shapes.collect()) >= LONG
+        upper_median(shapes.collect()) >= LONG
     }
 
     /// Two views of different angles that are one exposure: they differ by less than the noise of the sensor makes two exposures differ,
@@ -280,7 +280,7 @@ impl Turning {
             let outside: f64 = (0..width).filter(|u| !is_common[*u]).filter_map(|u| v.body.get(u)).map(|e| e.lower - e.upper - e.gap).sum();
             100.0 * outside / v.body.area_px()
         });
-        let share_percent = median(shares.collect());
+        let share_percent = upper_median(shares.collect());
         (share_percent > ENDS_PERCENT).then_some(TurnFinding::Ends { share_percent, most_percent: ENDS_PERCENT })
     }
 }

@@ -1,6 +1,7 @@
 //! Two outlines of one turn, compared column by column.
 
 use crate::profile::Columns;
+use crate::statistics::{lower_quantile, upper_median};
 
 /// How the second picture is held against the first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -47,7 +48,7 @@ pub(super) fn shape_distance_px(a: &Columns, b: &Columns, mirror: Mirror) -> Opt
     let end = to.max(from + other_to - other_from);
     let pairs: Vec<_> = (from..=end).step_by(STEP).map(|u| (a.get(u), other(u).and_then(|u| b.get(u)))).collect();
     let middle = |e: crate::profile::ColumnEdges| f64::midpoint(e.upper, e.lower);
-    let apart = crate::statistics::median(pairs.iter().filter_map(|(a, b)| Some(middle((*a)?) - sign * middle((*b)?))).collect());
+    let apart = upper_median(pairs.iter().filter_map(|(a, b)| Some(middle((*a)?) - sign * middle((*b)?))).collect());
     Some(quantile(pairs.iter().map(|pair| match pair {
         (Some(a), Some(b)) => {
             let [upper, lower] = if sign > 0.0 { [b.upper, b.lower] } else { [-b.lower, -b.upper] };
@@ -63,7 +64,5 @@ fn shown(columns: &Columns) -> Option<(usize, usize)> {
 }
 
 fn quantile(values: impl Iterator<Item = f64>) -> f64 {
-    let mut values: Vec<f64> = values.collect();
-    let at = (SHARE * values.len().saturating_sub(1) as f64) as usize;
-    if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(at, f64::total_cmp).1 }
+    lower_quantile(values.collect(), SHARE).unwrap_or(0.0)
 }

@@ -162,6 +162,6 @@ impl Squares {
             .rows
             .chunks_exact(pixels)
             .map(|square| square.iter().map(|(row, difference)| (difference - fit.dot(row)).powi(2)).sum::<f64>() / pixels as f64);
-        Some(crate::statistics::median(squares.collect()))
+        Some(crate::statistics::upper_median(squares.collect()))
     }
 }
