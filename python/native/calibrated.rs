@@ -3,7 +3,7 @@
 use super::arrays::Pixels;
 use super::errors::{camera, input, of_calibrate, report};
 use super::{measured, task};
-use carved_core::calibration::{Ask, Optimiser};
+use carved_core::calibration::Ask;
 use carved_core::geometry::{BoxUm, VoxelGrid};
 use carved_offline::calibrate::{CalibratedTurn, Objective, Search, Turn, least_squares};
 use carved_offline::silhouettes::Psi;
@@ -13,7 +13,7 @@ use pyo3::prelude::*;
 type Calibrated = (String, String, Vec<f64>, Vec<f64>, Vec<String>);
 
 #[pyfunction]
-#[pyo3(signature = (silhouettes, names, angles, camera_json, objective, optimizer, free, epsilon, voxel_um, seed, evaluations))]
+#[pyo3(signature = (silhouettes, names, angles, camera_json, objective, free, epsilon, voxel_um, evaluations))]
 #[allow(clippy::too_many_arguments, reason = "as the Python side calls it")]
 pub fn calibrate(
     py: Python<'_>,
@@ -22,22 +22,19 @@ pub fn calibrate(
     angles: Vec<f64>,
     camera_json: &str,
     objective: &str,
-    optimizer: &str,
     free: Vec<String>,
     epsilon: f64,
     voxel_um: f64,
-    seed: u64,
     evaluations: usize,
 ) -> PyResult<Calibrated> {
     let psi = Psi { camera: camera(camera_json)?, omega: angles };
     let free = free.iter().map(|name| name.parse::<Ask>().map_err(input)).collect::<PyResult<Vec<_>>>()?;
-    let optimiser = if optimizer == "cma-es" { Optimiser::CmaEs { seed } } else { Optimiser::NelderMead };
     let objective = match objective {
         "vrv" => Some(Objective::Vrv { grid: VoxelGrid::new(BoxUm::PAPER, voxel_um).map_err(input)?, epsilon }),
         "coherence" => Some(Objective::Coherence),
         _ => None,
     };
-    let search = objective.map(|objective| Search::new(&free, objective, optimiser, evaluations)).transpose().map_err(of_calibrate)?;
+    let search = objective.map(|objective| Search::new(&free, objective, evaluations)).transpose().map_err(of_calibrate)?;
     let views = measured::views(py, &silhouettes, &names)?;
     let work = |_: &task::Steps| {
         let turn = Turn::new(psi, views)?;

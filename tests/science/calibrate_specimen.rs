@@ -50,7 +50,7 @@ fn every_objective_finds_the_axis_and_says_what_it_did() {
     for (args, within_px) in [
         (&["--voxel", "14"][..], 0.05),
         (&["--objective", "vrv", "--voxel", "14"], 0.12),
-        (&["--objective", "vrv", "--voxel", "17.1", "--optimizer", "cma-es", "--free", "uy,gamma=1", "--evaluations", "400"], 0.15),
+        (&["--objective", "vrv", "--voxel", "17.1", "--free", "uy,gamma=1", "--evaluations", "400"], 0.15),
         (&["--objective", "coherence", "--free", "uy,gamma,alpha"], 0.06),
     ] {
         let report = report(&specimen(folder.path(), args));

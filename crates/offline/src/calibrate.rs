@@ -2,13 +2,13 @@
 //!
 //! ```text
 //!  silhouettes ─┬─ least squares ── psi, views left out ── VRV check
-//!  psi ─────────┴─ VRV, coherence ── free parameters, optimiser ── psi
+//!  psi ─────────┴─ VRV, coherence ── free parameters ── psi
 //! ```
 
 use crate::silhouettes::{Psi as Given, View, WrongSensor};
 use carved_core::calibration::{
-    Ask, CalibrationError, Free, GivenView, Objective as Large, Optimised, Optimiser, Parameter, Priors, Psi, Refusal, Stop, Vrv,
-    VrvVerdict, calibrate, check_vrv, optimise,
+    Ask, CalibrationError, Free, GivenView, Objective as Large, Optimised, Parameter, Priors, Psi, Refusal, Stop, Vrv, VrvVerdict,
+    calibrate, check_vrv, optimise,
 };
 use carved_core::carver::{CarveError, Runs};
 use carved_core::geometry::VoxelGrid;
@@ -187,8 +187,6 @@ pub struct Search {
     refusals: Vec<String>,
     /// What is made as large as possible.
     pub objective: Objective,
-    /// How.
-    pub optimiser: Optimiser,
     /// Maximum number of evaluations of the objective.
     pub evaluations: usize,
 }
@@ -198,14 +196,14 @@ impl Search {
     ///
     /// # Errors
     /// Every parameter is refused.
-    pub fn new(free: &[Ask], objective: Objective, optimiser: Optimiser, evaluations: usize) -> Result<Self, CalibrateError> {
+    pub fn new(free: &[Ask], objective: Objective, evaluations: usize) -> Result<Self, CalibrateError> {
         let usual: Vec<Ask> = ["uy", "gamma"].iter().filter_map(|name| name.parse().ok()).collect();
         let (free, refusals) = Free::new(if free.is_empty() { &usual } else { free });
         let refusals: Vec<String> = refusals.iter().map(Refusal::to_string).collect();
         if free.is_empty() {
             return Err(CalibrateError::NothingToSearch(refusals.join(". ")));
         }
-        Ok(Self { free, refusals, objective, optimiser, evaluations })
+        Ok(Self { free, refusals, objective, evaluations })
     }
 
     /// Parameters that are not searched, or not as far as requested, in plain words.
@@ -227,20 +225,16 @@ impl Search {
                 ("vrv", Large::Vrv(Box::new(vrv)))
             }
         };
-        let by = match self.optimiser {
-            Optimiser::NelderMead => "nelder-mead",
-            Optimiser::CmaEs { .. } => "cma-es",
-        };
         let stop = Stop { evaluations: self.evaluations, share: SHARE };
         let Optimised { psi, before, after, evaluations, converged, on_bound } =
-            optimise(start, &self.free, &mut large, self.optimiser, stop).map_err(CalibrateError::Objective)?;
+            optimise(start, &self.free, &mut large, stop).map_err(CalibrateError::Objective)?;
         if before <= 0.0 {
             return Err(CalibrateError::Nothing(name));
         }
         let bound: Vec<&str> = on_bound.into_iter().map(Parameter::name).collect();
         let report = json!({
             "objective": name,
-            "optimizer": by,
+            "optimizer": "nelder-mead",
             "free": self.free.parameters().map(Parameter::name).collect::<Vec<_>>(),
             "views": turn.names(),
             "psi": {"before": told(start), "after": told(&psi)},

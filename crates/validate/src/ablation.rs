@@ -4,7 +4,7 @@ use super::document::{Section, table};
 use super::effort::Work;
 use super::statistics::Summary;
 use super::turn::{Turn, grid, off, sections, voxels};
-use carved_core::calibration::{Ask, Free, Objective, Optimiser, Pose, Priors, Psi, Stop, Vrv, calibrate, optimise};
+use carved_core::calibration::{Ask, Free, Objective, Pose, Priors, Psi, Stop, Vrv, calibrate, optimise};
 use carved_core::carver::Runs;
 use carved_core::geometry::Camera;
 use carved_core::measure::support::SupportEstimate;
@@ -114,5 +114,5 @@ fn searched(turn: &Turn, masks: &[Mask]) -> anyhow::Result<Camera> {
     let vrv = Vrv::new(runs.iter().collect(), grid(VRV_VOXEL_UM)?, 0.0)?;
     let asked = ["uy", "gamma"].map(str::parse::<Ask>).into_iter().collect::<Result<Vec<_>, _>>()?;
     let start = Psi::new(turn.nominal.clone(), turn.ledger.clone());
-    Ok(optimise(&start, &Free::new(&asked).0, &mut Objective::Vrv(Box::new(vrv)), Optimiser::NelderMead, STOP)?.psi.camera)
+    Ok(optimise(&start, &Free::new(&asked).0, &mut Objective::Vrv(Box::new(vrv)), STOP)?.psi.camera)
 }

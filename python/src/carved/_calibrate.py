@@ -43,11 +43,9 @@ def calibrate(
     camera: Camera,
     *,
     objective: Literal["least-squares", "vrv", "coherence"] = "least-squares",
-    optimizer: Literal["nelder-mead", "cma-es"] = "nelder-mead",
     free: Sequence[str] = (),
     epsilon: float = 0.0,
     voxel_um: float = 10.0,
-    seed: int = 1,
     evaluations: int = 2000,
     names: Sequence[str] | None = None,
 ) -> Calibration:
@@ -59,12 +57,10 @@ def calibrate(
         camera: the camera as the rig knows it.
         objective: `"least-squares"` of the edges, or a search for the largest `"vrv"` (the volume that no view misses) or
             `"coherence"` (overlap with the hull).
-        optimizer: of `"vrv"` and `"coherence"`.
         free: parameters that `"vrv"` and `"coherence"` may change, for example `["uy", "gamma=1"]`; a range in px or deg
             may follow. Default: uy and gamma.
         epsilon: share of the views that may miss a voxel, for `"vrv"`.
         voxel_um: edge of a voxel for `"vrv"`, um.
-        seed: of `"cma-es"`.
         evaluations: maximum number of evaluations of the objective.
         names: names of the views in the report.
 
@@ -75,12 +71,10 @@ def calibrate(
     """
     if objective not in ("least-squares", "vrv", "coherence"):
         raise InputError(f"objective: found {objective!r}, expected 'least-squares', 'vrv' or 'coherence'")
-    if optimizer not in ("nelder-mead", "cma-es"):
-        raise InputError(f"optimizer: found {optimizer!r}, expected 'nelder-mead' or 'cma-es'")
-    if objective == "least-squares" and (optimizer != "nelder-mead" or free or epsilon):
-        raise InputError("optimizer, free and epsilon: least-squares has its own way; leave them out, or use 'vrv' or 'coherence'")
-    if not 0 <= seed < 2**64 or evaluations < 0:
-        raise InputError(f"seed and evaluations: found {seed} and {evaluations}, expected whole numbers from 0 on")
+    if objective == "least-squares" and (free or epsilon):
+        raise InputError("free and epsilon: least-squares has its own way; leave them out, or use 'vrv' or 'coherence'")
+    if evaluations < 0:
+        raise InputError(f"evaluations: found {evaluations}, expected a whole number from 0 on")
     masks = _silhouettes("silhouettes", silhouettes)
     report, psi, omega, shifts, doubts = _native.calibrate(
         masks,
@@ -88,11 +82,9 @@ def calibrate(
         _arrays.angles(angles, len(masks)),
         camera.to_json(),
         objective,
-        optimizer,
         list(free),
         _finite("epsilon", epsilon),
         _finite("voxel_um", voxel_um),
-        seed,
         evaluations,
     )
     return Calibration(Camera.from_dict(json.loads(psi)), np.array(omega), np.array(shifts), json.loads(report), report, doubts)

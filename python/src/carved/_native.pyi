@@ -96,11 +96,9 @@ def calibrate(
     angles: Sequence[float],
     camera_json: str,
     objective: str,
-    optimizer: str,
     free: Sequence[str],
     epsilon: float,
     voxel_um: float,
-    seed: int,
     evaluations: int,
 ) -> tuple[str, str, list[float], list[float], list[str]]: ...
 def projections(camera_json: str, angles: Sequence[float]) -> npt.NDArray[np.float64]: ...

@@ -2,13 +2,13 @@
 //!
 //! ```text
 //!  --views DIR ───── profiles ─┬─ least-squares ── psi, views left out ── gate
-//!  --cameras FILE ── psi ──────┴─ vrv, coherence ── --free, --optimizer ── psi
+//!  --cameras FILE ── psi ──────┴─ vrv, coherence ── --free ── psi
 //! ```
 //! Prints one JSON object on stdout. A refusal is in it and on stderr.
 
 use crate::cli::reconstruct::{cameras, views};
 use anyhow::{Context, bail};
-use carved_core::calibration::{Ask, Optimiser};
+use carved_core::calibration::Ask;
 use carved_core::geometry::{BoxUm, VoxelGrid};
 use carved_offline::calibrate::{self, CalibrateError, CalibratedTurn, Search, Turn};
 use carved_offline::silhouettes::Cameras;
@@ -25,9 +25,6 @@ pub struct Args {
     /// Objective to optimise
     #[arg(long, value_enum, default_value_t = Objective::LeastSquares)]
     objective: Objective,
-    /// Optimiser for vrv and coherence [default: nelder-mead]
-    #[arg(long, value_enum)]
-    optimizer: Option<Optimizer>,
     /// Parameters that vrv and coherence may change, each with a range in px or deg other than the usual one [default: uy,gamma]
     #[arg(long, value_name = "uy,gamma,alpha=0.5,..", value_delimiter = ',')]
     free: Vec<Ask>,
@@ -37,9 +34,6 @@ pub struct Args {
     /// Edge of a voxel for vrv
     #[arg(long, value_name = "UM", default_value_t = 10.0)]
     voxel: f64,
-    /// Seed of cma-es
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    seed: u64,
     /// Maximum number of evaluations of the objective
     #[arg(long, value_name = "N", default_value_t = 2000)]
     evaluations: usize,
@@ -55,12 +49,6 @@ enum Objective {
     LeastSquares,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum Optimizer {
-    NelderMead,
-    CmaEs,
-}
-
 /// Reads the profiles, calibrates and prints the report.
 ///
 /// # Errors
@@ -69,9 +57,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let grid = VoxelGrid::new(BoxUm::PAPER, args.voxel).context("--voxel")?;
     let found = match args.objective {
         Objective::LeastSquares => {
-            if args.optimizer.is_some() || !args.free.is_empty() || args.epsilon != 0.0 {
+            if !args.free.is_empty() || args.epsilon != 0.0 {
                 bail!(
-                    "--optimizer, --free and --epsilon: least-squares frees uy, gamma, alpha, the angles' ratio and each view's shift, and has its own way; leave them out, or ask for --objective vrv or coherence"
+                    "--free and --epsilon: least-squares frees uy, gamma, alpha, the angles' ratio and each view's shift, and has its own way; leave them out, or ask for --objective vrv or coherence"
                 );
             }
             calibrate::least_squares(&read(args)?)?
@@ -102,11 +90,7 @@ fn search(args: &Args, grid: VoxelGrid) -> anyhow::Result<CalibratedTurn> {
         Objective::Coherence => calibrate::Objective::Coherence,
         _ => calibrate::Objective::Vrv { grid, epsilon: args.epsilon },
     };
-    let optimiser = match args.optimizer {
-        None | Some(Optimizer::NelderMead) => Optimiser::NelderMead,
-        Some(Optimizer::CmaEs) => Optimiser::CmaEs { seed: args.seed },
-    };
-    let search = Search::new(&args.free, objective, optimiser, args.evaluations).context("--free")?;
+    let search = Search::new(&args.free, objective, args.evaluations).context("--free")?;
     for refusal in search.refusals() {
         note!("carved: {refusal}");
     }

@@ -9,7 +9,6 @@
 //! Parameters that silhouettes do not determine are not estimated: `f`, `kx`, `ky` and `ux` are the rig's.
 
 mod closed_form;
-mod cma;
 mod coherence;
 mod free;
 mod hull_slices;
@@ -34,7 +33,7 @@ pub use coherence::coherence;
 pub(crate) use coherence::reprojected_areas;
 pub use free::{Ask, Free, Parameter, Refusal};
 pub use least_squares::{GivenView, GlassFound, PASSES_MOST, Priors, SolveError};
-pub use objective::{Objective, Optimised, Optimiser, Vrv, optimise};
+pub use objective::{Objective, Optimised, Vrv, optimise};
 pub(crate) use placed::{Placed, placed, placed_by_halves};
 pub(crate) use pose_offset::pose_offset;
 pub use pose_offset::{PoseOffset, PoseOffsetSd};

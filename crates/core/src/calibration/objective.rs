@@ -11,7 +11,7 @@ use super::coherence::coherence;
 use super::free::{Free, Parameter};
 use super::psi::Psi;
 use super::search::{Minimum, Stop};
-use super::{cma, simplex};
+use super::simplex;
 use crate::carver::{CarveError, ResidualVolume, Runs};
 use crate::geometry::VoxelGrid;
 use crate::profile::Columns;
@@ -75,18 +75,6 @@ impl Objective<'_> {
     }
 }
 
-/// The method of the search.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Optimiser {
-    /// The simplex of Nelder and Mead: few unknowns.
-    NelderMead,
-    /// CMA-ES: many unknowns, or a function with bumps.
-    CmaEs {
-        /// Start of the random numbers; the same seed gives the same search.
-        seed: u64,
-    },
-}
-
 /// The result of a search.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Optimised {
@@ -104,11 +92,11 @@ pub struct Optimised {
     pub on_bound: Vec<Parameter>,
 }
 
-/// Maximises an objective over the free parameters, within their bounds and held by their priors.
+/// Maximises an objective over the free parameters by the simplex of Nelder and Mead, within their bounds and held by their priors.
 ///
 /// # Errors
 /// Those of the objective.
-pub fn optimise(start: &Psi, free: &Free, objective: &mut Objective, how: Optimiser, stop: Stop) -> Result<Optimised, CarveError> {
+pub fn optimise(start: &Psi, free: &Free, objective: &mut Objective, stop: Stop) -> Result<Optimised, CarveError> {
     let before = objective.value(start)?;
     let mut failed = None;
     let reaches = free.reaches(start);
@@ -123,10 +111,7 @@ pub fn optimise(start: &Psi, free: &Free, objective: &mut Objective, how: Optimi
             |value| free.cost(start, &psi) - value.ln(),
         )
     };
-    let Minimum { at, evaluations, converged, .. } = match how {
-        Optimiser::NelderMead => simplex::minimise(&reaches, stop, loss),
-        Optimiser::CmaEs { seed } => cma::minimise(&reaches, stop, seed, loss),
-    };
+    let Minimum { at, evaluations, converged, .. } = simplex::minimise(&reaches, stop, loss);
     if let Some(error) = failed {
         return Err(error);
     }

@@ -1,10 +1,9 @@
-//! A bounded search for the least value of a function: the parts that its two methods share.
+//! A bounded search for the least value of a function: ranges of its unknowns, its end and its result.
 //!
 //! ```text
-//!   Reach per unknown ── simplex: few unknowns, few evaluations ──┬── Minimum
-//!                     └─ cma: many, or a bumpy function ──────────┘
+//!   Reach per unknown ── simplex ── Minimum
 //! ```
-//! Both methods work in steps: an unknown is 0 at its start and 1 a first step from it, whatever its unit.
+//! The search works in steps: an unknown is 0 at its start and 1 a first step from it, whatever its unit.
 
 /// The range of one unknown: start, bounds and length of a first step.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -90,7 +89,7 @@ impl<'a, F: FnMut(&[f64]) -> f64> Counted<'a, F> {
     }
 }
 
-/// Functions whose minimum every method must find.
+/// Functions whose minimum the search must find.
 #[cfg(test)]
 pub(super) mod bowls {
     use super::Reach;
