@@ -10,9 +10,12 @@
 //! any thread ── StopHandle ──► the stop on the wire, also while a move is waited for
 //! ```
 //! Every serial port, connection and camera has exactly one owner. `Watched` is there with a trigger sampler only. A new method of
-//! `RotationAxis` must be forwarded by all three wrappers.
+//! `RotationAxis` must be forwarded by all three wrappers. `forward_axis` has those that are only passed on.
 
 #![warn(missing_docs)]
+
+#[macro_use]
+mod forward;
 
 pub mod acquisition;
 pub mod camera;

@@ -57,7 +57,8 @@ pub enum NextWell {
     Cancelled,
 }
 
-/// Brings specimens into the capillary and takes them out.
+/// Brings specimens into the capillary and takes them out. A wrapper passes on all that it does not do itself, also what has a default:
+/// [`forward_sampler`](crate::forward_sampler).
 pub trait Sampler: Send {
     /// Whether `load` waits for a message from outside.
     fn waits_for_loader(&self) -> bool;

@@ -4,6 +4,7 @@ use crate::config::Config;
 use anyhow::Context;
 use carved_core::units::Sense;
 use carved_devices::cancel::CancelToken;
+use carved_devices::forward_sampler;
 use carved_devices::rotation::{AxisLetter, Entry, Example, RotationDriver, TranslationSettings, entry};
 use carved_devices::sampler::{Expected, Loaded, Sampler};
 use carved_devices::{DeviceError, RotationAxis};
@@ -152,25 +153,8 @@ struct TakenUp {
 }
 
 impl Sampler for TakenUp {
-    fn waits_for_loader(&self) -> bool {
-        self.sampler.waits_for_loader()
-    }
-
-    fn brings_again(&self) -> bool {
-        self.sampler.brings_again()
-    }
-
-    fn begin_run(&mut self) {
-        self.sampler.begin_run();
-    }
-
-    fn look(&mut self, axis: &mut dyn RotationAxis) -> Result<(), DeviceError> {
-        self.sampler.look(axis)
-    }
-
-    fn sees_specimen(&self) -> Option<bool> {
-        self.sampler.sees_specimen()
-    }
+    // The specimen that is inside is taken up already.
+    forward_sampler!(sampler: waits_for_loader, brings_again, begin_run, look, has_sensor, sees_specimen, next_well, wash, go_on, eject);
 
     fn load(&mut self, axis: &mut dyn RotationAxis, expected: Expected<'_>, cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError> {
         let loaded = self.sampler.load(axis, expected, cancel)?;
@@ -178,18 +162,5 @@ impl Sampler for TakenUp {
             self.machine.take_up_specimen();
         }
         Ok(loaded)
-    }
-
-    /// The specimen is taken up already.
-    fn go_on(&mut self, axis: &mut dyn RotationAxis, expected: Expected<'_>, cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError> {
-        self.sampler.go_on(axis, expected, cancel)
-    }
-
-    fn eject(&mut self, axis: &mut dyn RotationAxis, well: &str, cancel: &CancelToken) -> Result<(), DeviceError> {
-        self.sampler.eject(axis, well, cancel)
-    }
-
-    fn wash(&mut self, axis: &mut dyn RotationAxis, well: &str, cancel: &CancelToken) -> Result<(), DeviceError> {
-        self.sampler.wash(axis, well, cancel)
     }
 }

@@ -14,6 +14,7 @@ use crate::http;
 use crate::session::Instrument;
 use anyhow::Context;
 use carved_devices::cancel::CancelToken;
+use carved_devices::forward_sampler;
 use carved_devices::rotation::RotationDriver;
 use carved_devices::sampler::{Expected, Loaded, LoaderInterlock, NextWell, Sampler, Upcoming};
 use carved_devices::{DeviceError, RotationAxis};
@@ -132,25 +133,7 @@ impl BesideVendor {
 }
 
 impl Sampler for BesideVendor {
-    fn waits_for_loader(&self) -> bool {
-        self.daemons.waits_for_loader()
-    }
-
-    fn brings_again(&self) -> bool {
-        self.daemons.brings_again()
-    }
-
-    fn begin_run(&mut self) {
-        self.daemons.begin_run();
-    }
-
-    fn look(&mut self, axis: &mut dyn RotationAxis) -> Result<(), DeviceError> {
-        self.daemons.look(axis)
-    }
-
-    fn sees_specimen(&self) -> Option<bool> {
-        self.daemons.sees_specimen()
-    }
+    forward_sampler!(daemons: waits_for_loader, brings_again, begin_run, look, has_sensor, sees_specimen, wash, eject);
 
     fn next_well(&mut self, upcoming: &Upcoming<'_>, is_ended: &dyn Fn() -> bool) -> Result<NextWell, DeviceError> {
         self.begin(upcoming);
@@ -165,13 +148,5 @@ impl Sampler for BesideVendor {
     fn go_on(&mut self, axis: &mut dyn RotationAxis, expected: Expected<'_>, cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError> {
         let (_, truth) = self.scenery.contents(expected)?;
         Ok(self.daemons.go_on(axis, expected, cancel)?.map(|_| truth))
-    }
-
-    fn eject(&mut self, axis: &mut dyn RotationAxis, well: &str, cancel: &CancelToken) -> Result<(), DeviceError> {
-        self.daemons.eject(axis, well, cancel)
-    }
-
-    fn wash(&mut self, axis: &mut dyn RotationAxis, well: &str, cancel: &CancelToken) -> Result<(), DeviceError> {
-        self.daemons.wash(axis, well, cancel)
     }
 }

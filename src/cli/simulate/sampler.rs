@@ -9,6 +9,7 @@
 use super::scenery::Scenery;
 use crate::config::{Config, SamplerDriver};
 use carved_devices::cancel::CancelToken;
+use carved_devices::forward_sampler;
 use carved_devices::sampler::{Expected, Loaded, Sampler, TriggerSettings};
 use carved_devices::{DeviceError, RotationAxis};
 use hardware_sim::sampler::Next;
@@ -53,25 +54,7 @@ pub struct Outside {
 }
 
 impl Sampler for Outside {
-    fn waits_for_loader(&self) -> bool {
-        self.daemons.waits_for_loader()
-    }
-
-    fn brings_again(&self) -> bool {
-        self.daemons.brings_again()
-    }
-
-    fn begin_run(&mut self) {
-        self.daemons.begin_run();
-    }
-
-    fn look(&mut self, axis: &mut dyn RotationAxis) -> Result<(), DeviceError> {
-        self.daemons.look(axis)
-    }
-
-    fn sees_specimen(&self) -> Option<bool> {
-        self.daemons.sees_specimen()
-    }
+    forward_sampler!(daemons: waits_for_loader, brings_again, begin_run, look, has_sensor, sees_specimen, next_well, wash);
 
     fn load(&mut self, axis: &mut dyn RotationAxis, expected: Expected<'_>, cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError> {
         let (contents, truth) = self.scenery.contents(expected)?;
@@ -104,8 +87,5 @@ impl Sampler for Outside {
     fn eject(&mut self, axis: &mut dyn RotationAxis, well: &str, cancel: &CancelToken) -> Result<(), DeviceError> {
         self.daemons.eject(axis, well, cancel)?;
         if self.machine.is_some() { Ok(()) } else { self.scenery.fill(well, Contents::default()) }
-    }
-    fn wash(&mut self, axis: &mut dyn RotationAxis, well: &str, cancel: &CancelToken) -> Result<(), DeviceError> {
-        self.daemons.wash(axis, well, cancel)
     }
 }

@@ -8,8 +8,7 @@
 //! This wraps any driver. The play of the gear is then always on the same side, and the angles between views are right.
 
 use crate::cancel::CancelToken;
-use crate::outputs::Outputs;
-use crate::{Achieved, Capabilities, DeviceError, LinearAxis, Position, RotationAxis, SpecimenInput, StopHandle};
+use crate::{Achieved, DeviceError, Position, RotationAxis};
 use carved_core::units::Steps;
 
 /// An axis that always arrives in the forward direction.
@@ -42,21 +41,7 @@ impl OneSided {
 }
 
 impl RotationAxis for OneSided {
-    fn identity(&self) -> &str {
-        self.axis.identity()
-    }
-
-    fn capabilities(&self) -> Capabilities {
-        self.axis.capabilities()
-    }
-
-    fn begin_run(&mut self) {
-        self.axis.begin_run();
-    }
-
-    fn announce(&mut self, stops: &[Steps]) -> Result<(), DeviceError> {
-        self.axis.announce(stops)
-    }
+    forward_axis!(axis: identity, capabilities, begin_run, announce, let_go, linear, specimen_input, outputs, check, position, stop_handle);
 
     /// A reference may have been reached in either direction, so it is also approached from behind.
     fn reference(&mut self, cancel: &CancelToken) -> Result<Achieved, DeviceError> {
@@ -69,34 +54,6 @@ impl RotationAxis for OneSided {
             Position::Referenced { steps, .. } if target < steps => self.approach(target),
             _ => self.axis.move_to(target),
         }
-    }
-
-    fn let_go(&mut self, cancel: &CancelToken) -> Result<(), DeviceError> {
-        self.axis.let_go(cancel)
-    }
-
-    fn check(&mut self) -> Result<(), DeviceError> {
-        self.axis.check()
-    }
-
-    fn linear(&mut self) -> Option<&mut dyn LinearAxis> {
-        self.axis.linear()
-    }
-
-    fn specimen_input(&mut self) -> Option<&mut dyn SpecimenInput> {
-        self.axis.specimen_input()
-    }
-
-    fn outputs(&mut self) -> Option<&mut dyn Outputs> {
-        self.axis.outputs()
-    }
-
-    fn position(&self) -> Position {
-        self.axis.position()
-    }
-
-    fn stop_handle(&self) -> StopHandle {
-        self.axis.stop_handle()
     }
 }
 

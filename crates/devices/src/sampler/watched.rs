@@ -7,10 +7,8 @@
 //! The input is read after each move, so that no view is taken of an empty capillary.
 
 use super::trigger::{POLL, gone};
-use crate::cancel::CancelToken;
 use crate::clock::Clock;
-use crate::outputs::Outputs;
-use crate::{Achieved, Capabilities, DeviceError, LinearAxis, Position, RotationAxis, SpecimenInput, StopHandle};
+use crate::{Achieved, DeviceError, RotationAxis};
 use carved_core::units::Steps;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -58,57 +56,11 @@ impl Watched {
 }
 
 impl RotationAxis for Watched {
-    fn identity(&self) -> &str {
-        self.axis.identity()
-    }
-
-    fn capabilities(&self) -> Capabilities {
-        self.axis.capabilities()
-    }
-
-    fn begin_run(&mut self) {
-        self.axis.begin_run();
-    }
-
-    fn announce(&mut self, stops: &[Steps]) -> Result<(), DeviceError> {
-        self.axis.announce(stops)
-    }
-
-    fn reference(&mut self, cancel: &CancelToken) -> Result<Achieved, DeviceError> {
-        self.axis.reference(cancel)
-    }
+    forward_axis!(axis: identity, capabilities, begin_run, announce, reference, let_go, linear, specimen_input, outputs, check, position, stop_handle);
 
     fn move_to(&mut self, target: Steps) -> Result<Achieved, DeviceError> {
         let achieved = self.axis.move_to(target)?;
         self.specimen_is_there()?;
         Ok(achieved)
-    }
-
-    fn let_go(&mut self, cancel: &CancelToken) -> Result<(), DeviceError> {
-        self.axis.let_go(cancel)
-    }
-
-    fn linear(&mut self) -> Option<&mut dyn LinearAxis> {
-        self.axis.linear()
-    }
-
-    fn specimen_input(&mut self) -> Option<&mut dyn SpecimenInput> {
-        self.axis.specimen_input()
-    }
-
-    fn outputs(&mut self) -> Option<&mut dyn Outputs> {
-        self.axis.outputs()
-    }
-
-    fn check(&mut self) -> Result<(), DeviceError> {
-        self.axis.check()
-    }
-
-    fn position(&self) -> Position {
-        self.axis.position()
-    }
-
-    fn stop_handle(&self) -> StopHandle {
-        self.axis.stop_handle()
     }
 }
