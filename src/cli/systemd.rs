@@ -20,7 +20,7 @@ const MORE_US: u32 = 10_000_000;
 const MOST_ASKED: u32 = 60;
 
 /// A lost notification is no reason to stop an instrument. The watchdog judges by the notifications that arrive.
-fn tell(states: &[NotifyState]) {
+fn send(states: &[NotifyState]) {
     if let Err(why) = sd_notify::notify(states) {
         tracing::warn!(%why, "systemd could not be notified");
     }
@@ -33,17 +33,17 @@ fn one_line(doing: &str) -> String {
 
 /// The port is open and the driver runs.
 pub fn ready(doing: &str) {
-    tell(&[NotifyState::Ready, NotifyState::Status(&one_line(doing))]);
+    send(&[NotifyState::Ready, NotifyState::Status(&one_line(doing))]);
 }
 
 /// What the instrument is doing, in one sentence.
 pub fn status(doing: &str) {
-    tell(&[NotifyState::Status(&one_line(doing))]);
+    send(&[NotifyState::Status(&one_line(doing))]);
 }
 
 /// The daemon ends in an orderly way.
 pub fn stopping() {
-    tell(&[NotifyState::Stopping]);
+    send(&[NotifyState::Stopping]);
 }
 
 /// Asks for more time to end while `at_disk` returns true: a slow disk is no reason to kill the daemon before it has written that it was

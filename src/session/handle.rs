@@ -497,7 +497,7 @@ mod tests {
     }
 
     #[test]
-    fn a_returning_reader_gets_each_event_once_or_is_told_to_resync() {
+    fn a_returning_reader_gets_each_event_once_or_must_resync() {
         let log = EventLog::new((5..8).map(event).collect());
         let ids = |after| match log.subscribe(after).0 {
             Missed::Events(list) => Some(list.iter().map(|e| e.id).collect::<Vec<_>>()),

@@ -255,7 +255,7 @@ fn a_well_without_numbers_in_the_folder_has_nothing_of_the_earlier_computation()
 }
 
 #[test]
-fn what_cannot_be_measured_is_told_and_the_rest_is_measured() {
+fn what_cannot_be_measured_is_reported_and_the_rest_is_measured() {
     let bench = Bench::new();
     let method = bench.path("coarse.toml");
     fs::write(&method, "asd = 4\norder = \"sequential\"\nepsilon = 0.05\nvoxel_um = 28.0\n").unwrap();

@@ -84,7 +84,7 @@ fn refused(recording: &Path, said: [&str; 3], with: &[&str]) {
 }
 
 #[test]
-fn every_sense_and_every_mirror_is_told_through_noise_and_dirt_and_a_specimen() {
+fn every_sense_and_every_mirror_is_found_through_noise_and_dirt_and_a_specimen() {
     let bead = || Specimen::bead(500.0).unwrap();
     for (sense, left_for_right, upside_down) in
         [(1.0, false, false), (-1.0, false, false), (1.0, true, false), (-1.0, true, false), (1.0, false, true), (-1.0, true, true)]

@@ -27,7 +27,7 @@ fn examined(rig: &Rig) -> String {
 }
 
 #[test]
-fn grbl_and_grblhal_are_told_apart_and_their_settings_written_down() {
+fn grbl_and_grblhal_are_distinguished_and_their_settings_written_down() {
     for (controller, name) in
         [(Controller::default(), "Grbl: Grbl 1.1h"), (Controller::GrblHal(Settings::default()), "grblHAL: GrblHAL 1.1f")]
     {
@@ -39,7 +39,7 @@ fn grbl_and_grblhal_are_told_apart_and_their_settings_written_down() {
 }
 
 #[test]
-fn motors_that_are_switched_off_after_a_move_are_told() {
+fn motors_that_are_switched_off_after_a_move_are_reported() {
     for (idle_ms, told) in [(25.0, true), (255.0, false)] {
         let mut settings = Settings::default();
         settings.set(1, idle_ms).unwrap();

@@ -153,7 +153,7 @@ fn an_https_receiver_is_trusted_by_its_certificate_only() {
 
 /// The command with the most talkative log, and nothing of it betrays a secret.
 #[test]
-fn a_test_notice_is_sent_and_no_secret_is_told() {
+fn a_test_notice_is_sent_and_no_secret_is_reported() {
     let dir = tempfile::tempdir().unwrap();
     let config = dir.path().join("rig.toml");
     let command = |url: &str| {

@@ -246,7 +246,7 @@ fn a_picture_that_was_compressed_too_much_is_flagged() {
 
 /// A folder has the name of the mask. No partial file is left, and the output refers to no missing file.
 #[test]
-fn results_that_cannot_be_written_are_told_from_pictures_without_a_profile() {
+fn results_that_cannot_be_written_are_distinguished_from_pictures_without_a_profile() {
     let dir = tempfile::tempdir().unwrap();
     let (frame, _) = larva();
     colour(&frame).save(dir.path().join("a.png")).unwrap();

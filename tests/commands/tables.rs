@@ -315,7 +315,7 @@ fn a_column_has_the_unit_of_its_check() {
 }
 
 #[test]
-fn instruments_are_told_apart_and_runs_without_one_are_read() {
+fn instruments_are_distinguished_and_runs_without_one_are_read() {
     let dir = tempfile::tempdir().unwrap();
     let data = dir.path().join("data");
     let (first, second) = ("0fb2c0de-93b2-4ed9-8f27-0a4f3f2a9c11", "8d5b1c5e-3c5f-4f6e-9a57-52d6a2f3b7aa");

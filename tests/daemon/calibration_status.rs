@@ -23,7 +23,7 @@ fn put(folder: &Path, name: &str, kept: &Value, change: impl Fn(&mut Value)) {
 }
 
 #[test]
-fn the_newest_calibration_of_this_rig_is_told_until_it_is_too_old() {
+fn the_newest_calibration_of_this_rig_is_reported_until_it_is_too_old() {
     let dir = tempfile::tempdir().unwrap();
     let data = dir.path().join("data");
     let kept = data.join("calibrations");

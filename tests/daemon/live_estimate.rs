@@ -76,7 +76,7 @@ fn number(of: &Value, key: &str) -> f64 {
 const KEYS: [&str; 4] = ["volume_um3", "volume_sd_um3", "volume_views", "converged"];
 
 #[test]
-fn a_volume_is_told_with_its_spread_while_the_capillary_turns_and_is_the_measured_one_in_the_end() {
+fn a_volume_is_shown_with_its_spread_while_the_capillary_turns_and_is_the_measured_one_in_the_end() {
     let Turned { seen, end, views, recording, measurement, truth_um3 } = turned(NEVER);
     assert_eq!(views.len() as u64, ASD);
     assert!(recording["ended_after_views"].is_null(), "nothing is known to 0.05 %: {}", recording["ended_after_views"]);

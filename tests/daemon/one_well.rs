@@ -190,7 +190,7 @@ fn numbers_are_made_beside_the_next_load_and_no_further() {
 }
 
 /// A vendor's sampler does not take the specimen out. The result of the specimen stands nevertheless and is reported.
-fn verdict_is_told(specimen: Specimen, outcome: &str) {
+fn verdict_is_reported(specimen: Specimen, outcome: &str) {
     // Much longer than the daemon waits.
     let stuck = SamplerSettings { load_s: 20.0, eject_s: 1e6, bounce_s: 0.004 };
     let changes = [("driver = \"loader\"", "driver = \"trigger\"\ndone_output = true\neject_timeout_ms = 2000".to_owned())];
@@ -215,11 +215,11 @@ fn verdict_is_told(specimen: Specimen, outcome: &str) {
 }
 
 #[test]
-fn numbers_are_told_where_the_specimen_cannot_be_taken_out() {
-    verdict_is_told(larva(), "succeeded");
+fn numbers_are_reported_where_the_specimen_cannot_be_taken_out() {
+    verdict_is_reported(larva(), "succeeded");
 }
 
 #[test]
-fn that_a_well_is_skipped_is_told_where_its_specimen_cannot_be_taken_out() {
-    verdict_is_told(larva().placed(Placement { x_um: 2000.0, ..Placement::default() }), "skipped");
+fn that_a_well_is_skipped_is_reported_where_its_specimen_cannot_be_taken_out() {
+    verdict_is_reported(larva().placed(Placement { x_um: 2000.0, ..Placement::default() }), "skipped");
 }

@@ -126,7 +126,7 @@ fn altered(file: &Path, from: &str, to: &str) {
 }
 
 #[test]
-fn what_was_altered_is_told_by_its_name_and_not_mended() {
+fn what_was_altered_is_reported_by_its_name_and_not_mended() {
     type Spoil = fn(&Path);
     let spoils: [(Spoil, &[&str]); 5] = [
         (|a01| drop(std::fs::copy(a01.join("frames/view_001.png"), a01.join("frames/view_002.png"))), &["view_002.png", "SHA-256"]),

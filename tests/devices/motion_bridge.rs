@@ -201,7 +201,7 @@ fn two_arrivals_for_one_specimen_are_one_too_many() {
 }
 
 #[test]
-fn every_error_of_the_bridge_is_told_by_its_number() {
+fn every_error_of_the_bridge_is_reported_by_its_number() {
     for number in 0..=3 {
         fails(
             |b| b.knobs.answer_with_error(number),
@@ -246,7 +246,7 @@ fn is_a_persons_reset(error: &DeviceError) -> bool {
 }
 
 #[test]
-fn a_pulled_cable_is_told_and_leaves_vast_where_its_step_ends() {
+fn a_pulled_cable_is_reported_and_leaves_vast_where_its_step_ends() {
     fails(|b| b.emulated.faults().unplug_serial(), |e| matches!(e, DeviceError::Gone { .. }));
 }
 

@@ -306,7 +306,7 @@ fn is_a_persons_reset(error: &DeviceError) -> bool {
 
 /// By the reset button, by a power cut, and by another program.
 #[test]
-fn a_reset_at_rest_is_a_persons_and_told_once() {
+fn a_reset_at_rest_is_a_persons_and_reported_once() {
     for controller in [Controller::default(), Controller::GrblHal(Settings::default())] {
         let bench = Bench::with(20.0, controller);
         let mut grbl = bench.referenced();

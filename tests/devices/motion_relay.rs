@@ -125,7 +125,7 @@ fn idle_just_after_a_turn_was_asked_for_is_not_believed() {
 }
 
 #[test]
-fn a_connection_that_ends_within_a_turn_is_told_and_made_anew() {
+fn a_connection_that_ends_within_a_turn_is_reported_and_made_anew() {
     fails(|b| b.knobs.hang_up_in_turns(1), |_| {}, |e| matches!(e, DeviceError::Gone { .. }));
 }
 
@@ -149,7 +149,7 @@ fn an_answer_that_is_missing_or_late_is_never_taken_for_another_ones() {
 }
 
 #[test]
-fn an_answer_that_is_none_is_told_with_what_came() {
+fn an_answer_that_is_none_is_reported_with_what_came() {
     fails_before_and_within(|k| k.send_wrong_lengths(1), |e| unexpected(e, ["512", "4294967295"]));
     fails_before_and_within(|k| k.answer_next("\u{e9}t\u{e9}"), |e| unexpected(e, ["ASCII", "\\xc3\\xa9"]));
     fails(|b| b.knobs.answer_next("idle"), |_| {}, |e| unexpected(e, ["a number", "idle"]));
@@ -183,7 +183,7 @@ fn a_stop_ends_the_requests_and_vast_ends_its_turn() {
 }
 
 #[test]
-fn nobody_there_and_nobody_referenced_are_told() {
+fn nobody_there_and_nobody_referenced_are_reported() {
     let bench = Bench::new();
     let mut axis = bench.open();
     assert_eq!(axis.position(), Position::Unknown);

@@ -227,7 +227,7 @@ fn late_answers_in_the_middle_of_a_move_cost_time_and_not_the_move() {
 
 /// The skew is five steps above the limit, too little for homing to notice that one motor reaches its switch late.
 #[test]
-fn a_pair_that_stands_apart_is_not_homed_before_a_person_was_told() {
+fn a_pair_that_stands_apart_is_not_homed_before_a_person_was_informed() {
     let rig = rig(Settings::default());
     drop(referenced(settings(&rig)));
     let apart = MAX_SKEW as i32 + 5;

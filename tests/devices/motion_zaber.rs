@@ -77,7 +77,7 @@ fn settings_that_differ_refuse_to_open_and_are_all_listed() {
 }
 
 #[test]
-fn an_encoder_that_is_not_there_is_told_by_the_controllers_reason() {
+fn an_encoder_that_is_not_there_is_reported_by_the_controllers_reason() {
     let rig = rig(Settings { encoder: false, ..Settings::default() });
     let error = Zaber::open(settings(&rig)).err().unwrap();
     assert!(error.to_string().contains("RJ BADCOMMAND") && error.to_string().contains("get encoder.pos"), "{error}");
@@ -277,7 +277,7 @@ fn a_hardware_stop_waits_for_a_person_and_refuses_the_reference_until_it_is_rele
 }
 
 #[test]
-fn a_hardware_stop_that_nobody_was_told_of_is_told_before_anything_moves() {
+fn a_hardware_stop_that_nobody_was_informed_of_is_reported_before_anything_moves() {
     let rig = rig(Settings::default());
     let mut axis = Zaber::open(settings(&rig)).unwrap();
     rig.faults().motors().press_hardware_stop(true);
@@ -294,7 +294,7 @@ fn a_hardware_stop_that_nobody_was_told_of_is_told_before_anything_moves() {
 }
 
 #[test]
-fn between_runs_the_controller_is_asked_and_a_hand_is_told_once() {
+fn between_runs_the_controller_is_asked_and_a_hand_is_reported_once() {
     let rig = rig(Settings::default());
     let mut axis = referenced(settings(&rig));
     axis.check().unwrap();

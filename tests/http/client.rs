@@ -238,7 +238,7 @@ fn the_status_is_said_in_words_or_as_it_is_served() {
 }
 
 #[test]
-fn the_lease_of_another_is_told() {
+fn the_lease_of_another_is_reported() {
     let (rig, map) = (Rig::start(), map_file(MAP));
     let lease = rig.put("/v1/lease", r#"{"holder": "the loader", "ttl_s": 600}"#).json();
     let locked = start(&url(&rig), &map, &["--method", "standard"]);
@@ -305,7 +305,7 @@ fn who_says_to_come_back_later_than_patience_lasts_is_not_pestered() {
 }
 
 #[test]
-fn another_program_at_the_address_and_none_are_told_apart() {
+fn another_program_at_the_address_and_none_are_distinguished() {
     let (url, serving) = scripted(vec![Some(answer("404 Not Found", "", "<html>"))]);
     let strange = carved(&url, &["run", "status"]);
     assert_eq!(strange.status.code(), Some(1));

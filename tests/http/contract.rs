@@ -202,7 +202,7 @@ fn the_page_is_served_with_a_policy_and_every_answer_with_its_headers() {
 }
 
 #[test]
-fn every_code_of_a_fault_is_told_with_what_to_do() {
+fn every_code_of_a_fault_is_reported_with_what_to_do() {
     let codes = Rig::start().get("/v1/fault-codes").json();
     assert!(codes.as_array().unwrap().len() > 10);
     let lost = codes.as_array().unwrap().iter().find(|c| c["code"] == "camera_lost").unwrap();

@@ -11,7 +11,7 @@ fn take(rig: &Rig, holder: &str) -> Answer {
 }
 
 #[test]
-fn who_has_the_lease_commands_and_the_others_are_told_who_it_is() {
+fn who_has_the_lease_commands_and_the_others_learn_who_it_is() {
     let rig = Rig::start();
     assert_eq!(rig.put("/v1/runs/before", PLAN).status, 201, "nobody has it: everyone may");
     let lease = take(&rig, "loader");
@@ -80,7 +80,7 @@ fn a_lease_has_a_holder_and_an_end() {
 }
 
 #[test]
-fn a_client_that_commands_without_end_is_told_to_wait_and_may_still_read_and_abort() {
+fn a_client_that_commands_without_end_is_reported_to_wait_and_may_still_read_and_abort() {
     // One command per minute, so that the limit does not recover during the test.
     let rig = Rig::with(HttpSettings { commands_per_minute: 1, command_burst: 3, ..settings() }, Vec::new());
     for _burst in 0..3 {

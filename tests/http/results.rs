@@ -355,7 +355,7 @@ fn the_events_of_a_run_are_read_in_parts_without_its_views() {
 
 /// The store reports a run that ended before another run or before a restart.
 #[test]
-fn a_watcher_is_told_of_a_run_that_the_status_has_no_more() {
+fn a_watcher_hears_of_a_run_that_the_status_has_no_more() {
     let rig = Rig::start();
     let (store, _journal, _) = Claim::on(rig.data.path()).and_then(Store::open).unwrap();
     let mut run = record("r1", "2026-01-01T00:00:00Z", "P-1");

@@ -108,7 +108,7 @@ fn beads_are_judged_kept_and_never_overwritten() {
 }
 
 #[test]
-fn history_is_told_in_the_order_of_measuring_with_its_drift() {
+fn history_is_reported_in_the_order_of_measuring_with_its_drift() {
     let dir = tempfile::tempdir().unwrap();
     let mut files = Vec::new();
     for (name, day, uy_px) in [("b", 24, 512.0), ("a", 20, 511.0), ("c", 22, 511.5)] {

@@ -69,7 +69,7 @@ fn confusion(judged: &[Judged]) -> BTreeMap<String, BTreeMap<String, usize>> {
 
 /// Nine of ten frames of each class get the right label. No wrong label has the confidence that right labels usually have.
 #[test]
-fn each_class_is_told_from_the_others() {
+fn each_class_is_distinguished_from_the_others() {
     let (mut right, mut wrong) = (Vec::new(), Vec::new());
     for Judged { spec, found } in &*JUDGED {
         let expected = kind_of(spec.class);
@@ -106,7 +106,7 @@ fn dirty(step: usize) -> Vec<Judged> {
 
 /// At real dirt, in frames as a VAST takes them. A dirty empty capillary is empty. Of ten frames per class one may be wrong, of bubbles two.
 #[test]
-fn classes_are_told_apart_at_real_dirt() {
+fn classes_are_distinguished_at_real_dirt() {
     let table = confusion(&dirty(5));
     for class in CLASSES {
         let row = &table[&format!("{class:?}")];
@@ -158,7 +158,7 @@ fn the_head_is_on_the_side_that_is_named() {
 }
 
 #[test]
-fn dead_and_living_are_told_apart() {
+fn dead_and_living_are_distinguished() {
     for dead in [true, false] {
         let answers = larvae()
             .filter(|(spec, _)| (spec.class == Class::DeadLarva) == dead)

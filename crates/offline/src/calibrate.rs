@@ -153,7 +153,7 @@ pub fn least_squares(turn: &Turn) -> Result<CalibratedTurn, CalibrateError> {
         "objective": "least-squares",
         "views": kept.iter().map(|&at| names[at]).collect::<Vec<_>>(),
         "left_out": left_out,
-        "psi": {"before": told(&start), "after": told(&psi)},
+        "psi": {"before": psi_json(&start), "after": psi_json(&psi)},
         "vrv_um3": {"before": judged.given_um3, "after": judged.solution_um3},
         "residual_sd_um": found.residual_sd_um,
         "rho": found.rho,
@@ -237,7 +237,7 @@ impl Search {
             "optimizer": "nelder-mead",
             "free": self.free.parameters().map(Parameter::name).collect::<Vec<_>>(),
             "views": turn.names(),
-            "psi": {"before": told(start), "after": told(&psi)},
+            "psi": {"before": psi_json(start), "after": psi_json(&psi)},
             (if name == "vrv" { "vrv_um3" } else { "coherence" }): {"before": before, "after": after},
             "evaluations": evaluations,
             "converged": converged,
@@ -271,9 +271,9 @@ fn silhouettes(views: &[View]) -> Result<(), CalibrateError> {
 }
 
 /// The parameters in the format of camera.json, with the shifts of the views.
-fn told(psi: &Psi) -> Value {
-    let mut told = json!(psi.camera);
-    told["omega"] = json!(psi.omega);
-    told["dy"] = json!(psi.dy_px);
-    told
+fn psi_json(psi: &Psi) -> Value {
+    let mut json = json!(psi.camera);
+    json["omega"] = json!(psi.omega);
+    json["dy"] = json!(psi.dy_px);
+    json
 }

@@ -56,42 +56,42 @@ fn event_data(kind: &str) -> EventData {
     }
 }
 
-/// A run of one specimen. Calls `told` after each acknowledgement.
-fn life(root: &Path, mut told: impl FnMut(&Acknowledged)) -> Result<(), StoreError> {
+/// A run of one specimen. Calls `acknowledge` after each acknowledgement.
+fn life(root: &Path, mut acknowledge: impl FnMut(&Acknowledged)) -> Result<(), StoreError> {
     let (store, mut journal, _) = Claim::on(root).and_then(Store::open)?;
     let mut now = Acknowledged::default();
     let mut record = record("r1");
     store.save_run(&record)?;
     now.run = true;
-    told(&now);
+    acknowledge(&now);
     let mut event = |now: &mut Acknowledged, kind: &str| {
         journal.append(Some("r1"), Some("A01"), event_data(kind))?;
         now.events += 1;
         Ok::<(), StoreError>(())
     };
     event(&mut now, "run.accepted")?;
-    told(&now);
+    acknowledge(&now);
     let mut writer = RecordingWriter::create(&store.run_folder("r1").join("A01"), recording("r1", &record.plan.plate_map[0]), None)?;
     for view in 0..3 {
         writer.add_view(entry(view), &frame(view))?;
         now.views += 1;
-        told(&now);
+        acknowledge(&now);
         event(&mut now, if view == 1 { "fault.raised" } else { "view.taken" })?;
         if view == 2 {
             event(&mut now, "view.taken")?;
             event(&mut now, "view.taken")?;
         }
-        told(&now);
+        acknowledge(&now);
     }
     writer.close()?;
     now.closed = true;
-    told(&now);
+    acknowledge(&now);
     record.end(RunOutcome::Partial);
     store.save_run(&record)?;
     now.outcome = Some(RunOutcome::Partial);
-    told(&now);
+    acknowledge(&now);
     event(&mut now, "run.ended")?;
-    told(&now);
+    acknowledge(&now);
     Ok(())
 }
 
@@ -172,30 +172,30 @@ impl Disk {
 }
 
 /// Opens the store on what is left, and checks that everything acknowledged is there.
-fn check(root: &Path, told: &Acknowledged, when: &str) {
+fn check(root: &Path, known: &Acknowledged, when: &str) {
     let (store, journal, events) = Claim::on(root).and_then(Store::open).unwrap_or_else(|e| panic!("{when}: {e}"));
     let ids: Vec<u64> = events.iter().filter(|e| e.body.data.kind() != "run.unreadable").map(|e| e.id).collect();
-    assert!(ids.len() >= told.events && ids.iter().zip(1..).all(|(id, n)| *id == n), "{when}: {ids:?}, told {told:?}");
+    assert!(ids.len() >= known.events && ids.iter().zip(1..).all(|(id, n)| *id == n), "{when}: {ids:?}, known {known:?}");
     assert_eq!(journal.last_fault(), u64::from(events.iter().any(|e| e.body.data.kind() == "fault.raised")), "{when}");
-    if told.run {
+    if known.run {
         let run = store.run("r1").unwrap_or_else(|e| panic!("{when}: {e}")).unwrap_or_else(|| panic!("{when}: the run is gone"));
-        assert!(told.outcome.is_none() || run.outcome == told.outcome, "{when}: {:?}", run.outcome);
+        assert!(known.outcome.is_none() || run.outcome == known.outcome, "{when}: {:?}", run.outcome);
         let of_run = std::fs::read_to_string(root.join("runs/r1/events.jsonl")).unwrap_or_default();
-        assert!(of_run.lines().count() >= told.events, "{when}: {of_run}");
+        assert!(of_run.lines().count() >= known.events, "{when}: {of_run}");
         let lines = |text: &str| text.lines().filter(|line| line.contains("\"run\":\"r1\"")).map(str::to_owned).collect::<Vec<_>>();
         let journal = std::fs::read_to_string(root.join("events.jsonl")).unwrap_or_default();
         assert!(of_run.is_empty() || lines(&of_run) == lines(&journal), "{when}: {of_run} is not {journal}");
     }
     let folder = root.join("runs/r1/A01");
-    if told.views > 0 {
+    if known.views > 0 {
         let reader = RecordingReader::open(&folder).unwrap_or_else(|e| panic!("{when}: {e}"));
         let ledger = reader.recording().ledger.entries();
-        assert!(ledger.len() >= told.views, "{when}: {} of {} views", ledger.len(), told.views);
+        assert!(ledger.len() >= known.views, "{when}: {} of {} views", ledger.len(), known.views);
         for entry in ledger {
             assert_eq!(reader.frame(entry).unwrap_or_else(|e| panic!("{when}: {e}")), frame(entry.view), "{when}");
         }
     }
-    if told.closed {
+    if known.closed {
         let sums = std::fs::read_to_string(folder.join(sums::FILE)).unwrap();
         assert_eq!(sums.lines().count(), 4, "{when}: {sums}");
     }
@@ -207,18 +207,18 @@ fn what_was_acknowledged_outlives_a_power_loss_after_any_operation() {
     let root = dir.path().join("data");
     let mut acknowledged = vec![(0, Acknowledged::default())];
     trace::begin(None);
-    life(&root, |told| acknowledged.push((trace::count(), told.clone()))).unwrap();
+    life(&root, |known| acknowledged.push((trace::count(), known.clone()))).unwrap();
     let ops = trace::end();
     assert!(ops.len() > 60, "{} operations", ops.len());
     for done in 0..=ops.len() {
-        let told = &acknowledged.iter().rfind(|(count, _)| *count <= done).unwrap().1;
+        let known = &acknowledged.iter().rfind(|(count, _)| *count <= done).unwrap().1;
         let mut disk = Disk::default();
         ops[..done].iter().for_each(|op| disk.play(op));
         for loss in [Loss::Everything, Loss::Contents, Loss::Torn] {
             let after = scratch();
             disk.lose(loss, dir.path(), after.path());
             let root = after.path().join("data");
-            check(&root, told, &format!("{loss:?} after operation {done} of {}, {:?}", ops.len(), ops.get(done.wrapping_sub(1))));
+            check(&root, known, &format!("{loss:?} after operation {done} of {}, {:?}", ops.len(), ops.get(done.wrapping_sub(1))));
         }
     }
     println!("figure: {} power losses in a life of {} file operations, nothing lost", 3 * (ops.len() + 1), ops.len());

@@ -48,7 +48,7 @@ fn split(schema: &str) -> Option<(&str, u32)> {
 #[cfg(test)]
 mod tests {
     #[test]
-    fn a_newer_format_is_told_with_both_versions_and_another_kind_is_no_version() {
+    fn a_newer_format_is_reported_with_both_versions_and_another_kind_is_no_version() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("run.json");
         let read = |text: &str| {

@@ -48,7 +48,7 @@ pub fn run(work: &Work) -> anyhow::Result<Section> {
     let segmenters = Segmenters::default();
     let beads =
         work.each("beads", diameters.len(), |i| bead(diameters[i as usize], work.seed + i, &paper.sampling_density_um, &segmenters))?;
-    Ok(told(&beads, &paper))
+    Ok(section(&beads, &paper))
 }
 
 /// N(500, 25) by its quantiles, scaled so that mean and standard deviation are exact.
@@ -96,7 +96,7 @@ const QUANTITIES: [(usize, &str, f64, usize); 3] = [
     (2, "Table 3: area, Heron's formula over the faired surface, 1e5 um^2", 1e5, 3),
 ];
 
-fn told(beads: &[Bead], paper: &Published) -> Section {
+fn section(beads: &[Bead], paper: &Published) -> Section {
     let n = beads.len();
     let mut text = format!(
         "Simulation: {n} beads. Their diameters are the quantiles of N(500, 25) um (mean 500.00, SD 25.00). Each is rendered at {CAPTURED}\n\

@@ -42,7 +42,7 @@ pub fn run(work: &Work) -> anyhow::Result<Section> {
         larva(dpf, &Turn::of(&phantom, &Camera::default(), &even_plan(CAPTURED), &Disturbance::drift(seed)), work.effort.voxel_um)
     })?;
     let rendered = rendered(work)?;
-    told(&larvae, &rendered, work.effort.voxel_um)
+    section(&larvae, &rendered, work.effort.voxel_um)
 }
 
 /// One larva of each stage with fins, through frames and segmentation.
@@ -85,7 +85,7 @@ fn offs(larvae: &[Larva], at: usize, number: usize, of: fn(&LarvaNumbers) -> [f6
 const VOXEL: fn(&LarvaNumbers) -> [f64; 2] = |f| f.voxel;
 const SUPPORT: fn(&LarvaNumbers) -> [f64; 2] = |f| f.support;
 
-fn told(larvae: &[Larva], rendered: &[Larva], voxel_um: f64) -> anyhow::Result<Section> {
+fn section(larvae: &[Larva], rendered: &[Larva], voxel_um: f64) -> anyhow::Result<Section> {
     let paper = Published::read()?;
     let counts = STAGES.map(|dpf| larvae.iter().filter(|l| l.dpf == dpf).count());
     let mut section = Section { title: "2. Larvae", ..Section::default() };

@@ -32,7 +32,7 @@ impl Told {
 }
 
 /// The estimates after each quarter of a turn in this order. `None` if there is no estimate.
-fn told(turn: &Turn, order: &[usize]) -> [Option<Told>; QUARTERS.len()] {
+fn estimates(turn: &Turn, order: &[usize]) -> [Option<Told>; QUARTERS.len()] {
     let rule = EarlyStopSettings::DEFAULT;
     let truth_um3 = turn.truth.size.hull_volume_um3;
     QUARTERS.map(|quarter| {
@@ -68,7 +68,7 @@ pub fn run(work: &Work) -> anyhow::Result<Section> {
         let phantom = if finned(i) { Phantom::finned(dpf, seed)? } else { Phantom::larva(dpf, seed)? }.placed(Pose::seeded(seed));
         let turns = ASDS.map(|asd| Turn::of(&phantom, &Camera::default(), &even_plan(asd), &Disturbance::drift(seed)));
         let of = |asd: usize| turns.iter().find(|turn| turn.ledger.len() == asd);
-        Ok(kinds.iter().map(|(asd, _, order)| of(*asd).map(|turn| told(turn, order))).collect::<Vec<_>>())
+        Ok(kinds.iter().map(|(asd, _, order)| of(*asd).map(|turn| estimates(turn, order))).collect::<Vec<_>>())
     })?;
     let mut rows = Vec::new();
     for (at, (asd, name, _)) in kinds.iter().enumerate() {
@@ -117,8 +117,8 @@ fn stops(asd: usize, order: ViewOrder) -> anyhow::Result<Vec<usize>> {
 }
 
 fn row(what: &str, views: usize, of: &[&Told], n: usize) -> Vec<String> {
-    let told = format!("{} of {n}", of.len());
-    let mut row = vec![what.to_owned(), views.to_string(), told];
+    let observed = format!("{} of {n}", of.len());
+    let mut row = vec![what.to_owned(), views.to_string(), observed];
     if of.is_empty() {
         row.extend((0..5).map(|_| String::new()));
         return row;

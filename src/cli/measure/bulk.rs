@@ -3,7 +3,7 @@
 //! ```text
 //! PATH... ── recordings, sorted by name ── shard K/N ── J jobs ──┬─ done and intact: left out
 //!                                                                ├─ OUT/RUN/WELL/{replay.json, measurement.json, SHA256SUMS}
-//!                                                                └─ failed: told at the end, the others go on
+//!                                                                └─ failed: reported at the end, the others go on
 //! ```
 //! The shards of one list are disjoint and hold all of it, so that shards need not know of each other. `SHA256SUMS` is written last: what an
 //! interrupted job leaves is computed again. A recording, a method or a carved that has changed is computed again too.
@@ -128,7 +128,7 @@ pub fn run(paths: &[PathBuf], out: &Path, options: &Options) -> anyhow::Result<E
             if done.as_ref().is_err_and(anyhow::Error::is::<NotWritten>) {
                 next.store(mine.len(), Ordering::Relaxed);
             }
-            progress.tell(name, &done, began);
+            progress.report(name, &done, began);
             results.push(done.map_err(|error| (path.display().to_string(), error)));
         }
         results
@@ -264,7 +264,7 @@ impl Progress {
         Self { bar: ProgressBar::with_draw_target(Some(of as u64), target).with_style(style), is_terminal, count: Mutex::default(), of }
     }
 
-    fn tell(&self, name: &str, done: &anyhow::Result<Done>, began: Instant) {
+    fn report(&self, name: &str, done: &anyhow::Result<Done>, began: Instant) {
         let mut count = self.count();
         *(if done.is_ok() { &mut count.done } else { &mut count.failed }) += 1;
         self.bar.inc(1);

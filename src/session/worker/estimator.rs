@@ -84,7 +84,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_known_until_something_is_told_and_trusted() {
+    fn nothing_is_known_until_something_is_estimated_and_trusted() {
         let mut estimator = LiveEstimator::new(RULE);
         let nothing = LiveEstimate { volume_um3: None, volume_sd_um3: None, volume_views: None, converged: None };
         assert_eq!(estimator.known(), nothing);
@@ -117,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn a_view_taken_again_replaces_what_it_told() {
+    fn a_view_taken_again_replaces_what_it_showed() {
         let mut estimator = LiveEstimator::new(RULE);
         for (views, volume) in [(7, 100.0), (8, 100.0), (9, 103.0), (9, 100.1)] {
             estimator.take(Some(estimate(views, volume)), true);

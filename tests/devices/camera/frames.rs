@@ -69,7 +69,7 @@ fn a_truncated_frame_is_not_taken_and_is_triggered_again() {
 
 /// The last trigger before the deadline may have no time left for its frame. That is not the reported cause.
 #[test]
-fn the_cause_of_the_frames_that_came_is_told_though_the_last_one_did_not_come() {
+fn the_cause_of_the_frames_that_came_is_reported_though_the_last_one_did_not_come() {
     // With an exposure of 0.3 s in real time two frames arrive before the deadline and a third does not.
     let mut bench = Bench::armed_with(|s| AravisSettings { exposure_us: 3e6, ..s });
     bench.faults().reformat_frames(u32::MAX);

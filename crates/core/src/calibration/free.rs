@@ -375,7 +375,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_hardly_told_is_bounded() {
+    fn what_is_hardly_observable_is_bounded() {
         let (free, refusals) = ask("alpha=45,omega=inf,uy");
         let said: Vec<_> = refusals.iter().map(ToString::to_string).collect();
         assert!(
@@ -406,7 +406,7 @@ mod tests {
     }
 
     #[test]
-    fn what_ends_at_its_reach_is_told() {
+    fn what_ends_at_its_reach_is_reported() {
         let (free, _) = ask("uy=5,omega,gamma=1");
         let start = psi();
         let mut values: Vec<f64> = free.reaches(&start).iter().map(|r| r.start).collect();

@@ -234,7 +234,7 @@ fn a_view_that_the_other_program_has_left_out_ends_its_well_and_one_that_may_sti
 }
 
 #[test]
-fn another_fish_is_not_measured_and_two_pictures_of_a_view_are_told() {
+fn another_fish_is_not_measured_and_two_pictures_of_a_view_are_reported() {
     let mut rig = Rig::new();
     rig.store_well("A01", 1);
     rig.store("W_A01_2_1.png", 10, &[9; 4]);
@@ -246,7 +246,7 @@ fn another_fish_is_not_measured_and_two_pictures_of_a_view_are_told() {
 }
 
 #[test]
-fn a_picture_of_another_size_is_told_with_both_sizes() {
+fn a_picture_of_another_size_is_reported_with_both_sizes() {
     let mut rig = Rig::new();
     rig.store_well("A01", 1);
     rig.store("W_A01_1_2.png", 2, &[2; 8]);
@@ -270,7 +270,7 @@ fn wells_come_in_the_order_of_their_pictures_until_none_has_come_for_long_enough
 }
 
 #[test]
-fn pictures_from_before_a_run_are_told_once_and_a_run_that_continues_takes_them() {
+fn pictures_from_before_a_run_are_reported_once_and_a_run_that_continues_takes_them() {
     let mut rig = Rig::new();
     rig.store_well("A01", 1);
     rig.sampler.begin_run();

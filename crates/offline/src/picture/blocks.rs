@@ -34,7 +34,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn steps_between_blocks_are_told_from_noise() {
+    fn steps_between_blocks_are_distinguished_from_noise() {
         let mut state = 9u64;
         let mut noise = move || {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);

@@ -61,7 +61,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mosaic_is_told_from_a_grey_picture() {
+    fn a_mosaic_is_distinguished_from_a_grey_picture() {
         for (width, height) in [(160, 120), (101, 67)] {
             assert_eq!(step_grey(&picture(width, height, |_, _| 0), width), None);
             let rg = |u: usize, v: usize| [[0, 3], [3, 6]][v % 2][u % 2];

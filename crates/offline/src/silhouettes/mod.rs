@@ -285,7 +285,7 @@ impl Solved {
     /// A number that JSON does not hold.
     pub fn report(&self, views: &[View], mesh: Option<&Path>, timing_ms: Map<String, Value>) -> Result<Value, serde_json::Error> {
         let report = report::report(&self.measured, views, &self.cameras, &self.grid, mesh, timing_ms)?;
-        let mut report = self.table.iter().fold(report, turntable::told);
+        let mut report = self.table.iter().fold(report, turntable::with_table);
         report["mirrored_world"] = self.mirrored.into();
         let report = if self.mirrored { mirror::report(report, self.table.is_some()) } else { report };
         Ok(report::in_unit(report, self.unit))

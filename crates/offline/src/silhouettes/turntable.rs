@@ -74,7 +74,7 @@ fn seen(table: &Turntable, views: &[View], bounds: BoxUm) -> BoxUm {
 }
 
 /// The report of a turn, in the world and unit of the matrices.
-pub(super) fn told(report: Value, table: &Turntable) -> Value {
+pub(super) fn with_table(report: Value, table: &Turntable) -> Value {
     let frame = &table.frame;
     let mut report = scaled(report, frame.scale);
     // Positions need the offset, too. They were already scaled like lengths.

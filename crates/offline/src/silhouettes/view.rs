@@ -155,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_silhouette_is_told_by_what_was_found() {
+    fn what_is_no_silhouette_is_reported_by_what_was_found() {
         for values in [picture(255, 0), vec![255; 48], vec![1; 48]] {
             let error = coverage_of(&values, 8, 255).unwrap_err().to_string();
             assert!(error.contains("inverted"), "{error}");

@@ -17,8 +17,8 @@ pub fn read(bytes: &[u8], reading: &mut Reading) {
         Ok(text) => text,
         Err(mistake) => return reading.wrong(mistake),
     };
-    let (told, text, lines_before) = told_delimiter(&text);
-    let delimiter = told.unwrap_or_else(|| likely_delimiter(text));
+    let (stated, text, lines_before) = stated_delimiter(&text);
+    let delimiter = stated.unwrap_or_else(|| likely_delimiter(text));
     if let Some(line) = unclosed_quote(text.as_bytes(), delimiter, None) {
         return reading.wrong(Mistake::in_line(lines_before + line, "", UNCLOSED_QUOTE));
     }
@@ -75,7 +75,7 @@ pub fn read(bytes: &[u8], reading: &mut Reading) {
 }
 
 /// Reads the line `sep=;` of Excel. Returns the delimiter, the text behind this line, and the number of lines read.
-fn told_delimiter(text: &str) -> (Option<u8>, &str, u64) {
+fn stated_delimiter(text: &str) -> (Option<u8>, &str, u64) {
     let (first, rest) = text.split_once('\n').unwrap_or((text, ""));
     match first.trim_end().strip_prefix("sep=").map(str::as_bytes) {
         Some(&[delimiter]) if delimiter.is_ascii() => (Some(delimiter), rest, 1),

@@ -212,7 +212,7 @@ fn a_newer_index_is_refused_with_both_versions() {
 }
 
 #[test]
-fn a_run_that_cannot_be_read_is_told_and_left_alone() {
+fn a_run_that_cannot_be_read_is_reported_and_left_alone() {
     let dir = tempfile::tempdir().unwrap();
     drop(live(dir.path()));
     let runs = dir.path().join("runs");

@@ -16,7 +16,7 @@ use carved_records::{PlannedWell, SpecimenKind};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-pub(super) fn tell(out: &Path, example: Option<&Labelled>, plate: &Plate, plan: &Plan) -> anyhow::Result<()> {
+pub(super) fn print(out: &Path, example: Option<&Labelled>, plate: &Plate, plan: &Plan) -> anyhow::Result<()> {
     say!("run      {}, new", out.display());
     if let Some((path, label)) = example {
         let fish = label.fish.map_or_else(|| "no fish".into(), |fish| format!("fish {fish}"));

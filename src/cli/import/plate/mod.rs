@@ -145,7 +145,7 @@ fn one_run(args: &super::Args, barcode: &str, id: &str, fish: Option<u32>) -> an
     plate.warnings.iter().cloned().for_each(&mut warn);
     let plan = Plan::of(args, barcode, &plate, &sources, &mut warn)?;
     if args.of_plate.dry_run {
-        dry::tell(&out, example.as_ref(), &plate, &plan)?;
+        dry::print(&out, example.as_ref(), &plate, &plan)?;
         return Ok(0);
     }
     durable::create_folder(durable::folder_of(&out))?;

@@ -460,7 +460,7 @@ fn a_start_after_thousands_of_views_knows_the_plate_the_run_and_what_stands() {
 }
 
 #[test]
-fn what_comes_with_a_step_that_the_table_lacks_is_told_all_the_same() {
+fn what_comes_with_a_step_that_the_table_lacks_is_reported_all_the_same() {
     on_this_thread(async {
         let dir = scratch();
         let mut b = bench(dir.path(), false);
@@ -470,7 +470,7 @@ fn what_comes_with_a_step_that_the_table_lacks_is_told_all_the_same() {
 }
 
 #[test]
-fn a_full_disk_is_told_from_one_that_fails() {
+fn a_full_disk_is_distinguished_from_one_that_fails() {
     on_this_thread(async {
         for (kind, full) in [(std::io::ErrorKind::StorageFull, true), (std::io::ErrorKind::PermissionDenied, false)] {
             let dir = scratch();

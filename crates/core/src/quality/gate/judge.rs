@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn each_thing_that_is_wrong_fails_it_and_is_told() {
+    fn each_thing_that_is_wrong_fails_it_and_is_reported() {
         let changed = |change: fn(&mut BeadMeasured)| {
             let mut turns = beads(4, 20);
             turns.iter_mut().for_each(change);

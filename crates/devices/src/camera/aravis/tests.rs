@@ -45,7 +45,7 @@ fn opened(settings: &AravisSettings, patience: Duration) -> AravisCamera {
 }
 
 /// Region, pixel format, rate, exposure and gain reach its sensor. An unknown trigger source is refused by its name.
-fn takes_what_it_is_told(deadline: Duration) {
+fn takes_what_it_is_given(deadline: Duration) {
     let few = |changed: AravisSettings| {
         let mut camera = opened(&changed, deadline);
         camera.arm().unwrap();
@@ -114,7 +114,7 @@ fn a_camera_of_another_maker_is_opened_driven_refused_to_others_and_missed_when_
     let second = AravisCamera::open(settings()).err().unwrap();
     assert!(matches!(second, DeviceError::NotController { .. }), "{second}");
     drop(camera);
-    takes_what_it_is_told(deadline);
+    takes_what_it_is_given(deadline);
 
     for (bad, named) in [
         (AravisSettings { width: 65_535, ..settings() }, "Width = 65535"),

@@ -44,7 +44,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn words_are_told_apart_in_merged_lines_and_noise_is_none_of_them() {
+    fn words_are_distinguished_in_merged_lines_and_noise_is_none_of_them() {
         assert_eq!(of("OK\r"), [Message::Ok]);
         assert_eq!(of("OKR1"), [Message::Ok, Message::Arrived]);
         assert_eq!(of("R1 OKE3"), [Message::Arrived, Message::Ok, Message::Error(3)]);

@@ -182,7 +182,7 @@ fn is_a_persons_reset(error: &DeviceError) -> bool {
 
 /// The greeting has come, or comes with the next report.
 #[test]
-fn a_reset_at_rest_is_told_once_by_whatever_asks_next() {
+fn a_reset_at_rest_is_reported_once_by_whatever_asks_next() {
     type Ask = fn(&mut Grbl) -> Result<(), DeviceError>;
     let cancel = CancelToken::new;
     let asks: [(&str, Ask); 4] = [
@@ -213,7 +213,7 @@ fn a_reset_at_rest_is_told_once_by_whatever_asks_next() {
 
 /// Nothing can be reported where the sampler's wire is read between runs.
 #[test]
-fn a_reset_that_is_seen_while_the_wire_is_read_is_told_by_the_next_check() {
+fn a_reset_that_is_seen_while_the_wire_is_read_is_reported_by_the_next_check() {
     let mut script = referenced("0.000");
     script.push(("?", GREETING.to_owned() + &idle("0.000")));
     let controller = play(script);
@@ -819,7 +819,7 @@ fn a_reference_asks_what_could_not_be_asked_when_the_port_was_opened() {
 }
 
 #[test]
-fn settings_that_differ_are_told_once_a_hold_that_stood_at_the_opening_is_over() {
+fn settings_that_differ_are_reported_once_a_hold_that_stood_at_the_opening_is_over() {
     let other = SETTINGS.replace("$10=1", "$10=0");
     let mut script = taken("<Hold:0|MPos:0.000,0.000,0.000|FS:0,0>\r\n");
     script.push(("?", idle("0.000")));

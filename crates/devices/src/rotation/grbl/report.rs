@@ -195,7 +195,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn lines_of_a_session_are_told_apart() {
+    fn lines_of_a_session_are_distinguished() {
         assert_eq!(Line::parse("ok"), Line::Ok);
         assert_eq!(Line::parse("error:9"), Line::Error(9));
         assert_eq!(Line::parse("ALARM:1"), Line::Alarm(1));

@@ -370,7 +370,7 @@ fn a_reset_is_seen_by_its_mark_also_where_the_counters_say_nothing() {
 }
 
 #[test]
-fn a_reset_at_rest_is_told_once_by_a_check_or_by_the_next_reference() {
+fn a_reset_at_rest_is_reported_once_by_a_check_or_by_the_next_reference() {
     let mut script = referenced();
     script.extend([seen(0, 0, 0), vec![fence(0), fence(0)], alone(Request::get(parameter::ACTUAL_POSITION, 0), 0, 0)].concat());
     let (module, mut tmcl) = axis(script);
@@ -390,7 +390,7 @@ fn a_reset_at_rest_is_told_once_by_a_check_or_by_the_next_reference() {
 }
 
 #[test]
-fn counters_that_somebody_cleared_are_told() {
+fn counters_that_somebody_cleared_are_reported() {
     let mut script = referenced();
     script.extend(sent_to(1600));
     script.extend(arrived(1600));
@@ -557,7 +557,7 @@ fn a_wrong_reading_is_not_what_a_late_motor_is_held_against() {
 
 /// By counters of an earlier reference, this driver's or another's.
 #[test]
-fn a_pair_that_is_apart_is_searched_for_only_after_a_person_was_told() {
+fn a_pair_that_is_apart_is_searched_for_only_after_a_person_was_informed() {
     let told = [about_to_search(77, 98, FIRST_MARK), vec![halt()]].concat();
     let script = [opening(), told, about_to_search(77, 98, FIRST_MARK), search_begins(), ended(), marked()].concat();
     let module = Scripted::play(script);

@@ -260,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pair_that_comes_apart_before_both_can_be_told_is_refused_with_both_times() {
+    fn a_pair_that_comes_apart_before_both_are_commanded_is_refused_with_both_times() {
         // 8 steps at 1000 steps/s are 8 ms; three exchanges at 115200 baud are 3 * (180 bits + 3 ms).
         let said = TmclSettings { max_skew_steps: 8, ..settings() }.check().unwrap_err().to_string();
         for part in ["max_skew_steps = 8,", "8.0 ms", "13.7 ms", "115200 baud", "14 steps"] {

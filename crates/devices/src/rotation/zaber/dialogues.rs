@@ -367,7 +367,7 @@ fn a_controller_that_has_forgotten_its_checksums_was_restarted() {
 }
 
 #[test]
-fn a_restart_at_rest_is_told_once_by_a_check_or_by_the_next_reference() {
+fn a_restart_at_rest_is_reported_once_by_a_check_or_by_the_next_reference() {
     let restarted = "IDLE WR 02 WR WH";
     let is_told = |error: &DeviceError| matches!(error, DeviceError::Intervention { what, .. } if what.contains("it reports WR"));
     let controller = Scripted::play(Script::referenced().say(1, "warnings", restarted).say(1, "warnings", restarted).steps);

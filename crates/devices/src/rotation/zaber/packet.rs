@@ -112,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn replies_with_and_without_id_asides_and_noise_are_told_apart() {
+    fn replies_with_and_without_id_asides_and_noise_are_distinguished() {
         let Line::Reply(refused) = Line::parse(&with_sum("@02 0 RJ IDLE -- BADCOMMAND")) else { panic!() };
         assert_eq!((refused.id, refused.accepted, refused.data.as_str()), (None, false, "BADCOMMAND"));
         let Line::Reply(words) = Line::parse(&with_sum("@01 1 99 OK IDLE NI 7 8 9")) else { panic!() };
