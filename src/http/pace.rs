@@ -1,5 +1,7 @@
 //! Limits the rate of commands per client with one token bucket per address and one token per command. Reading is not counted. Aborts and
 //! emergency stops are never delayed.
+//!
+//! The crate `governor` is not used: it brings a concurrent map, a clock and timers in place of the twenty lines of [`Pace`].
 
 use super::AppState;
 use super::access::changes_something;

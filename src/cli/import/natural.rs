@@ -1,4 +1,7 @@
 //! Sorts names in natural order: view2 before view10.
+//!
+//! No crate fits: `natord` is no longer maintained, `alphanumeric-sort` compares upper and lower case, and neither gives names that
+//! compare equal a fixed order.
 
 use std::cmp::Ordering;
 
