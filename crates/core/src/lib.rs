@@ -1,5 +1,5 @@
-//! The science of carved: from frames of a specimen that turns in a glass capillary to its volume, surface area and shape, each
-//! with its standard uncertainty.
+//! The science of carved: from frames of a specimen that turns in a glass capillary to its volume and surface area, with their standard
+//! uncertainties, and to its shape, without one.
 //!
 //! ```text
 //! units, frame, range, statistics, flag ──> assay

@@ -146,7 +146,7 @@ pub struct VoxelEstimate {
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Spread {
-    /// Volume: what another turn of the same specimen would change (jackknife over the views).
+    /// Volume: what another turn of the same specimen would change: a jackknife over the views, and the scatter of the loss by their shifts.
     pub volume_views_um3: f64,
     /// Area: the same.
     pub area_views_um2: f64,
