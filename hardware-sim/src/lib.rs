@@ -15,7 +15,6 @@
 pub mod analytic;
 pub mod bridge;
 pub mod clock;
-pub mod frame_statistics;
 pub mod gige;
 pub mod grbl;
 pub mod motion;

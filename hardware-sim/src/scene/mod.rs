@@ -21,7 +21,7 @@ pub mod optics;
 pub mod outline;
 pub mod phantom;
 mod real;
-pub(crate) mod seeded;
+pub mod seeded;
 
 pub use camera::Camera;
 pub use capillary::{Capillary, Wall};

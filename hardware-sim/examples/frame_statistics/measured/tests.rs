@@ -1,7 +1,7 @@
 //! Tests on drawn frames whose statistics are known.
 
 use super::*;
-use crate::scene::{Exposure, Scene, SceneSettings};
+use hardware_sim::scene::{Exposure, Scene, SceneSettings};
 
 const WIDTH: usize = 1000;
 const HEIGHT: usize = 200;
@@ -10,7 +10,7 @@ const WALLS: [f64; 2] = [44.0, 156.0];
 
 /// A frame with walls, drawn by a function of column and row that returns the part of the light that passes.
 fn drawn(light: [f64; 3], noise_sd: f64, passes: impl Fn(f64, f64) -> f64) -> Rgb {
-    let mut random = crate::scene::seeded::Seeded::new(5);
+    let mut random = hardware_sim::scene::seeded::Seeded::new(5);
     let mut data = Vec::with_capacity(WIDTH * HEIGHT * 3);
     for v in 0..HEIGHT {
         for u in 0..WIDTH {
@@ -47,7 +47,7 @@ fn edge(distance: f64, sigma: f64, dark: f64) -> f64 {
 #[test]
 fn walls_light_and_colour_are_those_that_were_drawn() {
     for slope in [0.0, 0.02, -0.013] {
-        let mut random = crate::scene::seeded::Seeded::new(2);
+        let mut random = hardware_sim::scene::seeded::Seeded::new(2);
         let tilted = |u: f64, v: f64| v - slope * (u - 499.5);
         let mut data = Vec::new();
         for v in 0..HEIGHT {

@@ -5,8 +5,10 @@
 //! for emulated frames that are not. Numbers are the median over the frames, with the 10 and 90 % quantiles in brackets.
 //! `docs/frames.md` explains each row.
 
-use hardware_sim::frame_statistics::{Frame, FrameStatistics, quantile};
+mod measured;
+
 use hardware_sim::scene::Rgb;
+use measured::{Frame, FrameStatistics, quantile};
 use rayon::prelude::*;
 use std::error::Error;
 use std::path::{Path, PathBuf};

@@ -13,8 +13,8 @@ mod light;
 mod specks;
 mod walls;
 
-use crate::scene::Rgb;
 use body::Body;
+use hardware_sim::scene::Rgb;
 use light::Light;
 use walls::Walls;
 
