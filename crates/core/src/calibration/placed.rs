@@ -77,7 +77,7 @@ fn placed_among(pose: &Pose, slices: &[(Slice, Fit)], view: &TurnView, shift: Sh
     let distance_px = |off_rad: f64| at(off_rad).map_or(f64::INFINITY, |residuals| trimmed_rms(residuals.into_iter()));
     let tried = (1..ANGLES).map(|step| TAU * step as f64 / ANGLES as f64).map(|off_rad| (distance_px(off_rad), off_rad));
     let (best_px, off_rad) = tried.fold((own_px, 0.0), |best, next| if next.0 < best.0 { next } else { best });
-    let half_px = median(own.into_iter().map(f64::abs).collect());
+    let half_px = upper_median(own.into_iter().map(f64::abs).collect());
     Some(Placed { own_px, half_px, best_px, off_rad: if off_rad > PI { off_rad - TAU } else { off_rad } })
 }
 
