@@ -49,7 +49,7 @@ pub fn stopping() {
 /// Asks for more time to end while `at_disk` returns true: a slow disk is no reason to kill the daemon before it has written that it was
 /// asked to end, because the next start would take the end for a crash.
 pub async fn extend_end(at_disk: impl Fn() -> bool) {
-    extend_while(ASK_AGAIN, MOST_ASKED, at_disk, || tell(&[NotifyState::ExtendTimeoutUsec(MORE_US)])).await;
+    extend_while(ASK_AGAIN, MOST_ASKED, at_disk, || send(&[NotifyState::ExtendTimeoutUsec(MORE_US)])).await;
 }
 
 async fn extend_while(again: Duration, most: u32, at_disk: impl Fn() -> bool, extend: impl Fn()) {
