@@ -3,6 +3,7 @@
 //   file ──check──> mistakes by line, or the contents of the plate ──preflight──> failed conditions ──start──> the run
 
 import { checkPlateMap, fetchMethods, preflight, Refused, startRun } from "./api.ts";
+import { CellEdit } from "./celledit.ts";
 import { bringIntoView, element, setText, show } from "./dom.ts";
 import { save } from "./downloads.ts";
 import { capitalised, counted, words } from "./format.ts";
@@ -30,6 +31,7 @@ export class NewRun {
   readonly #start: HTMLButtonElement;
   readonly #format: HTMLSelectElement;
   readonly #plate: PlanPlate;
+  readonly #cell: CellEdit;
   #methods: readonly MethodOffer[] = [];
   #methodsOf: string | null = null;
   #map: PlateMap | null = null;
@@ -70,6 +72,11 @@ export class NewRun {
     this.#start = find("start");
     this.#format = find("plate-format");
     this.#plate = new PlanPlate({ box: find("plan"), table: find("plan-plate"), legend: find("plan-legend") });
+    this.#cell = new CellEdit(
+      find,
+      () => this.#map?.plate_map ?? [],
+      (wells) => this.#correct(wells),
+    );
     this.#format.addEventListener("change", () => {
       this.#chosen = this.#wells();
       void this.#check();
@@ -298,7 +305,18 @@ export class NewRun {
     }
   }
 
+  /** Takes a plate map with one well corrected. The daemon checks it with the plan. */
+  #correct(wells: PlannedWell[]): void {
+    if (this.#map === null) return;
+    this.#map = { ...this.#map, plate_map: wells };
+    this.#clear();
+    setText(this.#holds, `${contents(wells)} Corrected on this page; the file is as it was.`);
+    this.#draw();
+    this.#enable();
+  }
+
   #draw(): void {
+    this.#cell.close();
     this.#plate.update(this.#map?.plate_map ?? [], this.#wells());
   }
 

@@ -50,7 +50,7 @@ export function groupsOf(wells: readonly PlannedWell[]): PlanGroup[] {
   return [...groups.values()];
 }
 
-function painted(made: HTMLElement, group: number): HTMLElement {
+function painted<T extends HTMLElement>(made: T, group: number): T {
   const [background, ink] = coloursOf(group);
   made.style.background = background;
   made.style.color = ink;
@@ -86,9 +86,10 @@ export class PlanPlate {
     drawPlate(this.#table, format, (name) => {
       const group = number.get(name);
       if (group === undefined) return null;
-      const cell = painted(element("span", "well"), group);
+      const cell = painted(element("button", "well"), group);
+      cell.type = "button";
       cell.dataset["planned"] = name;
-      cell.title = `${name}: ${groups[group]!.words}; number ${order.get(name)} of the run`;
+      cell.title = `${name}: ${groups[group]!.words}; number ${order.get(name)} of the run; a click corrects it`;
       return cell;
     });
     const listed = groups.map((group, i) => {

@@ -38,7 +38,7 @@ const FOUND: Record<string, string> = {
 const DONE: Record<SpecimenOutcome, string> = {
   succeeded: "measured",
   failed: "failed",
-  aborted: "left out",
+  aborted: "not measured",
   interrupted: "interrupted and given up",
   skipped: "skipped",
 };

@@ -72,14 +72,14 @@ export const CONDITIONS: Record<Condition, { sign: string; label: string }> = {
   skipped: { sign: "–", label: "skipped" },
   failed: { sign: "✕", label: "failed" },
   interrupted: { sign: "‖", label: "interrupted and given up" },
-  cut: { sign: "◐", label: "cut short when the run was ended" },
-  aborted: { sign: "■", label: "left out when the run was ended" },
+  cut: { sign: "◐", label: "interrupted when the run was ended" },
+  aborted: { sign: "■", label: "not measured: the run was ended" },
 };
 
 /** The condition of one well in words, with the views of a well that was cut short. */
 export function conditionWords(well: WellStatus, condition: Condition): string {
   const views = well.views ?? 0;
-  if (condition === "cut") return `cut short after ${counted(views, "view")}`;
+  if (condition === "cut") return `interrupted after ${counted(views, "view")}`;
   if (condition === "aborted" && well.views === 0) return "left out before its first view";
   if (condition === "interrupted" && views > 0) return `interrupted and given up after ${counted(views, "view")}`;
   return CONDITIONS[condition].label;

@@ -226,8 +226,12 @@ impl fmt::Display for Bead {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         write!(
             f,
-            "The bead measures {:.1} um, {:.4e} um^3, length over width {:.4}. The axis is at row {:.2}, rolled by {:+.3} deg.",
-            self.diameter_um, self.volume_um3, self.aspect, self.uy_px, self.gamma_deg
+            "The bead measures {:.1} um, {:.2} nL, length over width {:.4}. The axis is at row {:.2}, rolled by {:+.3} deg.",
+            self.diameter_um,
+            self.volume_um3 / 1e6,
+            self.aspect,
+            self.uy_px,
+            self.gamma_deg
         )?;
         match (self.closure_iou, self.closure_px) {
             (Some(iou), Some([along, across])) => {

@@ -63,12 +63,12 @@ pub fn summary(s: &State) -> String {
     let stated = s.number("bead_um").unwrap_or(f64::NAN);
     let [kx, ky] = s.scales().unwrap_or([f64::NAN; 2]).map(|k| 1.0 / k);
     let mut text = format!(
-        "The bead is right: {:.2} um measured, {stated} um stated ({:+.2} %); its volume is {:.4e} um^3, that of a sphere of {stated} um {:.4e} \
-             um^3.\nA pixel is {kx:.4} um along the capillary and {ky:.4} um across it.\n",
+        "The bead is right: {:.2} um measured, {stated} um stated ({:+.2} %); its volume is {:.2} nL, that of a sphere of {stated} um {:.2} nL.\n\
+             A pixel is {kx:.4} um along the capillary and {ky:.4} um across it.\n",
         proof.diameter_um,
         s.off_percent(Some(proof)).unwrap_or(f64::NAN),
-        proof.volume_um3,
-        PI / 6.0 * stated.powi(3)
+        proof.volume_um3 / 1e6,
+        PI / 6e6 * stated.powi(3)
     );
     if s.answered("sense") == Some("unknown") {
         text += "The sense of rotation is not measured: models may be mirror images. Measure it with carved calibrate marked.\n";

@@ -178,7 +178,7 @@ const EVENTS: [kind: string, data: unknown, words: string][] = [
   ["specimen.recovered", null, "news: A01: its numbers were computed from the stored frames."],
   ["specimen.done", { outcome: "succeeded", volume_um3: 2.4e8 }, "news: A01: measured, 240.0 nL."],
   ["specimen.done", { outcome: "failed", reason: "No outline." }, "trouble: A01: failed: No outline."],
-  ["specimen.done", { outcome: "aborted" }, "news: A01: left out."],
+  ["specimen.done", { outcome: "aborted" }, "news: A01: not measured."],
   ["specimen.done", { outcome: "interrupted" }, "trouble: A01: interrupted and given up."],
   ["specimen.done", { outcome: "skipped", reason: "empty" }, "news: A01: skipped: the capillary is empty."],
   [

@@ -1,0 +1,107 @@
+// One cell of a plate map that was read: its specimen, age and treatment are corrected before the run, or the well is left out. The file on
+// the computer stays as it is.
+
+import { setText, show } from "./dom.ts";
+import type { PlannedWell } from "./status.ts";
+
+/** What the form says about a well. */
+export interface Cell {
+  specimen: string;
+  dpf: string;
+  compound: string;
+  concentration: string;
+  unit: string;
+  out: boolean;
+}
+
+/** The plate map with one well as the form says; null where a number cannot be read. Pure. */
+export function corrected(wells: readonly PlannedWell[], name: string, cell: Cell): PlannedWell[] | null {
+  if (cell.out) return wells.filter((well) => well.well !== name);
+  const numbers = [cell.dpf, cell.concentration].map((text) =>
+    text.trim() === "" ? null : Number(text.replace(",", ".")),
+  );
+  if (numbers.some((value) => value !== null && !Number.isFinite(value))) return null;
+  const [dpf = null, concentration = null] = numbers;
+  return wells.map((well) => {
+    if (well.well !== name) return well;
+    const changed: PlannedWell = { ...well, specimen: cell.specimen === "bead" ? "bead" : "larva", dpf };
+    for (const key of ["compound", "concentration", "concentration_unit"] as const) delete changed[key];
+    if (cell.compound.trim() !== "") changed.compound = cell.compound.trim();
+    if (concentration !== null) changed.concentration = concentration;
+    if (concentration !== null && cell.unit !== "")
+      changed.concentration_unit = cell.unit as NonNullable<PlannedWell["concentration_unit"]>;
+    return changed;
+  });
+}
+
+export class CellEdit {
+  readonly #form: HTMLFormElement;
+  readonly #find: <T extends Element = HTMLElement>(id: string) => T;
+  readonly #wells: () => readonly PlannedWell[];
+  readonly #changed: (wells: PlannedWell[]) => void;
+  #well: string | null = null;
+
+  constructor(
+    find: <T extends Element = HTMLElement>(id: string) => T,
+    wells: () => readonly PlannedWell[],
+    changed: (wells: PlannedWell[]) => void,
+  ) {
+    this.#find = find;
+    this.#form = find("cell-form");
+    this.#wells = wells;
+    this.#changed = changed;
+    find("plan-plate").addEventListener("click", (event) => {
+      const cell = event.target instanceof Element ? event.target.closest<HTMLElement>("[data-planned]") : null;
+      if (cell !== null) this.open(cell.dataset["planned"]!);
+    });
+    this.#form.addEventListener("submit", (event) => {
+      event.preventDefault();
+      this.#apply();
+    });
+    find("cell-cancel").addEventListener("click", () => this.close());
+  }
+
+  open(name: string): void {
+    const well = this.#wells().find((well) => well.well === name);
+    if (well === undefined) return;
+    this.#well = name;
+    setText(this.#find("cell-heading"), `Well ${name}`);
+    const values = {
+      specimen: well.specimen ?? "larva",
+      dpf: String(well.dpf ?? ""),
+      compound: well.compound ?? "",
+      concentration: String(well.concentration ?? ""),
+      unit: well.concentration_unit ?? "",
+    };
+    for (const [key, value] of Object.entries(values)) this.#field(key).value = value;
+    this.#find<HTMLInputElement>("cell-out").checked = false;
+    setText(this.#find("cell-words"), "");
+    show(this.#form, true);
+    this.#field("dpf").focus();
+  }
+
+  close(): void {
+    this.#well = null;
+    show(this.#form, false);
+  }
+
+  #field(key: string): HTMLInputElement | HTMLSelectElement {
+    return this.#find<HTMLInputElement>(`cell-${key}`);
+  }
+
+  #apply(): void {
+    if (this.#well === null) return;
+    const value = (key: string) => this.#field(key).value;
+    const wells = corrected(this.#wells(), this.#well, {
+      specimen: value("specimen"),
+      dpf: value("dpf"),
+      compound: value("compound"),
+      concentration: value("concentration"),
+      unit: value("unit"),
+      out: this.#find<HTMLInputElement>("cell-out").checked,
+    });
+    if (wells === null) return setText(this.#find("cell-words"), "Age and concentration are numbers.");
+    this.#changed(wells);
+    this.close();
+  }
+}

@@ -1,0 +1,59 @@
+// A cell of a plate map that is corrected on the page, with real clicks on the real daemon.
+
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { shoot } from "../support/browser.ts";
+import { RUN_MS } from "../support/daemon.ts";
+import { opened, until } from "../support/opened.ts";
+
+const MAP = "well,specimen,dpf,compound,concentration,concentration_unit\nA01,larva,3,,,\nA02,larva,3,,,\n";
+
+test(
+  "a cell of a plate map is corrected, and a well is left out, without its file",
+  { timeout: 2 * RUN_MS },
+  async (t) => {
+    const { daemon, page, complaints } = await opened(t, 5);
+    // The age and the compound of one well are corrected, and the other well is left out.
+    await page
+      .getByLabel("Plate map")
+      .setInputFiles({ name: "map.csv", mimeType: "text/csv", buffer: Buffer.from(MAP) });
+    await until(page, "plate-holds", /^2 wells: 2 larvae of 3 dpf\.$/);
+    await page.locator('#plan-plate [data-planned="A01"]').click();
+    await until(page, "cell-heading", /^Well A01$/);
+    await page.getByLabel("Age, dpf").fill("old");
+    await page.getByRole("button", { name: "Use it" }).click();
+    await until(page, "cell-words", /^Age and concentration are numbers\.$/);
+    await page.getByLabel("Age, dpf").fill("5");
+    await page.locator("#cell-compound").fill("Valproic acid");
+    await page.locator("#cell-concentration").fill("1,5");
+    await page.locator("#cell-unit").selectOption("mM");
+    await shoot(page, "cell");
+    await page.getByRole("button", { name: "Use it" }).click();
+    await page.locator('#plan-plate [data-planned="A02"]').click();
+    await page.getByLabel("Leave this well out of the run").check();
+    await page.getByRole("button", { name: "Use it" }).click();
+    await until(page, "plate-holds", /^1 well: 1 larva of 5 dpf\. Corrected on this page/);
+    await page.getByLabel("Plate barcode").fill("P-7");
+    await page.getByLabel("Operator").fill("Kim");
+    await page.getByLabel("Run name").fill("vpa");
+    await page.getByRole("button", { name: "Start", exact: true }).click();
+    await daemon.follow((s) => s.run?.id === "vpa");
+    const ended = await daemon.follow((s) => s.run!.outcome !== null);
+    const detail = (await (await fetch(`${daemon.url}/v1/runs/vpa`)).json()) as { plan: { plate_map: object[] } };
+    assert.deepEqual(
+      detail.plan.plate_map.map((well) => ({ ...well })),
+      [
+        {
+          well: "A01",
+          specimen: "larva",
+          dpf: 5,
+          compound: "Valproic acid",
+          concentration: 1.5,
+          concentration_unit: "mM",
+        },
+      ],
+      JSON.stringify(ended.run),
+    );
+    assert.deepEqual(complaints, []);
+  },
+);

@@ -1,0 +1,27 @@
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { corrected } from "../../src/celledit.ts";
+
+test("one cell of a plate map is corrected, and every other one stays", () => {
+  const wells = [
+    { well: "A01", dpf: 3, strain: "ABxTL", compound: "DMSO", concentration: 1, concentration_unit: "%" as const },
+    { well: "A02", dpf: 3 },
+  ];
+  const cell = { specimen: "larva", dpf: "5", compound: " VPA ", concentration: "1,5", unit: "mM", out: false };
+  assert.deepEqual(corrected(wells, "A01", cell), [
+    {
+      well: "A01",
+      specimen: "larva",
+      dpf: 5,
+      strain: "ABxTL",
+      compound: "VPA",
+      concentration: 1.5,
+      concentration_unit: "mM",
+    },
+    wells[1],
+  ]);
+  const bare = { ...cell, dpf: "", compound: "", concentration: "", specimen: "bead" };
+  assert.deepEqual(corrected(wells, "A01", bare)![0], { well: "A01", specimen: "bead", dpf: null, strain: "ABxTL" });
+  assert.deepEqual(corrected(wells, "A02", { ...cell, out: true }), [wells[0]]);
+  assert.equal(corrected(wells, "A01", { ...cell, dpf: "old" }), null);
+});
