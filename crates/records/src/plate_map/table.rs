@@ -181,10 +181,20 @@ fn is_matrix_heading(record: &StringRecord) -> bool {
     record.len() > 2 && record.iter().skip(1).zip(1..).all(|(cell, number): (&str, usize)| cell == number.to_string())
 }
 
+/// What the blocks say about a well.
+struct BlockWell {
+    well: String,
+    /// Line of the first block that has a cell for it.
+    line: u64,
+    cells: Vec<Cell>,
+    /// Cells of blocks that carved does not read, with the name of the block.
+    kept: Vec<(String, String)>,
+}
+
 /// Reads blocks in the layout of the plate. Each is a column of the plate map: its name is in the corner, the letters of the rows are on the
 /// left. A well is planned if a block has a cell for it.
 fn matrix(records: &[(u64, StringRecord)], decimal: Decimal, reading: &mut Reading) {
-    let mut wells: Vec<(String, u64, Vec<Cell>, Vec<(String, String)>)> = Vec::new();
+    let mut wells: Vec<BlockWell> = Vec::new();
     let (mut name, mut width) = (String::new(), 0);
     for (line, record) in records {
         if is_matrix_heading(record) {
@@ -202,12 +212,12 @@ fn matrix(records: &[(u64, StringRecord)], decimal: Decimal, reading: &mut Readi
         }
         for (number, text) in record.iter().enumerate().skip(1).filter(|(_, text)| !text.is_empty()) {
             let well = format!("{}{number:02}", row.to_ascii_uppercase());
-            let at = wells.iter().position(|(known, ..)| *known == well).unwrap_or_else(|| {
+            let at = wells.iter().position(|known| known.well == well).unwrap_or_else(|| {
                 let own = Cell { column: Column::Well, name: "well".into(), text: well.clone() };
-                wells.push((well, *line, vec![own], Vec::new()));
+                wells.push(BlockWell { well, line: *line, cells: vec![own], kept: Vec::new() });
                 wells.len() - 1
             });
-            let (_, _, cells, kept) = &mut wells[at];
+            let BlockWell { cells, kept, .. } = &mut wells[at];
             match Column::of_heading(&name) {
                 Some(column) if cells.iter().any(|cell| cell.column == column) => {
                     reading.wrong(Mistake::in_line(*line, &name, format!("the block {name} is there twice, or its row {row} is")));
@@ -217,7 +227,7 @@ fn matrix(records: &[(u64, StringRecord)], decimal: Decimal, reading: &mut Readi
             }
         }
     }
-    for (_, line, cells, kept) in wells {
+    for BlockWell { line, cells, kept, .. } in wells {
         if let Some(well) = reading.row(&Row { place: Place::Line(line), decimal, cells }) {
             for (column, text) in kept {
                 reading.keep(&column, &well, &text);
