@@ -93,7 +93,9 @@ fn a_specimen_that_is_gone_gets_its_numbers_from_its_frames_bit_for_bit() {
         }
         sums_hold(&well);
         assert_eq!(json(&data.join("runs/r1/run.json"))["wells"][0], expected);
-        assert!(!data.join("runs/r1/A01.attempt-1").exists(), "its larva is gone: there is no other attempt");
+        // A busy computer loses frames, so the live run may have tried twice.
+        let tried_again = |data: &Path| data.join("runs/r1/A01.attempt-1").exists();
+        assert_eq!(tried_again(data), tried_again(&whole), "its larva is gone: there is no other attempt");
         let told = ["specimen.recovered", "specimen.done", "specimen.interrupted"].map(|kind| count(data, kind, "A01"));
         assert_eq!(told, [1, 1, 0]);
     };
