@@ -104,12 +104,11 @@ fn redo(d: &mut DriverState, run: &str, well: &str, says: SaidBy) -> Result<(), 
 
 fn note(d: &mut DriverState, run: &str, well: &str, note: WellNote) -> Result<(), Refusal> {
     let is_current = d.is(run);
-    let mut record = match d.newest_run().filter(|newest| newest.id == run) {
-        Some(record) => record.clone(),
-        None => {
-            let newest = d.newest_run().map(|newest| newest.id.clone());
-            d.outbox.store().run(run).map_err(Refusal::from)?.ok_or(Refusal::UnknownRun { id: run.to_owned(), newest })?
-        }
+    let mut record = if let Some(newest) = d.newest_run().filter(|newest| newest.id == run) {
+        newest.clone()
+    } else {
+        let newest = d.newest_run().map(|newest| newest.id.clone());
+        d.outbox.store().run(run).map_err(Refusal::from)?.ok_or(Refusal::UnknownRun { id: run.to_owned(), newest })?
     };
     let Some(status) = record.wells.iter_mut().find(|status| status.well == well) else {
         return Err(not_now(run, well, "the run has no such well"));
