@@ -32,6 +32,11 @@ pub use ply::{PlyError, read_ply, write_ply};
 pub use stl::write_stl;
 pub use unit::Unit;
 
+/// What files with a specimen's surface say about it: the estimator that made it.
+pub fn facts_of_mesh() -> [(&'static str, String); 1] {
+    [("estimator", carved_core::measure::Estimator::Field.name().into())]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

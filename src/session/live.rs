@@ -1,6 +1,6 @@
 //! The newest view and the finished model, encoded for the page.
 
-use super::{Live, numbers};
+use super::Live;
 use crate::export;
 use carved_core::pipeline::SegmentedFrame;
 use carved_core::profile::{Mask, Picture};
@@ -31,7 +31,7 @@ fn glb(mesh: &Mesh) -> Option<Arc<Vec<u8>>> {
     if mesh.triangles.is_empty() {
         return None;
     }
-    export::write_glb(mesh, None, export::Unit::M, &numbers::facts_of_mesh(), &mut out)
+    export::write_glb(mesh, None, export::Unit::M, &export::facts_of_mesh(), &mut out)
         .inspect_err(|error| tracing::warn!(%error, "the model was not encoded"))
         .ok()
         .map(|()| Arc::new(out))

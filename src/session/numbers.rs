@@ -32,11 +32,6 @@ pub fn write(writer: &mut RecordingWriter, mesh: &Mesh, file: &MeasurementFile) 
     Ok(model)
 }
 
-/// What files with a specimen's surface say about it: the estimator that made it.
-pub fn facts_of_mesh() -> [(&'static str, String); 1] {
-    [("estimator", Estimator::Field.name().into())]
-}
-
 /// Name of the file with a specimen's surface.
 pub const MESH: &str = "mesh.ply";
 
@@ -105,7 +100,7 @@ pub fn coloured(reader: &RecordingReader) -> Result<Option<Vec<u8>>, StoreError>
     let mesh = export::decimate(&mesh, COLOURED_ERROR_UM).mesh;
     let colours = colours(reader, &numbers, &mesh)?;
     let mut out = Vec::new();
-    export::write_glb(&mesh, Some(&colours), export::Unit::M, &facts_of_mesh(), &mut out).map_err(StoreError::io("encode", &path))?;
+    export::write_glb(&mesh, Some(&colours), export::Unit::M, &export::facts_of_mesh(), &mut out).map_err(StoreError::io("encode", &path))?;
     Ok(Some(out))
 }
 

@@ -12,7 +12,7 @@ use crate::cli::folders::open_recording;
 use crate::cli::measure::compute_with_hull;
 use crate::cli::stored::{self, Stored};
 use crate::export::zarr::{self, Shard, VOXELS};
-use crate::export::{Outline, Unit, imagej_rois, read_ply, write_glb, write_nrrd, write_stl};
+use crate::export::{Outline, Unit, facts_of_mesh, imagej_rois, read_ply, write_glb, write_nrrd, write_stl};
 use crate::session::numbers;
 use anyhow::{Context, ensure};
 use carved_core::measure::Estimator;
@@ -212,7 +212,7 @@ pub fn glb(args: &GlbArgs) -> anyhow::Result<()> {
     } else {
         (mesh(&reader)?, None)
     };
-    facts.extend(numbers::facts_of_mesh());
+    facts.extend(facts_of_mesh());
     let mut bytes = Vec::new();
     write_glb(&mesh, colours.as_deref(), args.unit, &facts, &mut bytes)?;
     write(&args.out, &bytes)?;
