@@ -100,7 +100,8 @@ pub fn coloured(reader: &RecordingReader) -> Result<Option<Vec<u8>>, StoreError>
     let mesh = export::decimate(&mesh, COLOURED_ERROR_UM).mesh;
     let colours = colours(reader, &numbers, &mesh)?;
     let mut out = Vec::new();
-    export::write_glb(&mesh, Some(&colours), export::Unit::M, &export::facts_of_mesh(), &mut out).map_err(StoreError::io("encode", &path))?;
+    export::write_glb(&mesh, Some(&colours), export::Unit::M, &export::facts_of_mesh(), &mut out)
+        .map_err(StoreError::io("encode", &path))?;
     Ok(Some(out))
 }
 

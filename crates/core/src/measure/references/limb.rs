@@ -133,6 +133,6 @@ mod tests {
         for material in [BeadMaterial::Polystyrene, BeadMaterial::Pmma, BeadMaterial::Glass, BeadMaterial::Opaque] {
             assert!(material.limb().share - unknown.share <= 2.0 * unknown.sd, "{material:?}");
         }
-        assert_eq!(BeadMaterial::Opaque.apparent_um(500.0), [500.0, 0.0]);
+        assert_eq!(BeadMaterial::Opaque.apparent_um(500.0).map(f64::to_bits), [500.0f64, 0.0].map(f64::to_bits));
     }
 }

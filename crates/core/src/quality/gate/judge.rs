@@ -113,6 +113,7 @@ mod tests {
 
     #[test]
     fn a_certain_bias_within_the_repeats_own_limit_is_none() {
+        use GateVerdict::{Failed, NoHistory};
         let alike = |mean_um: f64, bead_material: BeadMaterial| {
             let settings = GateSettings { bead_material, ..GateSettings::default() };
             let turns: Vec<BeadMeasured> =
@@ -122,7 +123,6 @@ mod tests {
             assert_eq!(gate.verdict.passes(), gate.words.iter().any(|w| w.contains("This is certain")), "{:?}", gate.words);
             gate.verdict
         };
-        use GateVerdict::{Failed, NoHistory};
         let opaque = [498.9, 501.9, 497.0, 503.0].map(|um| alike(um, BeadMaterial::Opaque));
         assert_eq!(opaque, [NoHistory, NoHistory, Failed, Failed]);
         // Clear beads look smaller than they are: by 2.2 +- 0.7 um, or by an unknown part of this.
