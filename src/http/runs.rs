@@ -54,23 +54,16 @@ pub(super) struct NoteOnWell {
 #[derive(Debug, Default, Deserialize, IntoParams)]
 #[into_params(parameter_in = Query)]
 pub(super) struct By {
-    /// Name of the person, for the events of the run. Without it nobody is named.
+    /// Name of the person, for the events of the run; its first 64 characters count. Without it nobody is named.
     by: Option<String>,
 }
 
 impl By {
-    /// The name, without white space around it. An empty one is none.
-    ///
-    /// # Errors
-    /// It is too long for a name, or has control characters.
-    pub fn name(self) -> Result<Option<String>, Problem> {
-        let name = self.by.map(|by| by.trim().to_owned()).filter(|by| !by.is_empty());
-        match name {
-            Some(name) if name.chars().count() > 64 || name.chars().any(char::is_control) => {
-                Err(Problem::bad_request("bad_query", "`by` is a name of at most 64 characters of one line"))
-            }
-            name => Ok(name),
-        }
+    /// The first 64 characters of the name, without control characters and white space around it. No command is refused for its label: an
+    /// empty name, and a query that cannot be read, name nobody.
+    pub fn name(by: Result<Query<Self>, QueryRejection>) -> Option<String> {
+        let name: String = by.ok()?.0.by?.chars().filter(|c| !c.is_control()).take(64).collect();
+        Some(name.trim().to_owned()).filter(|name| !name.is_empty())
     }
 }
 
@@ -125,7 +118,7 @@ async fn steer(
 ) -> Result<Json<Acknowledged>, Problem> {
     body::within(headers, body::SMALL)?;
     let Path(id) = path?;
-    app.session.steer(id.clone(), towards, by?.0.name()?).await.map_err(|refusal| refused(app, refusal))?;
+    app.session.steer(id.clone(), towards, By::name(by)).await.map_err(|refusal| refused(app, refusal))?;
     Ok(acknowledged(app, id))
 }
 

@@ -69,6 +69,6 @@ pub(super) async fn acknowledge(
 ) -> Result<Json<Noted>, Problem> {
     body::within(&headers, body::SMALL)?;
     let Path(seq) = path?;
-    app.session.acknowledge(seq, by?.0.name()?).await.map_err(|refusal| refused(&app, refusal))?;
+    app.session.acknowledge(seq, By::name(by)).await.map_err(|refusal| refused(&app, refusal))?;
     Ok(noted(&app))
 }

@@ -17,15 +17,21 @@ export interface Cell {
 /** The plate map with one well as the form says; null where a number cannot be read. Pure. */
 export function corrected(wells: readonly PlannedWell[], name: string, cell: Cell): PlannedWell[] | null {
   if (cell.out) return wells.filter((well) => well.well !== name);
-  const numbers = [cell.dpf, cell.concentration].map((text) =>
-    text.trim() === "" ? null : Number(text.replace(",", ".")),
-  );
+  // "1,000" may be one or a thousand.
+  const ambiguous = /^\s*\d{1,3}(,\d{3})+\s*$/;
+  const numbers = [cell.dpf, cell.concentration].map((text) => {
+    if (text.trim() === "") return null;
+    return ambiguous.test(text) ? Number.NaN : Number(text.replace(",", "."));
+  });
   if (numbers.some((value) => value !== null && !Number.isFinite(value))) return null;
   const [dpf = null, concentration = null] = numbers;
   return wells.map((well) => {
     if (well.well !== name) return well;
     const changed: PlannedWell = { ...well, specimen: cell.specimen === "bead" ? "bead" : "larva", dpf };
     for (const key of ["compound", "concentration", "concentration_unit"] as const) delete changed[key];
+    // What the map said of another compound.
+    if (cell.compound.trim() !== (well.compound ?? ""))
+      for (const key of ["control", "treatment", "replicate"] as const) delete changed[key];
     if (cell.compound.trim() !== "") changed.compound = cell.compound.trim();
     if (concentration !== null) changed.concentration = concentration;
     if (concentration !== null && cell.unit !== "")

@@ -70,7 +70,7 @@ pub enum Interrupted {
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Resume {
-    /// The run continues by itself. After any other fault the operator continues it.
+    /// The run continues by itself, also after the pauses of `held_tries`. After any other fault the operator continues it.
     #[default]
     Automatic,
     /// The operator continues it.
@@ -124,6 +124,9 @@ impl Default for Deadlines {
     }
 }
 
+/// A pause before a held run tries again does not grow beyond this.
+const LONGEST_PAUSE_MIN: f64 = 60.0;
+
 /// Range of a deadline, s: from a millisecond to a day.
 const DEADLINES_S: [f64; 2] = [0.001, 86_400.0];
 
@@ -131,7 +134,6 @@ impl Ranged for Policy {
     const RANGES: &'static [Range<Self>] = ranges![
         // Each attempt harms the specimen.
         retries: 0.0, 5.0, "times";
-        // With 10 tries the last pause is 512 times the first one.
         held_tries: 0.0, 10.0, "times";
         held_pause_min: 0.01, 60.0, "min";
     ];
@@ -158,7 +160,7 @@ impl Policy {
     /// Pause before a run that the camera holds continues by itself, after so many continuations. `None` if a person continues it.
     pub fn held_pause(&self, continued: u32) -> Option<Duration> {
         let is_allowed = self.resume == Resume::Automatic && continued < self.held_tries;
-        is_allowed.then(|| Duration::from_secs_f64(60.0 * self.held_pause_min * 2f64.powi(continued as i32)))
+        is_allowed.then(|| Duration::from_secs_f64(60.0 * (self.held_pause_min * 2f64.powi(continued as i32)).min(LONGEST_PAUSE_MIN)))
     }
 }
 

@@ -55,8 +55,10 @@ fn rest_of(record: RunRecord, asked: Option<&str>) -> Result<RunPlan, Problem> {
         return conflict("wrong_state", format!("run {} is under way: its wells are still measured", record.id));
     }
     let chosen: BTreeSet<String> = match asked {
-        Some(asked) => asked.split(',').map(|well| well.trim().to_ascii_uppercase()).filter(|well| !well.is_empty()).collect(),
-        None => record.wells.iter().filter(|well| is_left(well)).map(|well| well.well.clone()).collect(),
+        Some(asked) if asked.split(',').any(|well| !well.trim().is_empty()) => {
+            asked.split(',').map(|well| well.trim().to_ascii_uppercase()).filter(|well| !well.is_empty()).collect()
+        }
+        _ => record.wells.iter().filter(|well| is_left(well)).map(|well| well.well.clone()).collect(),
     };
     if let Some(unknown) = chosen.iter().find(|well| record.wells.iter().all(|planned| planned.well != **well)) {
         return Err(Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "unknown_well", format!("run {} has no well {unknown}", record.id)));

@@ -194,7 +194,10 @@ pub(super) fn resume_by_itself(d: &mut DriverState) {
 /// Continues a run that the camera holds, once its pause is over and nothing else is in the way.
 pub(super) fn try_again_if_due(d: &mut DriverState) {
     let is_due = d.run.as_ref().and_then(RunInProgress::tries_again_at).is_some_and(|at| at <= Timestamp::now());
-    if is_due && d.machine() == State::Held && d.state().faults.open().iter().all(Fault::is_tried_again) {
+    if is_due
+        && d.machine() == State::Held
+        && d.state().faults.open().iter().filter(|fault| fault.is_in_the_way()).all(Fault::is_tried_again)
+    {
         resume_by_itself(d);
     }
 }

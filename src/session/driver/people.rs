@@ -74,6 +74,9 @@ fn skip(d: &mut DriverState, run: &str, well: &str, says: SaidBy) -> Result<(), 
 
 fn redo(d: &mut DriverState, run: &str, well: &str, says: SaidBy) -> Result<(), Refusal> {
     if held(d, run, well)?.outcome.is_none() {
+        if d.accepted().iter().any(|accepted| accepted.well == well) {
+            return Err(not_now(run, well, "its views are taken, and its numbers are being computed. Ask again when it has an outcome"));
+        }
         return Ok(());
     }
     if !d.loader.brings_again() {
@@ -110,6 +113,7 @@ fn note(d: &mut DriverState, run: &str, well: &str, note: WellNote) -> Result<()
         let newest = d.newest_run().map(|newest| newest.id.clone());
         d.outbox.store().run(run).map_err(Refusal::from)?.ok_or(Refusal::UnknownRun { id: run.to_owned(), newest })?
     };
+    let before = record.clone();
     let Some(status) = record.wells.iter_mut().find(|status| status.well == well) else {
         return Err(not_now(run, well, "the run has no such well"));
     };
@@ -122,7 +126,11 @@ fn note(d: &mut DriverState, run: &str, well: &str, note: WellNote) -> Result<()
         return Ok(());
     }
     status.set_note(Some(Box::new(note.clone())));
-    d.outbox.commit_of_well(&record, well, EventData::WellNoted(note))?;
+    if let Err(refused) = d.outbox.commit_of_well(&record, well, EventData::WellNoted(note)) {
+        // The changed one may be on the disk already, and its event is not.
+        d.save(before);
+        return Err(refused.into());
+    }
     if d.newest_run().is_some_and(|newest| newest.id == run) {
         show_past(d, record);
     }

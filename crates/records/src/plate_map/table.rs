@@ -40,7 +40,9 @@ pub fn read(bytes: &[u8], reading: &mut Reading) {
         return reading.wrong(Mistake::in_line(1, "", format!("the file is empty; its first line names the columns: {}", Column::known())));
     };
     let columns = columns(line, &headings, reading);
-    let rows = transfers(rows.collect(), &columns, reading);
+    let rows: Vec<_> = rows.collect();
+    one_plate(&rows, line, &columns, reading);
+    let rows = transfers(rows, &columns, reading);
     if !columns.iter().any(|heading| matches!(heading, Heading::Known(Column::Well, _))) {
         // Every line would have the same mistake.
         return;
@@ -244,15 +246,36 @@ fn heading(records: &[(u64, StringRecord)], reading: &mut Reading) -> usize {
     if records.first().is_none_or(|(_, first)| names(first, Column::of_heading, None) || names(first, Column::of_foreign_heading, None)) {
         return 0;
     }
+    // An Echo lists the transfers that failed before, under the same heading.
+    let details = records.iter().position(|(_, record)| record.get(0) == Some("[DETAILS]")).unwrap_or(0);
     let is_heading = |record: &StringRecord| {
         record.len() > 2
             && (names(record, Column::of_heading, Some(Column::Well)) || names(record, Column::of_foreign_heading, Some(Column::Well)))
     };
-    let found = records.iter().position(|(_, record)| is_heading(record)).unwrap_or(0);
+    let found = records.iter().skip(details).position(|(_, record)| is_heading(record)).map_or(0, |at| details + at);
     if let (1.., Some((line, _))) = (found, records.get(found)) {
         reading.note(format!("line {line} is read as the heading; the lines before it are left out"));
     }
     found
+}
+
+/// Refuses a list of several plates: their wells have the same names.
+fn one_plate(records: &[(u64, StringRecord)], line: u64, columns: &[Heading], reading: &mut Reading) {
+    const NAMES: [&str; 4] = ["destination plate barcode", "destination plate name", "destination plate", "plate"];
+    for (at, column) in columns.iter().enumerate() {
+        let Heading::Unknown(name) = column else { continue };
+        if !NAMES.contains(&name.to_ascii_lowercase().as_str()) {
+            continue;
+        }
+        let plates: BTreeSet<&str> = {
+            let whole = records.iter().filter(|(_, record)| record.len() == columns.len());
+            whole.filter_map(|(_, record)| record.get(at)).filter(|plate| !plate.is_empty()).collect()
+        };
+        if plates.len() > 1 {
+            let plates = plates.into_iter().collect::<Vec<_>>().join(", ");
+            reading.wrong(Mistake::in_line(line, name, format!("the file has the plates {plates}: keep the lines of one plate")));
+        }
+    }
 }
 
 /// The lines of a dispenser's report that name a well's treatment: a solvent that was dispensed beside a compound is left out, and so are
@@ -265,8 +288,23 @@ fn transfers(records: Vec<(u64, StringRecord)>, columns: &[Heading], reading: &m
     let well = |record: &StringRecord| record.get(well).and_then(well_of);
     let is_solvent = |record: &StringRecord| {
         let name = place(Column::Compound).and_then(|at| record.get(at)).unwrap_or_default().to_ascii_lowercase();
-        ["dmso", "water", "vehicle", "pbs"].iter().any(|solvent| name.starts_with(solvent))
+        // `PBS-1086` is a compound.
+        let ends = |rest: &str| rest.chars().next().is_none_or(|next| next.is_whitespace() || "%(,;".contains(next));
+        ["dmso", "water", "vehicle", "pbs"].iter().any(|solvent| name.strip_prefix(solvent).is_some_and(ends))
     };
+    let cell = |record: &StringRecord, heading: &str| -> Option<String> {
+        let at = columns.iter().position(|column| matches!(column, Heading::Unknown(name) if name.eq_ignore_ascii_case(heading)))?;
+        record.get(at).map(str::to_owned).filter(|text| !text.is_empty())
+    };
+    let has_failed = |record: &StringRecord| {
+        let states_failure = |status: String| !["ok", "success", "completed"].contains(&status.to_ascii_lowercase().as_str());
+        cell(record, "transfer status").is_some_and(states_failure) || cell(record, "actual volume").is_some_and(|ul| ul.parse() == Ok(0.0))
+    };
+    for (line, record) in records.iter().filter(|(_, record)| has_failed(record)) {
+        if let Some(well) = well(record) {
+            reading.wrong(Mistake::in_line(*line, "well", format!("the transfer to {well} failed: correct this line, or take it away")));
+        }
+    }
     let treated: BTreeSet<String> = records.iter().filter(|(_, r)| !is_solvent(r)).filter_map(|(_, r)| well(r)).collect();
     let (mut beside, mut behind) = (0, 0);
     let mut kept: Vec<(u64, StringRecord)> = Vec::new();

@@ -383,6 +383,23 @@ fn a_report_of_an_acoustic_dispenser_is_read() {
 }
 
 #[test]
+fn a_report_that_is_not_one_plate_as_it_was_dispensed_is_refused() {
+    let refusal = |text: &str| csv(text).unwrap_err()[0].to_string();
+    let plates = refusal("Destination Plate Barcode,Destination Well,Sample Name\nP-7,A1,a\nP-8,E1,b\n");
+    assert!(plates.contains("the file has the plates P-7, P-8"), "{plates}");
+    let failed = refusal("Destination Well,Sample Name,Actual Volume,Transfer Status\nA1,a,2.5,\nB1,b,0,MM0202007: no fluid\n");
+    assert!(failed.contains("the transfer to B01 failed"), "{failed}");
+    // Failed transfers are listed before the others, under other columns.
+    let map = csv("[EXCEPTIONS]\nDestination Well,Source Well,Transfer Status\nC1,A1,MM0202007\n\n[DETAILS]\nSource Well,Destination Well,Sample Name\n\
+                   A1,A1,a\n")
+        .unwrap();
+    assert_eq!(map.plate_map.iter().map(|p| p.well.as_str()).collect::<Vec<_>>(), ["A01"]);
+    // A compound whose name begins like a solvent.
+    let two = refusal("Destination Well,Sample Name\nA1,PBS-1086\nA1,rapamycin\n");
+    assert!(two.contains("A01 stands in the plate map twice"), "{two}");
+}
+
+#[test]
 fn a_report_of_a_digital_dispenser_and_a_table_of_omero_are_read() {
     let map =
         csv("Dispensed well,Fluid name,Dispensed conc.,Conc. units\nA1,rapamycin,\"0.5\",\u{b5}M\nB1,DMSO normalization,,\n").unwrap();

@@ -57,8 +57,7 @@ impl BeadGate {
         let score = BeadScore::at(&numbers.diameters_um, settings.expected_um(), settings.t_percent / 100.0);
         // Beads that differ from each other less than one bead differs between its turns would make a bias significant that is
         // within the repeatability of the rig, or within what is known of how beads of this material look.
-        let off_um = (numbers.diameter_um.mean - settings.expected_um()).abs();
-        let beyond_repeat = score.as_ref().filter(|_| off_um > settings.tolerated_um());
+        let beyond_repeat = score.as_ref().filter(|_| !settings.tolerates(numbers.diameter_um.mean));
         let most = |name: &str, unit: &str, found, limit| Check::at_most(name, unit, Flag::BeadGate, found, limit);
         let checks = vec![
             Check::at_least("beads_least", "beads", Flag::BeadGate, Some(numbers.beads as f64), settings.beads_least as f64),
@@ -128,7 +127,7 @@ mod tests {
         // Clear beads look smaller than they are: by 2.2 +- 0.7 um, or by an unknown part of this.
         let polystyrene = [494.0, 495.0, 501.0, 502.0].map(|um| alike(um, BeadMaterial::Polystyrene));
         assert_eq!(polystyrene, [Failed, NoHistory, NoHistory, Failed]);
-        let unknown = [495.0, 496.0, 504.0, 505.0].map(|um| alike(um, BeadMaterial::Unknown));
+        let unknown = [495.0, 496.0, 501.9, 503.0].map(|um| alike(um, BeadMaterial::Unknown));
         assert_eq!(unknown, [Failed, NoHistory, NoHistory, Failed]);
     }
 

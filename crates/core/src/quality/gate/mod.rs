@@ -60,10 +60,18 @@ impl GateSettings {
         self.bead_material.apparent_um(self.nominal_um)[0]
     }
 
-    /// Difference from it that is no reason to doubt the rig, um: what one bead may differ from itself, and what is not known of how
-    /// beads of this material look.
-    pub fn tolerated_um(&self) -> f64 {
-        self.repeat_um + 2.0 * self.bead_material.apparent_um(self.nominal_um)[1]
+    /// Differences from it that are no reason to doubt the rig, um, downwards and upwards: what one bead may differ from itself, and what is
+    /// not known of how beads of this material look. No bead looks larger than it is.
+    pub fn tolerated_um(&self) -> [f64; 2] {
+        let looks_um = 2.0 * self.bead_material.apparent_um(self.nominal_um)[1];
+        let above_um = if self.bead_material == BeadMaterial::Unknown { 0.0 } else { looks_um };
+        [self.repeat_um + looks_um, self.repeat_um + above_um]
+    }
+
+    /// Whether a mean diameter, um, is no reason to doubt the rig.
+    pub fn tolerates(&self, mean_um: f64) -> bool {
+        let [below_um, above_um] = self.tolerated_um();
+        (-below_um..=above_um).contains(&(mean_um - self.expected_um()))
     }
 }
 

@@ -22,7 +22,7 @@ pub(super) fn words(gate: &BeadGate, settings: &GateSettings) -> Vec<String> {
         said.extend(gate.charts.iter().filter(|c| c.jumped || c.drifted).map(chart));
     }
     said.extend(gate.score.as_ref().map(|s| {
-        let (off_um, held_um) = ((s.mean_um - s.nominal_um).abs(), s.detectable_um.max(settings.tolerated_um()));
+        let (off_um, held_um) = ((s.mean_um - s.nominal_um).abs(), s.detectable_um.max(settings.tolerated_um()[0]));
         let percent = 100.0 * held_um / s.nominal_um;
         let looks = match settings.bead_material {
             BeadMaterial::Opaque => String::new(),
@@ -32,8 +32,9 @@ pub(super) fn words(gate: &BeadGate, settings: &GateSettings) -> Vec<String> {
             ),
             _ => format!(" Beads of this material look {:.1} um smaller than they are, which is corrected.", settings.nominal_um - s.nominal_um),
         };
-        let surely = if s.t_score > s.critical && off_um <= settings.tolerated_um() {
-            format!(". This is certain, and less than is no reason to doubt the rig ({:.1} um by repeat_um and bead_material)", settings.tolerated_um())
+        let surely = if s.t_score > s.critical && settings.tolerates(s.mean_um) {
+            let [below_um, above_um] = settings.tolerated_um();
+            format!(". This is certain, and no reason to doubt the rig: by repeat_um and bead_material {below_um:.1} um too small or {above_um:.1} um too large are tolerated")
         } else {
             String::new()
         };
