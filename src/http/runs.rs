@@ -292,3 +292,18 @@ pub(super) async fn note(
     let time = jiff::Timestamp::now().to_string();
     about_well(&app, path, Said::Note(WellNote { by, time, excluded, comment, tags })).await
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_command_is_refused_for_the_name_of_who_sends_it() {
+        let name = |query: &str| By::name(Query::try_from_uri(&format!("/v1/runs/r/abort{query}").parse().unwrap()));
+        assert_eq!(name("?by=%20kim%0A"), Some("kim".into()));
+        assert_eq!(name(&format!("?by={}", "n".repeat(70))), Some("n".repeat(64)));
+        for nobody in ["", "?by=", "?by=a&by=b", "?by=%0A"] {
+            assert_eq!(name(nobody), None, "{nobody}");
+        }
+    }
+}

@@ -1,6 +1,7 @@
 //! `carved calibrate scale`, `beads` and `history` as their users meet them: recordings with known numbers, and what must be refused.
 
 use crate::beads::{Bead, run};
+use carved_core::measure::references::limb::BeadMaterial;
 use serde_json::Value;
 use std::path::Path;
 use std::process::{Command, Output};
@@ -58,9 +59,18 @@ fn certified_beads_and_a_bore_correct_the_scale_of_today() {
     let k = 1.0 / 5.5;
     // Mean 505 of 500, scatter 5 / sqrt(3) and the certificate's 1.
     run(dir.path(), "beads", "vast-1", &[Bead(20, 500.0, 1.0, 511.0), Bead(20, 505.0, 1.0, 511.0), Bead(20, 510.0, 1.0, 511.0)]);
-    let report = answer(dir.path(), &["scale", "--bead-um", "500", "--bead-sd", "1", "beads"]);
+    let report = answer(dir.path(), &["scale", "--bead-um", "500", "--bead-sd", "1", "--bead-material", "opaque", "beads"]);
     near(&report["kx_px_per_um"], 1.01 * k);
     near(&report["scale_sd_percent"], 100.0 * (5.0 / 3.0_f64.sqrt() / 505.0).hypot(0.002));
+    // Clear beads look smaller than they are; of an unknown material, by an unknown part of this.
+    let [looks_um, sd_um] = BeadMaterial::Polystyrene.apparent_um(500.0);
+    let report = answer(dir.path(), &["scale", "--bead-um", "500", "--bead-sd", "1", "--bead-material", "polystyrene", "beads"]);
+    near(&report["kx_px_per_um"], k * 505.0 / looks_um);
+    near(&report["scale_sd_percent"], 100.0 * (5.0 / 3.0_f64.sqrt() / 505.0).hypot(sd_um.hypot(1.0) / looks_um));
+    let report = answer(dir.path(), &["scale", "--bead-um", "500", "--bead-sd", "1", "beads"]);
+    near(&report["kx_px_per_um"], 1.01 * k);
+    let [_, sd_um] = BeadMaterial::Unknown.apparent_um(500.0);
+    near(&report["scale_sd_percent"], 100.0 * (5.0 / 3.0_f64.sqrt() / 505.0).hypot(sd_um.hypot(1.0) / 500.0));
     assert_eq!(report["rig"], "vast-1");
     // The walls are 650, 655, 660 um apart, the certificate says 655.
     let report = answer(dir.path(), &["scale", "--bore-um", "655", "beads"]);

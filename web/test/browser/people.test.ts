@@ -95,11 +95,16 @@ test(
     // The rest of the plate, without its file.
     for (const fault of aborted.faults) await daemon.send("POST", `/v1/faults/${fault.seq}/acknowledge`);
     if (aborted.plate.take_out !== null) await page.locator("#is-out").click();
+    // A03 may have been finished before the abort.
+    const left = aborted.run!.results.filter((w) => w.outcome === "aborted").map((w) => w.well);
+    assert.ok(left.includes("A04"), JSON.stringify(aborted.run!.results));
+    const [several, larvae] =
+      left.length === 1 ? ["1 well", "1 larva"] : [`${left.length} wells`, `${left.length} larvae`];
     await page
       .locator("#measure-rest")
-      .filter({ hasText: /^Measure the rest: 2 wells$/ })
+      .filter({ hasText: new RegExp(`^Measure the rest: ${several}$`) })
       .click();
-    await until(page, "plate-holds", /^Of run people: 2 wells: 2 larvae of 3 dpf\.$/);
+    await until(page, "plate-holds", new RegExp(`^Of run people: ${several}: ${larvae} of 3 dpf\\.$`));
     assert.equal(await page.getByLabel("Plate barcode").inputValue(), "P-1");
     await page.getByLabel("Run name").fill("rest");
     await shoot(page, "people-rest");
@@ -107,7 +112,7 @@ test(
     const rest = await daemon.follow((s) => s.run?.id === "rest" && s.run.results.some((w) => w.outcome !== null));
     assert.deepEqual(
       rest.run!.results.map((w) => w.well),
-      ["A03", "A04"],
+      left,
     );
 
     // The frame: leafed through by keys, magnified, and made brighter.

@@ -24,4 +24,8 @@ test("one cell of a plate map is corrected, and every other one stays", () => {
   assert.deepEqual(corrected(wells, "A01", bare)![0], { well: "A01", specimen: "bead", dpf: null, strain: "ABxTL" });
   assert.deepEqual(corrected(wells, "A02", { ...cell, out: true }), [wells[0]]);
   assert.equal(corrected(wells, "A01", { ...cell, dpf: "old" }), null);
+  assert.equal(corrected(wells, "A01", { ...cell, concentration: "1,000" }), null, "one or a thousand");
+  const control = [{ ...wells[0]!, control: "negative" as const }];
+  assert.equal("control" in corrected(control, "A01", cell)![0]!, false, "another compound is no control");
+  assert.equal(corrected(control, "A01", { ...cell, compound: "DMSO" })![0]!.control, "negative");
 });

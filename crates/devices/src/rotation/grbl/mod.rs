@@ -21,7 +21,7 @@
 //!                 └─ a person holds it ──► open, not identified: nothing but ? is sent
 //!                                             └─ check, reference or begin, once it is free ──► identified
 //! ```
-//! An idle controller is never reset to be identified or referenced: the reset would release a hold that a person presses just then.
+//! An idle controller that answers `$I` is not reset to be identified or referenced: the reset would release a hold that a person presses then.
 
 mod agree;
 mod entry;
