@@ -60,7 +60,7 @@ fn long_options(command: &clap::Command) -> BTreeSet<String> {
 }
 
 /// Options of other programs that the pages name: the Python nodes, the simulated plate-loader, cargo and Slurm.
-const OF_OTHERS: [&str; 9] = [
+const OF_OTHERS: [&str; 10] = [
     "--allow-any-client",
     "--array",
     "--enable_rate_limiting",
@@ -70,6 +70,7 @@ const OF_OTHERS: [&str; 9] = [
     "--mischief",
     "--no-discovery",
     "--requeue",
+    "--seed",
 ];
 
 #[test]

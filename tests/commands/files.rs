@@ -34,8 +34,15 @@ fn plate(dir: &Path) -> PathBuf {
     }
     let map = dir.join("map.csv");
     fs::write(&map, "well,specimen,dpf,compound,control,replicate,Clutch\nA01,larva,5,,,,\nA02,bead,,,,,\nB03,larva,5,\"DMSO <\u{b5}> & co\",negative,2,c \"7\"\n").unwrap();
+    // The emulated rig has no glass. Without these words a thin wall would be assumed.
+    let clear = serde_json::json!({"bore_radius_um": 325, "outer_radius_um": 325, "inside": 1.333, "glass": 1.474, "outside": 1.333});
+    let mut published = serde_json::to_value(carved_core::geometry::Camera::published(1024, 200)).unwrap();
+    published["glass"] = clear;
+    let cameras = dir.join("camera.json");
+    fs::write(&cameras, published.to_string()).unwrap();
     let mut command = carved();
-    command.arg("import").arg(&pictures).args(["--plate", "P-017", "--even", "--closure", "--voxel", "14", "--operator", "kim", "--data"]);
+    command.arg("import").arg(&pictures).arg("--cameras").arg(&cameras);
+    command.args(["--plate", "P-017", "--even", "--closure", "--voxel", "14", "--operator", "kim", "--data"]);
     let output = command.arg(&data).arg("--plate-map").arg(&map).output().unwrap();
     // 4: a well was skipped.
     assert!(matches!(output.status.code(), Some(0 | 4)), "{}", stderr(&output));

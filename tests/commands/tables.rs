@@ -51,13 +51,14 @@ fn plate_of(data: &Path, id: &str, barcode: &str, size: usize, instrument: Optio
         record.wells[well].end(SpecimenOutcome::Succeeded, None);
     }
     record.wells[1].flags = vec![Flag::Moved.into(), Flag::Residual.into()];
-    record.wells[2].set_note(Some(Box::new(WellNote {
+    let note = WellNote {
         by: "kim".into(),
         time: "2026-03-05T09:30:00Z".into(),
         excluded: true,
         comment: "an air bubble, \"large\"".into(),
         tags: vec!["bubble".into(), "again".into()],
-    })));
+    };
+    record.wells.iter_mut().skip(2).take(1).for_each(|well| well.set_note(Some(Box::new(note.clone()))));
     for well in &mut record.wells[2..] {
         well.end(SpecimenOutcome::Skipped, Some("empty"));
     }
@@ -200,7 +201,8 @@ fn a_row_has_the_plate_map_the_numbers_and_where_they_come_from() {
     assert_eq!((bead["flags"].as_str(), bead["flag_count"].as_str(), bead["specimen"].as_str()), ("moved;residual", "2", "bead"));
     assert!((bead["diameter_um"].parse::<f64>().unwrap() - 500.0).abs() < 5.0, "{}", bead["diameter_um"]);
     assert_eq!((empty["outcome"].as_str(), empty["reason"].as_str(), empty["volume_um3"].as_str()), ("skipped", "empty", ""));
-    assert_eq!((empty["meta_clutch__id"].as_str(), empty["flag_count"].as_str()), ("7", ""));
+    // That it is excluded is a flag.
+    assert_eq!((empty["meta_clutch__id"].as_str(), empty["flag_count"].as_str()), ("7", "1"));
     // The hashes, computed here in another way: the method from the file, the numbers from SHA256SUMS.
     let method = json(&run.join("A01/recording.json"))["method"].to_string();
     assert_eq!(larva["method_sha256"], sha256_hex(method.as_bytes()));

@@ -121,10 +121,12 @@ def through(points, omega):
         return points
     x, y, z = points.T
     across, depth = y * np.cos(omega) - z * np.sin(omega), y * np.sin(omega) + z * np.cos(omega)
-    b = across
+    # In the glass there is nothing to be seen: points there are turned as those at the bore.
+    within = np.minimum(0.998 * psi["glass"]["bore_radius_um"] / np.hypot(across, depth), 1)
+    b = within * across
     for _ in range(50):
         e = eps(b)
-        b = across * np.cos(e) - depth * np.sin(e)
+        b = within * (across * np.cos(e) - depth * np.sin(e))
     e = eps(b)
     return np.stack([x, y * np.cos(e) - z * np.sin(e), y * np.sin(e) + z * np.cos(e)], axis=1)
 
@@ -143,7 +145,9 @@ for entry in recording["ledger"]:
     du, dv = (u - x)[:, None], (v - y)[:, None]
     above = (1 - du) * frame[y, x] + du * frame[y, x + 1]
     below = (1 - du) * frame[y + 1, x] + du * frame[y + 1, x + 1]
-    weight = np.clip(-turned(normals, omega)[:, 2:], 0.1, 1) ** 4
+    # The glass turns a normal too: as the point 1 um outside is seen.
+    seen = turned(through(vertices + normals, omega) - through(vertices, omega), omega)
+    weight = np.clip(-seen[:, 2:], 0.1, 1) ** 4
     sums += weight * ((1 - dv) * above + dv * below)
     weights += weight
 # The reader rounds intensities to 8 bits.
