@@ -75,6 +75,10 @@ fn the_contract_names_every_route_and_leads_nowhere_into_the_void() {
         "put /v1/runs/{run_id}",
         "put /v1/runs/{run_id}/replays/{name}",
         "put /v1/runs/{run_id}/wells/{well}",
+        "put /v1/runs/{run_id}/wells/{well}/note",
+        "put /v1/runs/{run_id}/wells/{well}/redo",
+        "put /v1/runs/{run_id}/wells/{well}/skip",
+        "get /v1/runs/{run_id}/rest",
     ];
     expected.sort_unstable();
     let mut routes: Vec<&str> = routes.iter().map(String::as_str).collect();

@@ -38,7 +38,14 @@ fn every_kind_that_an_earlier_build_wrote_is_in_a_kept_journal() {
 }
 
 /// The kinds of which no line of an earlier build is kept. A kind that is new goes here.
-const NOT_KEPT: &[&str] = &[kind::WELL_TAKEN_OUT, kind::SPECIMEN_TRIED_AGAIN, kind::SPECIMEN_UNASKED];
+const NOT_KEPT: &[&str] = &[
+    kind::WELL_TAKEN_OUT,
+    kind::WELL_SKIPPED,
+    kind::WELL_REDO_REQUESTED,
+    kind::WELL_NOTED,
+    kind::SPECIMEN_TRIED_AGAIN,
+    kind::SPECIMEN_UNASKED,
+];
 
 /// The state of the run and of the instrument, by the names of the accessors.
 fn described(state: &InstrumentState) -> Value {
