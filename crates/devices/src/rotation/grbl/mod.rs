@@ -48,7 +48,7 @@ use agree::ControllerSettings;
 use carved_core::units::Steps;
 use geometry::Geometry;
 use linear::Slide;
-use report::State;
+use report::{State, error_text};
 use std::time::Instant;
 
 const DEVICE: &str = "rotation axis (Grbl)";
@@ -56,6 +56,8 @@ const DEVICE: &str = "rotation axis (Grbl)";
 /// Feed hold, then soft reset: the hold begins to brake at once, the reset ends the cycle and empties the queue.
 const STOP: &[u8] = b"!\x18";
 const SOFT_RESET: &[u8] = b"\x18";
+/// The error of a line to a controller that an alarm locks.
+const LOCKED: u16 = 9;
 const STATUS: &[u8] = b"?";
 /// grblHAL alone.
 const FULL_STATUS: &[u8] = b"\x87";
@@ -155,8 +157,12 @@ impl Grbl {
         self.is_hal = self.settings.dialect.of(&version.name)?;
         self.identity = format!("{} {}", version.name, version.lines.join(" "));
         if is_idle {
-            // A program that was killed may have left an output on. A reset would switch it off.
-            self.code("M5M9")?;
+            // A program that was killed may have left an output on. A reset since the report, as by the opening of the port, has switched it
+            // off and may have locked the controller until it is homed.
+            match self.code("M5M9") {
+                Err(DeviceError::Unexpected { found, .. }) if found == error_text(LOCKED) => {}
+                done => done?,
+            }
         }
         self.is_identified = true;
         self.first(Self::compare_settings)
