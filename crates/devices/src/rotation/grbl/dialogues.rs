@@ -557,6 +557,14 @@ fn a_hold_that_is_pressed_while_the_controller_is_identified_or_referenced_is_ke
     }
 }
 
+/// The opening of the port reset it after the report. The reset has switched the outputs off, and locked it until it is homed.
+#[test]
+fn a_controller_that_a_reset_has_locked_since_it_was_idle_is_opened() {
+    let controller = play([woken(), vec![step("M5M9", "error:9\r\n"), step("$$", SETTINGS)]].concat());
+    let grbl = open(&controller).unwrap();
+    controller.followed(grbl);
+}
+
 /// The greeting of the reset is lost, and a person presses the hold before the next one.
 #[test]
 fn a_hold_that_is_pressed_between_two_resets_is_kept() {
