@@ -141,7 +141,7 @@ test("who exchanges specimens by hand reads each step, and its button is the lar
   await page.locator('#plate [data-well="A02"][aria-pressed="true"][data-condition="cut"]').waitFor();
   await page.locator("#frame-heading", { hasText: /^Frame of A02$/ }).waitFor();
   await page.locator("#frame-whose", { hasText: new RegExp(`^view 1 of ${cut!.views}$`) }).waitFor();
-  await page.locator("#well-body", { hasText: `Cut short after ${cut!.views} views` }).waitFor();
+  await page.locator("#well-body", { hasText: `Interrupted after ${cut!.views} views` }).waitFor();
   await page.locator("#well-files a").first().waitFor();
   assert.equal(await page.locator("#views-list button").count(), cut!.views);
   await shoot(page, "control-cut-short");
