@@ -111,7 +111,7 @@ test("an emergency stop reaches a daemon that hung or crashed when it was presse
 
 test("who exchanges specimens by hand reads each step, and its button is the largest", async (t) => {
   // So slow that a turn is still under way when the page has shown it and the abort is confirmed.
-  const { daemon, page, complaints } = await opened(t, 2, ["--sampler", "loader"]);
+  const { daemon, page, complaints } = await opened(t, 0.5, ["--sampler", "loader"]);
   await daemon.send("PUT", "/v1/runs/hand-1", plan(["A01", "A02", "A03"].map(larva)));
   await page
     .locator("#sentence", { hasText: /^By hand: put the specimen of A01 into the capillary, then confirm\.$/ })
