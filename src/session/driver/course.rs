@@ -349,6 +349,9 @@ pub(super) fn taken_out_at_work(d: &mut DriverState, well: &str) -> Result<(), R
 pub(super) fn carry_out_reports(d: &mut DriverState) {
     let Some(known) = &d.state().run else { return };
     let (id, wells) = (known.id().to_owned(), known.taken_out().clone());
+    if wells.is_empty() {
+        return;
+    }
     for well in wells {
         let reported = if d.loader.brings_again() {
             d.outbox.commit(Some(&id), Some(&well), EventData::WellUnloaded).map_err(Refusal::from)
@@ -359,6 +362,7 @@ pub(super) fn carry_out_reports(d: &mut DriverState) {
             tracing::warn!(%refusal, well, "that its specimen is out is not stored yet");
         }
     }
+    d.publish(|_| ());
 }
 
 /// Holds a run that waits for the loader without a worker, under a fault that was just raised.

@@ -35,7 +35,7 @@ export async function openPage(
     const text = message.text();
     // A daemon that is away, and one that refuses what was asked, are no errors of the page; something that is not there is.
     const isAnswer = /^Failed to load resource/.test(text) && !/404/.test(text);
-    if (message.type() === "error" && !isAnswer) complaints.push(text);
+    if (message.type() === "error" && !isAnswer) complaints.push(`${text} ${message.location().url}`);
     // Chromium says when a GPU feature is emulated; three.js would say when its use is wrong.
     else if (message.type() === "warning" && !/GPU stall|GL Driver Message/.test(text)) complaints.push(text);
   });

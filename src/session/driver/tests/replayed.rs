@@ -383,3 +383,10 @@ proptest! {
         check(sampling, &steps);
     }
 }
+
+/// It was reported while another specimen was inside, so it takes effect when the work has ended.
+#[test]
+fn a_specimen_reported_out_during_work_is_shown_as_out_afterwards() {
+    let sampling = Sampling { loaded_from_outside: false, brings_again: true, steps_through_a_list: false, interrupted: Interrupted::Redo };
+    check(sampling, &[Step::Put, Step::Loader(2, false), Step::Enters(2, 1, true), Step::WorkerEnds(2)]);
+}
