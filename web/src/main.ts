@@ -234,6 +234,7 @@ function shown(status: Status): Status {
 }
 
 function showAll(status: Status): void {
+  stored.see(status.run);
   instrument(status);
   const detail = opened.instead(status);
   run(shown(status), detail);

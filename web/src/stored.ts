@@ -1,4 +1,5 @@
-// The stored records of wells. Each is requested once; if there is none, it is requested again later, because it may still come.
+// The stored records of wells. Each is requested once; if there is none, it is requested again later, because it may still come. The record of a
+// well that is measured again is forgotten.
 
 import type { BufferGeometry } from "three";
 import { fetchFile, fetchSpecimen } from "./api.ts";
@@ -52,13 +53,19 @@ export class StoredSpecimens {
     );
     return asked.found;
   }
+
+  /** Forgets the records of the wells that have no result now: what was stored of them is no longer theirs. */
+  see(run: Pick<RunStatus, "id" | "started" | "results"> | null): void {
+    for (const { well, outcome } of run?.results ?? [])
+      if (run !== null && outcome === null) this.#asked.delete(wellKey({ run: run.id, started: run.started, well }));
+  }
 }
 
 /** The models of stored wells. Only the newest is kept: it has some megabytes, and two views of the page use it at the same time. */
 export class StoredModels {
   readonly #specimens: StoredSpecimens;
   readonly #link: (links: Specimen["links"]) => string | null | undefined;
-  #newest: { key: string; model: Promise<BufferGeometry | null> } | null = null;
+  #newest: { of: Promise<Specimen | null>; model: Promise<BufferGeometry | null> } | null = null;
 
   constructor(specimens: StoredSpecimens, link: (links: Specimen["links"]) => string | null | undefined) {
     this.#specimens = specimens;
@@ -73,10 +80,10 @@ export class StoredModels {
 
   /** The model; null if none is stored. */
   of(one: StoredWell): Promise<BufferGeometry | null> {
-    const key = wellKey(one);
-    if (this.#newest?.key === key) return this.#newest.model;
-    const model = this.#read(one);
-    this.#newest = { key, model };
+    const of = this.#specimens.of(one);
+    if (this.#newest?.of === of) return this.#newest.model;
+    const model = this.#read(of);
+    this.#newest = { of, model };
     const forget = () => {
       if (this.#newest?.model === model) this.#newest = null;
     };
@@ -85,8 +92,8 @@ export class StoredModels {
     return model;
   }
 
-  async #read(one: StoredWell): Promise<BufferGeometry | null> {
-    const found = await this.#specimens.of(one);
+  async #read(of: Promise<Specimen | null>): Promise<BufferGeometry | null> {
+    const found = await of;
     const link = found && this.#link(found.links);
     return link ? parseGlb(await fetchFile(link)) : null;
   }

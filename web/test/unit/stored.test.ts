@@ -1,8 +1,9 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import type { Specimen } from "../../src/status.ts";
+import type { Specimen, WellStatus } from "../../src/status.ts";
 import { StoredSpecimens } from "../../src/stored.ts";
 import { kept } from "../support/fixture-server.ts";
+import { run, well } from "../support/statuses.ts";
 
 test("what is stored is asked for once per run, nothing again after a while", async () => {
   const answers: (Specimen | null | Error)[] = [null, kept(), kept(), new Error("away"), kept()];
@@ -41,4 +42,19 @@ test("only the newest records are kept, however long the page is open", async ()
   assert.equal(asked, 100, "the newest is still there");
   await of(0);
   assert.equal(asked, 101, "the oldest was forgotten, and is read again");
+});
+
+test("a well that is measured again has another record", async () => {
+  let asked = 0;
+  const stored = new StoredSpecimens(async () => ((asked += 1), kept()));
+  const one = { run: "demo-1", started: "2026-03-05T09:30:00Z", well: "A01" };
+  const seen = (outcome: WellStatus["outcome"]) =>
+    stored.see(run([well("A01", { outcome })], { id: one.run, started: one.started }));
+  const first = await stored.of(one);
+  seen("succeeded");
+  assert.equal(await stored.of(one), first);
+  seen(null);
+  seen("succeeded");
+  assert.notEqual(await stored.of(one), first);
+  assert.equal(asked, 2);
 });
