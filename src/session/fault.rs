@@ -33,7 +33,7 @@ fn code_of_device(error: &DeviceError) -> &'static FaultCode {
         DeviceError::NotController { .. } => &fault_table::CAMERA_TAKEN,
         error if error.is_loss_of_camera() => &fault_table::CAMERA_LOST,
         DeviceError::CameraChanged { .. } => &fault_table::CAMERA_CHANGED,
-        DeviceError::NoFrame { .. } => &fault_table::CAMERA_NO_FRAME,
+        DeviceError::NoFrame { .. } | DeviceError::StreamSilent { .. } => &fault_table::CAMERA_NO_FRAME,
         DeviceError::Camera { .. } | DeviceError::NotArmed => &fault_table::CAMERA_REFUSED,
         DeviceError::Sampler { .. } | DeviceError::Unasked => &fault_table::SAMPLER_FAILED,
         DeviceError::Views(e) => match e {

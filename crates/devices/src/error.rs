@@ -128,6 +128,12 @@ pub enum DeviceError {
     /// No complete frame came before the deadline.
     #[error("camera: no whole frame within {waited_ms} ms after {attempts} triggers; last: {last}")]
     NoFrame { waited_ms: u128, attempts: u32, last: String },
+    /// The frames of a stream stopped.
+    #[error(
+        "camera: no whole frame for {waited_ms} ms after {frames} frames of a stream; last: {last}. If it comes again, check the network \
+         cable and the other traffic on its network"
+    )]
+    StreamSilent { waited_ms: u128, frames: u64, last: String },
     /// The camera refuses a value or a command.
     #[error("camera: {what}: {why}")]
     Camera { what: String, why: String },

@@ -41,7 +41,8 @@ use crate::cancel::CancelToken;
 use crate::outputs::Outputs;
 use carved_core::frame::RawFrame;
 use carved_core::units::Steps;
-use std::time::Duration;
+use std::ops::ControlFlow;
+use std::time::{Duration, Instant};
 
 /// What is known about the position of an axis. The controller's count alone is not enough: after a restart it counts from 0 again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -276,6 +277,43 @@ pub struct Grabbed {
     pub trigger_ms: f64,
 }
 
+/// A frame of a camera that runs free: complete, in the configured geometry and format.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StreamedFrame {
+    /// The pixels as the camera sent them.
+    pub frame: RawFrame,
+    /// Number of the frame in its stream. It counts on where the camera's own number of 16 bits wraps. Frames that the camera took and
+    /// that did not arrive have their numbers too.
+    pub frame_id: u64,
+    /// The camera's own clock when it took the frame, ns. It counts on where the camera's clock wraps.
+    pub camera_ns: u64,
+    /// When the last packet of the frame was received.
+    pub received: Instant,
+}
+
+/// How a camera is to run free.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StreamPlan {
+    /// Frames per second.
+    pub rate_hz: f64,
+    /// Number of frames that may wait for the sink.
+    pub buffers: u32,
+    /// Longest time without a complete frame, after which the stream has failed.
+    pub silence: Duration,
+}
+
+/// Facts of a stream that has ended.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct StreamEnd {
+    /// The rate that the camera reported, Hz.
+    pub rate_hz: f64,
+    /// Numbers of the frames that came incomplete, although lost packets were requested again.
+    pub incomplete: Vec<u64>,
+}
+
+/// Takes the frames of a stream. A break ends the stream.
+pub type FrameSink<'a> = &'a mut dyn FnMut(StreamedFrame) -> ControlFlow<()>;
+
 /// Counters of all streams since the camera was opened, as Aravis counts them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct StreamCounters {
@@ -311,6 +349,24 @@ pub trait Camera: Send {
     /// # Errors
     /// No complete frame came before the deadline, the camera is not armed, or it is lost.
     fn grab(&mut self, deadline: Duration) -> Result<Grabbed, DeviceError>;
+    /// The most frames per second that the camera takes at its present region and exposure, as it reports. `None` if it cannot run
+    /// free.
+    ///
+    /// # Errors
+    /// The camera is lost.
+    fn highest_rate_hz(&mut self) -> Result<Option<f64>, DeviceError> {
+        Ok(None)
+    }
+    /// Lets the camera run free and gives `sink` each complete frame, in the order of their numbers, until it breaks. A frame that
+    /// does not arrive leaves a gap in the numbers and changes no other number. Afterwards the camera waits for triggers again, as
+    /// after `arm`.
+    ///
+    /// # Errors
+    /// The camera cannot run free or refuses the rate, it is lost, its clock cannot be trusted, or no complete frame came for
+    /// `plan.silence`.
+    fn stream(&mut self, _plan: &StreamPlan, _sink: FrameSink<'_>) -> Result<StreamEnd, DeviceError> {
+        Err(DeviceError::Camera { what: "a stream".into(), why: format!("{} takes pictures by trigger only", self.identity()) })
+    }
     /// Tells any thread whether this program still controls the camera. After a loss only `reopen` or `arm` help.
     fn link(&self) -> Link;
     /// Whether the camera is known to be lost.

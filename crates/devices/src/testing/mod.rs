@@ -13,5 +13,5 @@ mod camera;
 mod input;
 
 pub use axis::{AxisLog, FakeAxis};
-pub use camera::FakeCamera;
+pub use camera::{FakeCamera, Scripted};
 pub use input::FakeInput;
