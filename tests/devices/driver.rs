@@ -3,11 +3,12 @@
 pub use crate::common::until;
 
 use carved_core::units::Steps;
-use carved_devices::{DeviceError, Position, RotationAxis};
+use carved_devices::{Begun, DeviceError, Position, RotationAxis};
 use hardware_sim::{Controller, Rig, RigSettings, ShaftSettings, TestCard};
 use std::f64::consts::TAU;
-use std::sync::Arc;
-use std::time::Duration;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
 
 /// A rig in real time, because the skew of two motors that start one after the other depends on it.
 pub fn rig(controller: Controller, steps_per_revolution: (u32, u32)) -> Rig {
@@ -65,4 +66,53 @@ pub fn late_answers(answers: u32, apart: i64, rig: &Rig, axis: &mut dyn Rotation
         assert_eq!(axis.move_to(target).unwrap_or_else(|e| panic!("answer {late}: {e}")).steps, target);
         assert!((turns(rig) - target.0 as f64 / steps).abs() < 1e-9);
     }
+}
+
+/// Turns the axis at a constant speed, and compares the true position of the shaft at many times with what the driver said of its beginning.
+/// `position` gives the true steps from the reference. Returns what the driver said.
+pub fn turns_evenly(axis: &mut dyn RotationAxis, steps_per_s: f64, way: i64, position: impl Fn() -> f64 + Sync) -> Begun {
+    let can = axis.even_motion().unwrap();
+    assert!(matches!(
+        axis.move_evenly(Steps(way), 1.01 * can.fastest_steps_per_s, &mut |_| ()),
+        Err(DeviceError::Uneven { fastest: Some(_), .. })
+    ));
+    axis.move_to(Steps(-way / 4)).unwrap();
+    let from = position();
+    assert!((from + way as f64 / 4.0).abs() < 0.01 + 0.25, "{from}");
+    let seen: Mutex<Vec<(Instant, f64, Instant)>> = Mutex::default();
+    let begun: Mutex<Option<Begun>> = Mutex::default();
+    let has_arrived = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            while !has_arrived.load(Ordering::Acquire) {
+                let before = Instant::now();
+                let at = position();
+                seen.lock().unwrap().push((before, at, Instant::now()));
+                std::thread::yield_now();
+            }
+        });
+        let arrived = axis.move_evenly(Steps(way), steps_per_s, &mut |at| *begun.lock().unwrap() = Some(at));
+        has_arrived.store(true, Ordering::Release);
+        assert_eq!(arrived.unwrap().steps, Steps(way));
+    });
+    assert!((position() - way as f64).abs() < 1e-6);
+    let begun = begun.lock().unwrap().unwrap();
+    assert!((begun.steps_per_s / steps_per_s - 1.0).abs() < 0.01, "{begun:?}");
+    let ramp_s = begun.steps_per_s / begun.acceleration_steps_per_s2;
+    // From the first ramp to the last.
+    let travelled = |since_s: f64| begun.steps_per_s * (since_s - ramp_s / 2.0);
+    let constant_s = (way as f64 - from) / begun.steps_per_s;
+    let mut compared = 0;
+    for (before, at, after) in seen.into_inner().unwrap() {
+        let Some(earliest) = before.checked_duration_since(begun.taken) else { continue };
+        let latest = after - begun.sent;
+        if earliest.as_secs_f64() < ramp_s || latest.as_secs_f64() > constant_s {
+            continue;
+        }
+        let [least, most] = [earliest, latest].map(|since| from + travelled(since.as_secs_f64()));
+        assert!(least - 0.01 <= at && at <= most + 0.01, "{at} steps; {least} to {most} by the driver's word");
+        compared += 1;
+    }
+    assert!(compared > 10, "{compared}");
+    begun
 }

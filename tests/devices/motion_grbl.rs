@@ -7,6 +7,7 @@
 //! ```
 
 use crate::common::controllers;
+use crate::driver::turns_evenly;
 use carved_core::units::{Steps, StepsPerRevolution};
 use carved_devices::acquisition::RevolutionPlan;
 use carved_devices::cancel::CancelToken;
@@ -85,6 +86,17 @@ impl Bench {
 fn reference_and_move(grbl: &mut Grbl) -> Result<(), DeviceError> {
     grbl.reference(&CancelToken::new())?;
     grbl.move_to(TARGET).map(|_| ())
+}
+
+#[test]
+fn a_turn_at_a_constant_speed_is_where_its_time_says() {
+    for controller in [Controller::default(), Controller::GrblHal(Settings::default())] {
+        let bench = Bench::with(1.0, controller);
+        let mut grbl = bench.referenced();
+        turns_evenly(&mut grbl, 180.0, 400, || bench.true_steps());
+        grbl.move_to(TARGET).unwrap();
+        bench.stands_at(TARGET);
+    }
 }
 
 /// After a failed reference the position is unknown, after a failed move it is suspect. In both cases nothing moves.

@@ -1,7 +1,7 @@
 //! The TMCL driver against an emulated module over a pty, compared with the true positions of the shaft and its motors.
 
 use crate::common::controllers;
-use crate::driver::{cable_pulled_at_any_byte, late_answers, stand, turns, until};
+use crate::driver::{cable_pulled_at_any_byte, late_answers, stand, turns, turns_evenly, until};
 use carved_core::units::Steps;
 use carved_devices::cancel::CancelToken;
 use carved_devices::rotation::{Port, Reference, Tmcl, TmclSettings, one_sided};
@@ -84,6 +84,29 @@ fn a_turn_by_the_pair_stands_at_every_view_where_its_steps_say() {
     // The next specimen starts at a counter of 0 again, one turn further.
     assert_eq!(axis.reference(&CancelToken::new()).unwrap(), Achieved { steps: Steps(0), epoch: 2 });
     assert_eq!(axis.move_to(Steps(100)).unwrap().epoch, 2);
+}
+
+#[test]
+fn a_turn_at_a_constant_speed_is_where_its_time_says_and_the_speed_is_restored() {
+    let rig = rig(Settings::default());
+    let mut axis = referenced(settings(&rig));
+    turns_evenly(&mut axis, 2000.0, 3200, || turns(&rig) * STEPS);
+    // A program that takes over finds the configured speed.
+    drop(axis);
+    referenced(settings(&rig));
+
+    // Nor does a sweep that a loss of the cable has cut short leave another speed.
+    let mut axis = referenced(here(&rig));
+    std::thread::scope(|scope| {
+        let moving = scope.spawn(|| axis.move_evenly(Steps(64_000), 1000.0, &mut |_| ()));
+        until("the shaft to turn", || rig.shaft().is_turning());
+        rig.faults().unplug_serial();
+        assert!(matches!(moving.join().unwrap(), Err(DeviceError::Gone { .. })));
+    });
+    drop(axis);
+    rig.faults().replug_serial().unwrap();
+    let mut axis = referenced(here(&rig));
+    axis.move_to(Steps(64)).unwrap();
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! The Zaber driver against an emulated controller over a pty, compared with the true position of the shaft.
 
 use crate::common::controllers;
-use crate::driver::{cable_pulled_at_any_byte, late_answers, stand, turns, until};
+use crate::driver::{cable_pulled_at_any_byte, late_answers, stand, turns, turns_evenly, until};
 use carved_core::units::Steps;
 use carved_devices::cancel::CancelToken;
 use carved_devices::rotation::{Reference, Zaber, ZaberSettings, one_sided};
@@ -65,6 +65,15 @@ fn a_turn_stands_at_every_view_where_its_steps_say() {
         assert!((turns(&rig) - target.0 as f64 / STEPS).abs() < 1e-9);
     }
     assert_eq!(axis.reference(&CancelToken::new()).unwrap(), Achieved { steps: Steps(0), epoch: 2 });
+}
+
+#[test]
+fn a_turn_at_a_constant_speed_is_where_its_time_says() {
+    let rig = rig(Settings::default());
+    let mut axis = referenced(settings(&rig));
+    turns_evenly(&mut axis, 2000.0, 3200, || turns(&rig) * STEPS);
+    axis.move_to(Steps(0)).unwrap();
+    assert!(turns(&rig).abs() < 1e-9, "the next move has its own speed");
 }
 
 #[test]

@@ -95,6 +95,12 @@ pub enum DeviceError {
         if *on { "on" } else { "off" }
     )]
     Output { device: &'static str, name: String, on: bool, why: String },
+    /// A constant speed that the axis cannot keep.
+    #[error(
+        "rotation axis: a sweep needs {steps_per_s:.1} steps/s at a constant speed; {}. Choose an order with stops, more views or a lower frame rate",
+        fastest.map_or("this controller has no such move".into(), |f| format!("at most {f:.1} are possible"))
+    )]
+    Uneven { steps_per_s: f64, fastest: Option<f64> },
     /// A stop was requested.
     #[error("rotation axis: stopped")]
     Stopped,

@@ -31,6 +31,21 @@ macro_rules! forward_axis {
             self.$inner.reference(cancel)
         }
     };
+    (@even_motion $inner:ident) => {
+        fn even_motion(&self) -> Option<$crate::EvenMotion> {
+            self.$inner.even_motion()
+        }
+    };
+    (@move_evenly $inner:ident) => {
+        fn move_evenly(
+            &mut self,
+            target: carved_core::units::Steps,
+            steps_per_s: f64,
+            begun: &mut dyn FnMut($crate::Begun),
+        ) -> Result<$crate::Achieved, $crate::DeviceError> {
+            self.$inner.move_evenly(target, steps_per_s, begun)
+        }
+    };
     (@let_go $inner:ident) => {
         fn let_go(&mut self, cancel: &$crate::cancel::CancelToken) -> Result<(), $crate::DeviceError> {
             self.$inner.let_go(cancel)

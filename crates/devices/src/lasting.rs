@@ -7,7 +7,7 @@
 //! ```
 //! The port must be closed at once. While a dead tty is held open its adapter comes back under another name.
 
-use super::{Achieved, Capabilities, DeviceError, LinearAxis, Link, Position, RotationAxis, SpecimenInput, StopHandle};
+use super::{Achieved, Begun, Capabilities, DeviceError, EvenMotion, LinearAxis, Link, Position, RotationAxis, SpecimenInput, StopHandle};
 use crate::cancel::CancelToken;
 use crate::outputs::Outputs;
 use carved_core::units::Steps;
@@ -94,6 +94,15 @@ impl RotationAxis for Lasting {
 
     fn move_to(&mut self, target: Steps) -> Result<Achieved, DeviceError> {
         let inner = self.with(|axis| axis.move_to(target))?;
+        Ok(self.achieved(inner))
+    }
+
+    fn even_motion(&self) -> Option<EvenMotion> {
+        self.axis.as_ref()?.even_motion()
+    }
+
+    fn move_evenly(&mut self, target: Steps, steps_per_s: f64, begun: &mut dyn FnMut(Begun)) -> Result<Achieved, DeviceError> {
+        let inner = self.with(|axis| axis.move_evenly(target, steps_per_s, begun))?;
         Ok(self.achieved(inner))
     }
 

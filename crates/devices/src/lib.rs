@@ -93,10 +93,52 @@ pub struct Capabilities {
     pub outside: bool,
 }
 
+/// The speeds of an axis that can turn at a constant speed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EvenMotion {
+    /// Fastest speed, steps/s.
+    pub fastest_steps_per_s: f64,
+    /// Acceleration of its ramps, steps/s^2.
+    pub acceleration_steps_per_s2: f64,
+}
+
+/// A move at a constant speed that the controller has taken.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Begun {
+    /// When the command was sent. The axis begins to turn between this and `taken`.
+    pub sent: std::time::Instant,
+    /// When the controller had acknowledged it.
+    pub taken: std::time::Instant,
+    /// The speed between the ramps, as the controller was told it, steps/s.
+    pub steps_per_s: f64,
+    /// Acceleration of the ramps, steps/s^2.
+    pub acceleration_steps_per_s2: f64,
+}
+
+/// The clock of a camera at an instant of this computer.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ClockReading {
+    /// The camera's clock, ns, as in the frames of its stream.
+    pub camera_ns: u64,
+    /// The middle of the exchange that has read it.
+    pub host: std::time::Instant,
+}
+
+impl ClockReading {
+    /// The camera's clock at another instant, ns.
+    pub fn camera_ns_at(&self, host: std::time::Instant) -> f64 {
+        let since_s = match host.checked_duration_since(self.host) {
+            Some(since) => since.as_secs_f64(),
+            None => -self.host.duration_since(host).as_secs_f64(),
+        };
+        self.camera_ns as f64 + since_s * 1e9
+    }
+}
+
 /// The axis that turns the capillary.
 ///
-/// Only functions that most axes do not have come with a default: the list of stops (`announce`, `let_go`), a second axis, a
-/// wire from the sampler, outputs. A wrapper must forward all of them.
+/// Only functions that most axes do not have come with a default: the list of stops (`announce`, `let_go`), a constant speed, a second
+/// axis, a wire from the sampler, outputs. A wrapper must forward all of them.
 pub trait RotationAxis: Send {
     /// Name and version of the controller, for the record. It may become longer once a controller could be asked.
     fn identity(&self) -> &str;
@@ -124,6 +166,18 @@ pub trait RotationAxis: Send {
     /// # Errors
     /// The axis is not referenced, did not arrive, or was stopped. It then needs a new reference.
     fn move_to(&mut self, target: Steps) -> Result<Achieved, DeviceError>;
+    /// The speeds at which [`Self::move_evenly`] can turn; `None` for an axis that cannot.
+    fn even_motion(&self) -> Option<EvenMotion> {
+        None
+    }
+    /// Moves forward to an absolute position, at a constant speed between two ramps, and returns once the axis has arrived. `begun` is
+    /// called as soon as the controller has taken the command, on the calling thread.
+    ///
+    /// # Errors
+    /// As `move_to`; [`DeviceError::Uneven`] for an axis that cannot, or a speed above [`EvenMotion::fastest_steps_per_s`].
+    fn move_evenly(&mut self, _target: Steps, steps_per_s: f64, _begun: &mut dyn FnMut(Begun)) -> Result<Achieved, DeviceError> {
+        Err(DeviceError::Uneven { steps_per_s, fastest: None })
+    }
     /// Ends the work on a specimen. A trigger-stepped axis steps through the rest of its list, so that the machine's own program
     /// continues. Its next reference waits for another specimen. It releases an earlier stop as `reference` does.
     ///
@@ -380,6 +434,13 @@ pub trait Camera: Send {
     fn reopen(&mut self) -> Result<(), DeviceError>;
     /// Counters since the camera was opened.
     fn counters(&self) -> StreamCounters;
+    /// Reads the camera's own clock; `None` if it has none that runs.
+    ///
+    /// # Errors
+    /// The camera is lost.
+    fn clock(&mut self) -> Result<Option<ClockReading>, DeviceError> {
+        Ok(None)
+    }
     /// Ends the acquisition.
     ///
     /// # Errors

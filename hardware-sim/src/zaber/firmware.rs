@@ -130,10 +130,15 @@ impl Firmware {
                 self.axis.stop(now_s, &self.settings);
                 done
             }
-            ["move", how @ ("abs" | "rel"), steps] => {
+            ["move", how @ ("abs" | "rel"), steps, speed @ ..] => {
                 let steps: i64 = steps.parse().map_err(|_| "BADDATA")?;
+                let maxspeed = match speed {
+                    [] => self.settings.maxspeed,
+                    [speed] => speed.parse().ok().filter(|speed| (1..=self.settings.maxspeed).contains(speed)).ok_or("BADDATA")?,
+                    _ => return Err("BADCOMMAND"),
+                };
                 let from = if *how == "rel" { self.axis.counter(now_s) } else { 0 };
-                self.axis.go(from + steps, now_s, &self.settings);
+                self.axis.go(from + steps, now_s, &Settings { maxspeed, ..self.settings.clone() });
                 done
             }
             ["warnings", "clear"] => {

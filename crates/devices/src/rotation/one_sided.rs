@@ -41,7 +41,7 @@ impl OneSided {
 }
 
 impl RotationAxis for OneSided {
-    forward_axis!(axis: identity, capabilities, begin_run, announce, let_go, linear, specimen_input, outputs, check, position, stop_handle);
+    forward_axis!(axis: identity, capabilities, begin_run, announce, even_motion, move_evenly, let_go, linear, specimen_input, outputs, check, position, stop_handle);
 
     /// A reference may have been reached in either direction, so it is also approached from behind.
     fn reference(&mut self, cancel: &CancelToken) -> Result<Achieved, DeviceError> {

@@ -8,7 +8,7 @@
 
 use super::trigger::{POLL, gone};
 use crate::clock::Clock;
-use crate::{Achieved, DeviceError, RotationAxis};
+use crate::{Achieved, Begun, DeviceError, RotationAxis};
 use carved_core::units::Steps;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -56,10 +56,17 @@ impl Watched {
 }
 
 impl RotationAxis for Watched {
-    forward_axis!(axis: identity, capabilities, begin_run, announce, reference, let_go, linear, specimen_input, outputs, check, position, stop_handle);
+    forward_axis!(axis: identity, capabilities, begin_run, announce, even_motion, reference, let_go, linear, specimen_input, outputs, check, position, stop_handle);
 
     fn move_to(&mut self, target: Steps) -> Result<Achieved, DeviceError> {
         let achieved = self.axis.move_to(target)?;
+        self.specimen_is_there()?;
+        Ok(achieved)
+    }
+
+    /// The input is read after the whole turn.
+    fn move_evenly(&mut self, target: Steps, steps_per_s: f64, begun: &mut dyn FnMut(Begun)) -> Result<Achieved, DeviceError> {
+        let achieved = self.axis.move_evenly(target, steps_per_s, begun)?;
         self.specimen_is_there()?;
         Ok(achieved)
     }

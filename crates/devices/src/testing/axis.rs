@@ -2,7 +2,7 @@
 
 use super::FakeInput;
 use crate::cancel::CancelToken;
-use crate::{Achieved, Capabilities, DeviceError, Link, Position, RotationAxis, SpecimenInput, StopHandle};
+use crate::{Achieved, Begun, Capabilities, DeviceError, EvenMotion, Link, Position, RotationAxis, SpecimenInput, StopHandle};
 use carved_core::units::Steps;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -14,6 +14,7 @@ struct Record {
     /// A stop that no reference has released yet.
     is_stopped: bool,
     is_closed: bool,
+    begun: Option<Begun>,
 }
 
 /// What a [`FakeAxis`] has done. It stays readable after the axis was handed over or dropped.
@@ -36,6 +37,11 @@ impl AxisLog {
         self.lock().stops
     }
 
+    /// The last move at a constant speed.
+    pub fn begun(&self) -> Option<Begun> {
+        self.lock().begun
+    }
+
     /// Whether the axis was dropped.
     pub fn is_closed(&self) -> bool {
         self.lock().is_closed
@@ -56,6 +62,7 @@ pub struct FakeAxis {
     /// Of the last reference; 0 before the first one.
     epoch: u32,
     trigger_only: bool,
+    even: Option<EvenMotion>,
     input: Option<FakeInput>,
     answer: Answer,
     arrive: Arrive,
@@ -75,6 +82,7 @@ impl FakeAxis {
             log: AxisLog::default(),
             epoch: 0,
             trigger_only: false,
+            even: None,
             input: None,
             answer: Box::new(|| Ok(())),
             arrive: Box::new(|achieved| achieved),
@@ -93,6 +101,13 @@ impl FakeAxis {
     #[must_use]
     pub fn trigger_only(mut self) -> Self {
         self.trigger_only = true;
+        self
+    }
+
+    /// The axis can turn at a constant speed. It takes such a move at once, and has arrived when it has taken it.
+    #[must_use]
+    pub fn even(mut self, can: EvenMotion) -> Self {
+        self.even = Some(can);
         self
     }
 
@@ -186,6 +201,20 @@ impl RotationAxis for FakeAxis {
         record.targets.push(target);
         record.steps = achieved.steps;
         Ok(achieved)
+    }
+
+    fn even_motion(&self) -> Option<EvenMotion> {
+        self.even
+    }
+
+    fn move_evenly(&mut self, target: Steps, steps_per_s: f64, begun: &mut dyn FnMut(Begun)) -> Result<Achieved, DeviceError> {
+        let can = self.even.ok_or(DeviceError::Uneven { steps_per_s, fastest: None })?;
+        (self.answer)()?;
+        let now = std::time::Instant::now();
+        let at = Begun { sent: now, taken: now, steps_per_s, acceleration_steps_per_s2: can.acceleration_steps_per_s2 };
+        self.log.lock().begun = Some(at);
+        begun(at);
+        self.move_to(target)
     }
 
     fn specimen_input(&mut self) -> Option<&mut dyn SpecimenInput> {

@@ -1,6 +1,6 @@
 //! A fake camera.
 
-use crate::{Camera, DeviceError, FrameSink, Grabbed, Link, StreamCounters, StreamEnd, StreamPlan, StreamedFrame};
+use crate::{Camera, ClockReading, DeviceError, FrameSink, Grabbed, Link, StreamCounters, StreamEnd, StreamPlan, StreamedFrame};
 use carved_core::frame::{PixelFormat, RawFrame};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -48,6 +48,9 @@ fn refused(why: String) -> DeviceError {
 }
 
 impl FakeCamera {
+    /// The clock of a camera that can run free, at each reading, ns.
+    pub const CLOCK_NS: u64 = 1_000_000_000_000;
+
     /// A camera that takes its frames from `expose`, which is given the number of the trigger, from 1.
     pub fn new(expose: impl FnMut(u32) -> Result<RawFrame, DeviceError> + Send + 'static) -> Self {
         Self {
@@ -101,6 +104,10 @@ impl Camera for FakeCamera {
 
     fn highest_rate_hz(&mut self) -> Result<Option<f64>, DeviceError> {
         Ok(self.streams.as_ref().map(|(rate_hz, _)| *rate_hz))
+    }
+
+    fn clock(&mut self) -> Result<Option<ClockReading>, DeviceError> {
+        Ok(self.streams.as_ref().map(|_| ClockReading { camera_ns: Self::CLOCK_NS, host: Instant::now() }))
     }
 
     fn stream(&mut self, plan: &StreamPlan, sink: FrameSink<'_>) -> Result<StreamEnd, DeviceError> {

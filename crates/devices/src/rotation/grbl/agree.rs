@@ -106,6 +106,11 @@ impl Grbl {
         differences
     }
 
+    /// The controller's own acceleration of an axis, units/s^2; `None` before its settings were read.
+    pub(super) fn acceleration(&self, axis: &Geometry) -> Option<f64> {
+        self.controller_settings.get(&(ACCELERATION + axis.letter.index())).copied()
+    }
+
     /// The machine step at which a homing cycle ends by the controller's own settings; `None` if it does not report all of them.
     pub(super) fn homed_at(&self, axis: &Geometry) -> Option<i64> {
         let n = axis.letter.index();

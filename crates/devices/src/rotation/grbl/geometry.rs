@@ -28,6 +28,17 @@ impl Geometry {
         f64::from(self.steps_per_unit[0]) / f64::from(self.steps_per_unit[1])
     }
 
+    /// The speed of every move, steps/s.
+    pub fn steps_per_s(&self) -> f64 {
+        self.max_rate_units_per_min / 60.0 * self.steps_per_unit()
+    }
+
+    /// The same axis with a lower speed, which a line states in thousandths; `None` above its own speed or below what a line can state.
+    pub fn slowed(&self, steps_per_s: f64) -> Option<Self> {
+        let rate = (steps_per_s / self.steps_per_unit() * 60.0 * 1e3).round() / 1e3;
+        (rate > 0.0 && rate <= self.max_rate_units_per_min).then_some(Self { max_rate_units_per_min: rate, ..*self })
+    }
+
     /// Machine steps as the controller's units.
     pub fn units(&self, machine_steps: i64) -> f64 {
         machine_steps as f64 * f64::from(self.steps_per_unit[1]) / f64::from(self.steps_per_unit[0])

@@ -43,7 +43,7 @@ use super::knowledge::Knowledge;
 use super::link::{Link, Stop};
 use crate::cancel::CancelToken;
 use crate::outputs::{Bank, Outputs};
-use crate::{Achieved, Capabilities, DeviceError, Position, RotationAxis, StopHandle};
+use crate::{Achieved, Begun, Capabilities, DeviceError, EvenMotion, Position, RotationAxis, StopHandle};
 use agree::ControllerSettings;
 use carved_core::units::Steps;
 use geometry::Geometry;
@@ -181,6 +181,13 @@ impl Grbl {
         Geometry::of(&self.settings)
     }
 
+    /// The rotation with the acceleration that the controller has, which may exceed the configured one.
+    fn rotation_as_it_is(&self) -> Geometry {
+        let axis = self.rotation();
+        let acceleration_units_per_s2 = self.acceleration(&axis).unwrap_or(axis.acceleration_units_per_s2);
+        Geometry { acceleration_units_per_s2, ..axis }
+    }
+
     /// The axes that are driven through this controller.
     fn axes(&self) -> Vec<Geometry> {
         std::iter::once(self.rotation()).chain(self.slide.as_ref().map(Slide::geometry)).collect()
@@ -188,6 +195,11 @@ impl Grbl {
 
     /// Moves an axis from one machine step to another and returns once it has arrived.
     fn travel(&mut self, axis: &Geometry, from: i64, to: i64, origin: i64) -> Result<(), DeviceError> {
+        self.travel_begun(axis, from, to, origin, &mut |_| ())
+    }
+
+    /// As `travel`. `begun` is called once the controller has taken the line.
+    fn travel_begun(&mut self, axis: &Geometry, from: i64, to: i64, origin: i64, begun: &mut dyn FnMut(Begun)) -> Result<(), DeviceError> {
         self.catch_up()?;
         self.confirm_left(axis, from, origin)?;
         if from == to {
@@ -195,7 +207,14 @@ impl Grbl {
         }
         let wait = axis.travel_time(to - from) + self.settings.answer_timeout();
         self.link.set_moving(true);
+        let sent = Instant::now();
         self.send_off(axis, from, to)?;
+        begun(Begun {
+            sent,
+            taken: Instant::now(),
+            steps_per_s: axis.steps_per_s(),
+            acceleration_steps_per_s2: axis.acceleration_units_per_s2 * axis.steps_per_unit(),
+        });
         let until = Instant::now() + wait;
         // Its `ok` ends the wait. The report proves the arrival.
         self.exchange(BARRIER, wait, |_| {})?;
@@ -349,6 +368,27 @@ impl RotationAxis for Grbl {
     fn move_to(&mut self, target: Steps) -> Result<Achieved, DeviceError> {
         let (origin, from) = (self.origin, self.knowledge.known_steps()?);
         match self.travel(&self.rotation(), origin + from.0, origin + target.0, origin) {
+            Ok(()) => Ok(self.knowledge.arrived(target)),
+            Err(error) => {
+                self.doubt(&error);
+                Err(error)
+            }
+        }
+    }
+
+    fn even_motion(&self) -> Option<EvenMotion> {
+        let axis = self.rotation_as_it_is();
+        Some(EvenMotion {
+            fastest_steps_per_s: axis.steps_per_s(),
+            acceleration_steps_per_s2: axis.acceleration_units_per_s2 * axis.steps_per_unit(),
+        })
+    }
+
+    fn move_evenly(&mut self, target: Steps, steps_per_s: f64, begun: &mut dyn FnMut(Begun)) -> Result<Achieved, DeviceError> {
+        let (origin, from) = (self.origin, self.knowledge.known_steps()?);
+        let axis = self.rotation_as_it_is();
+        let slow = axis.slowed(steps_per_s).ok_or(DeviceError::Uneven { steps_per_s, fastest: Some(axis.steps_per_s()) })?;
+        match self.travel_begun(&slow, origin + from.0, origin + target.0, origin, begun) {
             Ok(()) => Ok(self.knowledge.arrived(target)),
             Err(error) => {
                 self.doubt(&error);

@@ -84,6 +84,7 @@ fn standing() -> Vec<Step> {
 
 fn opening() -> Vec<Step> {
     let mut steps = vec![step(Request::version(), VERSION)];
+    steps.extend(alone(Request::slowed(), 0, 0));
     for motor in [0, 1] {
         for (number, value) in
             [(parameter::MICROSTEP_RESOLUTION, 5), (parameter::MAX_SPEED, SPEED), (parameter::MAX_ACCELERATION, ACCELERATION)]
@@ -196,6 +197,7 @@ fn the_module_is_named_and_nothing_moves_before_the_reference() {
 fn settings_that_differ_are_listed_all_of_them_with_both_numbers() {
     let get = |number, motor, value| alone(Request::get(number, motor), value, 0);
     let mut script = vec![step(Request::version(), VERSION)];
+    script.extend(alone(Request::slowed(), 0, 0));
     // What differs is asked twice.
     script.extend([(); 2].map(|()| get(parameter::MICROSTEP_RESOLUTION, 0, 8)).concat());
     script.extend([get(parameter::MAX_SPEED, 0, SPEED), get(parameter::MAX_ACCELERATION, 0, ACCELERATION)].concat());

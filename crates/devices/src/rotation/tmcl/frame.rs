@@ -36,9 +36,11 @@ pub(super) mod parameter {
     pub const LOAD: u8 = 206;
 }
 
-/// The bank of the user variables, and the last one of them. It is in RAM, so it is 0 after a reset.
+/// The bank of the user variables, and the last two of them. They are in RAM, so they are 0 after a reset.
 const USER_BANK: u8 = 2;
 const MARK: u8 = 55;
+/// 1 while the maximum speed is that of a sweep.
+const SLOWED: u8 = 54;
 
 /// The bank of the digital outputs, in `SIO` and `GIO`.
 const OUTPUT_BANK: u8 = 2;
@@ -108,6 +110,14 @@ impl Request {
 
     pub fn mark() -> Self {
         Self::new(command::GET_GLOBAL, MARK, USER_BANK, 0)
+    }
+
+    pub fn set_slowed(is_slowed: bool) -> Self {
+        Self::new(command::SET_GLOBAL, SLOWED, USER_BANK, is_slowed.into())
+    }
+
+    pub fn slowed() -> Self {
+        Self::new(command::GET_GLOBAL, SLOWED, USER_BANK, 0)
     }
 
     pub fn encode(self, module: u8) -> [u8; BYTES] {

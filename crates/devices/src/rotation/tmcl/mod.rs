@@ -38,9 +38,11 @@ use super::knowledge::Knowledge;
 use super::link::{Link, Stop};
 use crate::cancel::CancelToken;
 use crate::outputs::{Bank, OutputStatus, Outputs};
-use crate::{Achieved, Capabilities, DeviceError, Difference, Position, RotationAxis, StopHandle};
+use crate::{Achieved, Begun, Capabilities, DeviceError, Difference, EvenMotion, Position, RotationAxis, StopHandle};
 use carved_core::units::Steps;
 use frame::{Request, Version, parameter, stop_pieces};
+use std::time::Instant;
+use travel::Pace;
 use wire::Wire;
 
 const DEVICE: &str = "rotation axis (TMCL)";
@@ -83,6 +85,7 @@ impl Tmcl {
     }
 
     fn compare_settings(&mut self) -> Result<(), DeviceError> {
+        self.end_slowing()?;
         let settings = &self.settings;
         let mut expected = vec![
             (parameter::MICROSTEP_RESOLUTION, "microstep resolution", i64::from(settings.microstep_resolution)),
@@ -108,6 +111,47 @@ impl Tmcl {
             }
         }
         if differences.is_empty() { Ok(()) } else { Err(DeviceError::Mismatch { device: DEVICE, differences }) }
+    }
+
+    /// Lowers the maximum speed of both motors for a sweep. The module remembers that, so that a program that takes over can end it.
+    fn slow(&mut self, speed: u32) -> Result<(), DeviceError> {
+        self.wire.ask(Request::set_slowed(true))?;
+        self.set_speed(speed)
+    }
+
+    /// Sets the configured speed again after a sweep, also after one that another process did not finish.
+    fn end_slowing(&mut self) -> Result<(), DeviceError> {
+        if self.wire.ask(Request::slowed())? == 0 {
+            return Ok(());
+        }
+        self.set_speed(self.settings.max_speed)?;
+        self.wire.ask(Request::set_slowed(false)).map(drop)
+    }
+
+    fn set_speed(&mut self, speed: u32) -> Result<(), DeviceError> {
+        self.wire.ask_all(self.settings.motors.map(|motor| Request::set(parameter::MAX_SPEED, motor, speed as i32))).map(drop)
+    }
+
+    /// The position after a move, or its error.
+    fn ended(&mut self, target: Steps, moved: Result<(), DeviceError>) -> Result<Achieved, DeviceError> {
+        match moved {
+            Ok(()) => Ok(self.knowledge.arrived(target)),
+            Err(error) => {
+                self.doubt(&error);
+                Err(error)
+            }
+        }
+    }
+
+    /// A move at this speed, in the module's unit. Both motors begin within `Begun`.
+    fn sweep(&mut self, from: i64, to: i64, speed: u32, begun: &mut dyn FnMut(Begun)) -> Result<(), DeviceError> {
+        self.slow(speed)?;
+        let (steps_per_s, acceleration_steps_per_s2) = self.settings.rates_at(speed);
+        let pace = Pace { wait: self.settings.travel_time_at(to - from, speed), is_even: true };
+        self.travel(from, to, pace, |sent| {
+            begun(Begun { sent, taken: Instant::now(), steps_per_s, acceleration_steps_per_s2 });
+        })?;
+        self.end_slowing()
     }
 
     fn find_origin(&mut self) -> Result<(), DeviceError> {
@@ -178,13 +222,23 @@ impl RotationAxis for Tmcl {
 
     fn move_to(&mut self, target: Steps) -> Result<Achieved, DeviceError> {
         let from = self.knowledge.known_steps()?;
-        match self.travel(from.0, target.0) {
-            Ok(()) => Ok(self.knowledge.arrived(target)),
-            Err(error) => {
-                self.doubt(&error);
-                Err(error)
-            }
-        }
+        let pace = Pace { wait: self.settings.travel_time(target.0 - from.0), is_even: false };
+        let moved = self.travel(from.0, target.0, pace, |_sent| ());
+        self.ended(target, moved)
+    }
+
+    fn even_motion(&self) -> Option<EvenMotion> {
+        let (fastest_steps_per_s, acceleration_steps_per_s2) = self.settings.rates();
+        Some(EvenMotion { fastest_steps_per_s, acceleration_steps_per_s2 })
+    }
+
+    /// A pair that had to be stopped and sent on has not kept its speed, which is an error.
+    fn move_evenly(&mut self, target: Steps, steps_per_s: f64, begun: &mut dyn FnMut(Begun)) -> Result<Achieved, DeviceError> {
+        let from = self.knowledge.known_steps()?;
+        let fastest = Some(self.settings.rates().0);
+        let speed = self.settings.speed(steps_per_s).ok_or(DeviceError::Uneven { steps_per_s, fastest })?;
+        let moved = self.sweep(from.0, target.0, speed, begun);
+        self.ended(target, moved)
     }
 
     fn check(&mut self) -> Result<(), DeviceError> {

@@ -181,8 +181,13 @@ impl TmclSettings {
     }
 
     /// Microsteps/s and microsteps/s^2. For fractions of the clock by the formulas of the TMC429 data sheet.
-    fn rates(&self) -> (f64, f64) {
-        let (speed, acceleration) = (f64::from(self.max_speed), f64::from(self.max_acceleration));
+    pub(super) fn rates(&self) -> (f64, f64) {
+        self.rates_at(self.max_speed)
+    }
+
+    /// The same for another speed in the module's own unit.
+    pub(super) fn rates_at(&self, speed: u32) -> (f64, f64) {
+        let (speed, acceleration) = (f64::from(speed), f64::from(self.max_acceleration));
         match self.clock_divisors {
             None => (speed, acceleration),
             Some(ClockDivisors { pulse, ramp }) => {
@@ -192,9 +197,20 @@ impl TmclSettings {
         }
     }
 
+    /// A speed in the module's own unit; `None` above `max_speed`, or if it rounds to 0.
+    pub(super) fn speed(&self, steps_per_s: f64) -> Option<u32> {
+        let speed = (steps_per_s / self.rates_at(1).0).round();
+        (speed >= 1.0 && speed <= f64::from(self.max_speed)).then_some(speed as u32)
+    }
+
     /// The longest time that a healthy module needs for a move.
     pub(super) fn travel_time(&self, steps: i64) -> Duration {
-        let (steps_per_s, steps_per_s2) = self.rates();
+        self.travel_time_at(steps, self.max_speed)
+    }
+
+    /// The same for a move with another speed in the module's own unit.
+    pub(super) fn travel_time_at(&self, steps: i64, speed: u32) -> Duration {
+        let (steps_per_s, steps_per_s2) = self.rates_at(speed);
         travel_time(steps, steps_per_s, steps_per_s2) + self.answer_timeout()
     }
 

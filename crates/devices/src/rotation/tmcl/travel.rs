@@ -83,6 +83,28 @@ fn off_its_way(look: Look, from: i64, to: i64) -> DeviceError {
     DeviceError::Suspect { why: format!("on the way from {from} to {to} the motors count {first} and {second}") }
 }
 
+/// How often both motors are started, if the module acknowledges the first start too late.
+const MOST_STARTS: u32 = 2;
+
+/// How a pair is sent to its target.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Pace {
+    /// The longest time of the way.
+    pub wait: Duration,
+    /// The speed has to be constant: a pair that was stopped is not sent on.
+    pub is_even: bool,
+}
+
+impl Pace {
+    fn tries(self) -> u32 {
+        if self.is_even { 1 } else { MOST_STARTS }
+    }
+
+    fn most_blind_stops(self) -> u32 {
+        if self.is_even { 0 } else { MOST_BLIND_STOPS }
+    }
+}
+
 impl Tmcl {
     fn questions(&self) -> [Request; 3] {
         let [first, second] = self.settings.motors.map(|motor| Request::get(parameter::ACTUAL_POSITION, motor));
@@ -163,8 +185,9 @@ impl Tmcl {
         if cleared(look) && cleared(self.look()?) { Err(was_cleared(place)) } else { Ok(()) }
     }
 
-    /// Turns the pair from one position to another and returns once it has arrived.
-    pub(super) fn travel(&mut self, from: i64, to: i64) -> Result<(), DeviceError> {
+    /// Turns the pair from one position to another and returns once it has arrived. `begun` is called once both motors turn, with the time
+    /// before the first was started.
+    pub(super) fn travel(&mut self, from: i64, to: i64, pace: Pace, begun: impl FnOnce(Instant)) -> Result<(), DeviceError> {
         match self.confirm(from) {
             Err(DeviceError::Missed { achieved: Steps(0), .. }) => return Err(was_cleared(from)),
             confirmed => confirmed?,
@@ -179,20 +202,22 @@ impl Tmcl {
         };
         let target = i32::try_from(to).map_err(beyond)?;
         self.in_flight = true;
-        self.start_pair(|motor| Request::go(motor, target))?;
-        self.watch(from, to)?;
+        let sent = self.start_pair(pace.tries(), |motor| Request::go(motor, target))?;
+        begun(sent);
+        self.watch(from, to, pace)?;
         self.in_flight = false;
         Ok(())
     }
 
-    /// Starts both motors, one after the other. If an answer comes so late that one motor alone may exceed the permitted skew, both are
-    /// stopped, and started once more.
-    fn start_pair(&mut self, request: impl Fn(u8) -> Request) -> Result<(), DeviceError> {
+    /// Starts both motors, one after the other, and returns the time before the first. If an answer comes so late that one motor alone may
+    /// exceed the permitted skew, both are stopped, and started again while there are `tries`.
+    fn start_pair(&mut self, tries: u32, request: impl Fn(u8) -> Request) -> Result<Instant, DeviceError> {
         let mut lost = String::new();
-        for _ in 0..2 {
+        for _ in 0..tries {
             let mut started = 0;
+            let sent = Instant::now();
             // One deadline for both: the first motor turns alone until the second starts.
-            let until = Instant::now() + self.settings.start_time();
+            let until = sent + self.settings.start_time();
             for motor in self.settings.motors {
                 match self.wire.once(request(motor), until)? {
                     Answer::Value(_) => started += 1,
@@ -206,7 +231,7 @@ impl Tmcl {
                 }
             }
             if started == self.settings.motors.len() {
-                return Ok(());
+                return Ok(sent);
             }
         }
         Err(DeviceError::Unexpected { device: DEVICE, expected: "both motors to start".into(), found: lost })
@@ -223,8 +248,8 @@ impl Tmcl {
 
     /// Looks until both counters are at the target and both speeds are 0. If no look succeeds in the time in which the skew could exceed
     /// its limit, the pair is stopped, read at rest, and sent on.
-    fn watch(&mut self, from: i64, to: i64) -> Result<(), DeviceError> {
-        let mut until = Instant::now() + self.settings.travel_time(to - from);
+    fn watch(&mut self, from: i64, to: i64, pace: Pace) -> Result<(), DeviceError> {
+        let mut until = Instant::now() + pace.wait;
         let mut doubted = false;
         let mut last = None;
         let mut standing = 0;
@@ -241,16 +266,16 @@ impl Tmcl {
                 if !look.between(from, to) {
                     return Err(off_its_way(look, from, to));
                 }
-                if blind_stops > MOST_BLIND_STOPS {
+                if blind_stops > pace.most_blind_stops() {
                     let expected = format!("answers of the module within {} ms", self.settings.blind_time().as_millis());
                     let found = format!("later ones, {blind_stops} times in one move; both motors were stopped");
                     return Err(DeviceError::Unexpected { device: DEVICE, expected, found });
                 }
                 let target = i32::try_from(to).unwrap_or(i32::MAX);
                 tracing::info!(device = DEVICE, at = look.after, to, "no answers came about the pair: it was stopped, and is sent on");
-                self.start_pair(|motor| Request::go(motor, target))?;
+                self.start_pair(pace.tries(), |motor| Request::go(motor, target))?;
                 seen = Instant::now();
-                until = seen + self.settings.travel_time(to - from);
+                until = seen + pace.wait;
                 (doubted, last, standing) = (false, None, 0);
                 continue;
             };
@@ -373,7 +398,7 @@ impl Tmcl {
         }
         if first != second {
             self.wire.ask(Request::go(self.settings.motors[1], first as i32))?;
-            self.watch(second, first)?;
+            self.watch(second, first, Pace { wait: self.settings.travel_time(first - second), is_even: false })?;
         }
         // In positioning mode a motor would follow its changed counter to the old target.
         self.stop_and_rest()?;
@@ -405,7 +430,7 @@ impl Tmcl {
         // From here to the end of the search the counters do not show the skew.
         self.mark = 0;
         self.wire.ask(Request::set_mark(0))?;
-        self.start_pair(Request::search)?;
+        self.start_pair(MOST_STARTS, Request::search)?;
         // The first two positions of each motor after the other has found its switch: two, because one reading may be wrong.
         let mut late: [Vec<i64>; 2] = [Vec::new(), Vec::new()];
         let mut doubted = false;

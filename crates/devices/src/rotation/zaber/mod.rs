@@ -28,7 +28,7 @@ use super::knowledge::Knowledge;
 use super::link::{Link, Stop};
 use crate::cancel::CancelToken;
 use crate::outputs::{Bank, OutputStatus, Outputs};
-use crate::{Achieved, Capabilities, DeviceError, Difference, Position, RotationAxis, StopHandle};
+use crate::{Achieved, Begun, Capabilities, DeviceError, Difference, EvenMotion, Position, RotationAxis, StopHandle};
 use carved_core::units::Steps;
 use packet::Reply;
 use std::time::{Duration, Instant};
@@ -55,6 +55,17 @@ pub struct Zaber {
     /// Flags of an intervention that were reported, or that this program's own stop has set.
     reported: Vec<String>,
     outputs: Bank<ZaberPin>,
+    /// The firmware takes a speed with a move.
+    states_speed: bool,
+}
+
+/// The first firmware that takes a speed with a move.
+const STATES_SPEED: (u32, u32) = (7, 25);
+
+/// The first two numbers of a version such as `7.32`; 0 for what cannot be read.
+fn version_numbers(version: &str) -> (u32, u32) {
+    let mut numbers = version.trim().split('.').map(|number| number.parse().unwrap_or(0));
+    (numbers.next().unwrap_or(0), numbers.next().unwrap_or(0))
 }
 
 impl Zaber {
@@ -79,6 +90,7 @@ impl Zaber {
             in_flight: false,
             flags: Vec::new(),
             reported: Vec::new(),
+            states_speed: false,
         };
         zaber.compare_settings().map_err(|error| zaber.wire.first_contact(error))?;
         // NI alone comes from the stop of the program that drove the axis before.
@@ -87,6 +99,7 @@ impl Zaber {
         zaber.reported.extend(zaber.flags.iter().filter(|flag| *flag == flags::INTERRUPTED).cloned());
         let serial = zaber.wire.ask_device("get system.serial")?.data;
         let version = zaber.wire.ask_device("get version")?.data;
+        zaber.states_speed = version_numbers(&version) >= STATES_SPEED;
         zaber.identity = format!("Zaber {serial}, firmware {version}");
         tracing::info!(identity = zaber.identity, port = %zaber.settings.port, "rotation axis opened");
         Ok(zaber)
@@ -185,14 +198,36 @@ impl Zaber {
     }
 
     fn travel(&mut self, from: i64, to: i64) -> Result<(), DeviceError> {
+        self.travel_by(&format!("move abs {to}"), from, to, self.settings.travel_time(to - from), |_sent| ())
+    }
+
+    /// Moves by this command. `begun` is called once the controller has taken it, with the time at which it was sent.
+    fn travel_by(&mut self, command: &str, from: i64, to: i64, wait: Duration, begun: impl FnOnce(Instant)) -> Result<(), DeviceError> {
         self.confirm(from, Duration::ZERO)?;
         if from == to {
             return Ok(());
         }
-        self.set_going(&format!("move abs {to}"), Some(from))?;
-        self.confirm(to, self.settings.travel_time(to - from))?;
+        let sent = Instant::now();
+        self.set_going(command, Some(from))?;
+        begun(sent);
+        self.confirm(to, wait)?;
         self.in_flight = false;
         Ok(())
+    }
+
+    /// The position after a move, or its error.
+    fn ended(&mut self, target: Steps, moved: Result<(), DeviceError>) -> Result<Achieved, DeviceError> {
+        match moved {
+            Ok(()) => Ok(self.knowledge.arrived(target)),
+            Err(error) => {
+                let error = match error {
+                    DeviceError::Suspect { why } if self.wire.is_bare() => flags::restarted(&why),
+                    other => other,
+                };
+                self.doubt(&error);
+                Err(error)
+            }
+        }
     }
 
     /// Sends a motion to an axis that rests at `from`; `None` for a motion from an unknown position. The motion clears the flags of an
@@ -341,17 +376,26 @@ impl RotationAxis for Zaber {
 
     fn move_to(&mut self, target: Steps) -> Result<Achieved, DeviceError> {
         let from = self.knowledge.known_steps()?;
-        match self.travel(from.0, target.0) {
-            Ok(()) => Ok(self.knowledge.arrived(target)),
-            Err(error) => {
-                let error = match error {
-                    DeviceError::Suspect { why } if self.wire.is_bare() => flags::restarted(&why),
-                    other => other,
-                };
-                self.doubt(&error);
-                Err(error)
-            }
-        }
+        let moved = self.travel(from.0, target.0);
+        self.ended(target, moved)
+    }
+
+    /// A firmware of 7.25 or later takes a speed with a move.
+    fn even_motion(&self) -> Option<EvenMotion> {
+        self.states_speed.then(|| self.settings.motion())
+    }
+
+    fn move_evenly(&mut self, target: Steps, steps_per_s: f64, begun: &mut dyn FnMut(Begun)) -> Result<Achieved, DeviceError> {
+        let can = self.even_motion();
+        let fastest = can.map(|can| can.fastest_steps_per_s);
+        let speed = can.and_then(|can| Some((can.acceleration_steps_per_s2, self.settings.speed(steps_per_s)?)));
+        let (acceleration_steps_per_s2, speed) = speed.ok_or(DeviceError::Uneven { steps_per_s, fastest })?;
+        let from = self.knowledge.known_steps()?;
+        let wait = self.settings.travel_time_at(target.0 - from.0, speed);
+        let moved = self.travel_by(&format!("move abs {} {speed}", target.0), from.0, target.0, wait, |sent| {
+            begun(Begun { sent, taken: Instant::now(), steps_per_s: settings::steps_per_s(speed), acceleration_steps_per_s2 });
+        });
+        self.ended(target, moved)
     }
 
     fn check(&mut self) -> Result<(), DeviceError> {

@@ -1,11 +1,11 @@
 //! The `[rotation]` table of a Zaber controller.
 
-use crate::DeviceError;
 use crate::outputs::{self, OutputSettings, OutputTable, SETTLE_MOST_MS};
 use crate::rotation::driver::serial_driver;
 use crate::rotation::knowledge::travel_time;
 use crate::rotation::{Port, Reference};
 use crate::setting::{ANSWER_MOST_MS, BAUD_LEAST, BAUD_MOST, HOMING_MOST_MS, in_range};
+use crate::{DeviceError, EvenMotion};
 use carved_core::range::{OutOfRange, Range, Ranged};
 use carved_core::ranges;
 use serde::{Deserialize, Serialize};
@@ -91,6 +91,11 @@ const SPEED_UNIT: f64 = 1.6384;
 /// The protocol's unit of acceleration, per microstep/s^2.
 const ACCELERATION_UNIT: f64 = SPEED_UNIT / 10_000.0;
 
+/// A speed in the controller's unit as microsteps/s.
+pub(super) fn steps_per_s(speed: u32) -> f64 {
+    f64::from(speed) / SPEED_UNIT
+}
+
 impl Ranged for ZaberSettings {
     const RANGES: &'static [Range<Self>] = ranges![
         baud: BAUD_LEAST, BAUD_MOST, "baud";
@@ -121,7 +126,23 @@ impl ZaberSettings {
 
     /// The longest time that a healthy controller needs for a move.
     pub(super) fn travel_time(&self, steps: i64) -> Duration {
-        travel_time(steps, f64::from(self.maxspeed) / SPEED_UNIT, f64::from(self.accel) / ACCELERATION_UNIT) + self.answer_timeout()
+        self.travel_time_at(steps, self.maxspeed)
+    }
+
+    /// The same for a move with its own speed, in the controller's unit.
+    pub(super) fn travel_time_at(&self, steps: i64, speed: u32) -> Duration {
+        travel_time(steps, steps_per_s(speed), self.motion().acceleration_steps_per_s2) + self.answer_timeout()
+    }
+
+    /// Speed and acceleration of every move.
+    pub(super) fn motion(&self) -> EvenMotion {
+        EvenMotion { fastest_steps_per_s: steps_per_s(self.maxspeed), acceleration_steps_per_s2: f64::from(self.accel) / ACCELERATION_UNIT }
+    }
+
+    /// A speed in the controller's unit; `None` above `maxspeed`, or if it rounds to 0.
+    pub(super) fn speed(&self, steps_per_s: f64) -> Option<u32> {
+        let speed = (steps_per_s * SPEED_UNIT).round();
+        (speed >= 1.0 && speed <= f64::from(self.maxspeed)).then_some(speed as u32)
     }
 }
 
