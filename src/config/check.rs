@@ -10,7 +10,7 @@ use carved_core::measure::references::References;
 use carved_core::profile::{EmptyCapillary, Picture};
 use carved_core::range::{OutOfRange, Ranged};
 use carved_core::units::StepsPerRevolution;
-use carved_devices::acquisition::{AcquisitionSettings, RevolutionPlan};
+use carved_devices::acquisition::{AcquisitionSettings, PlanError, RevolutionPlan, SweepPlan};
 use carved_devices::rotation::{GrblPin, RotationDriver, TranslationSettings};
 use carved_records::{InstrumentIdentity, Method, ViewOrder};
 use carved_store::frames;
@@ -134,6 +134,19 @@ impl Config {
             }
         }
         breaches.extend(too_near(&raw.methods, "optics", &optics));
+        if let CameraDriver::Aravis(camera) = &drivers.camera
+            && ["rig", "optics", "camera", "methods"].into_iter().all(&in_range)
+        {
+            breaches.extend(raw.methods.iter().filter_map(|(name, method)| blurred_sweep(name, method, &raw, camera.exposure_us)));
+        }
+        if drivers.camera_second.is_some() {
+            let swept = raw.methods.iter().filter(|(_, method)| method.order == ViewOrder::Sweep);
+            breaches.extend(swept.map(|(name, _)| {
+                format!(
+                    "  methods.{name}.order = \"sweep\"; expected an order with stops: [camera_second] is triggered while the axis stands"
+                )
+            }));
+        }
         for (name, method) in &raw.methods {
             let retired = method.segment.retired_keys();
             breaches
@@ -202,6 +215,33 @@ impl Config {
     }
 }
 
+impl Config {
+    /// The sweep of a method; `None` for a method with stops.
+    pub fn sweep(&self, method: &Method) -> Option<Result<SweepPlan, PlanError>> {
+        sweep_of(method, self.steps_per_revolution)
+    }
+}
+
+fn sweep_of(method: &Method, steps_per_revolution: StepsPerRevolution) -> Option<Result<SweepPlan, PlanError>> {
+    (method.order == ViewOrder::Sweep).then(|| SweepPlan::new(method.asd, steps_per_revolution, method.sweep.rate_hz(method.asd)))
+}
+
+/// Why the pictures of a sweep cannot be used, if so.
+fn blurred_sweep(name: &str, method: &Method, raw: &Raw, exposure_us: f64) -> Option<String> {
+    let plan = sweep_of(method, raw.rig.steps_per_revolution)?.ok()?;
+    let radius_um = raw.optics.bore_um.unwrap_or(method.box_um.max[1] - method.box_um.min[1]) / 2.0;
+    let way_px = plan.speed_um_per_s(radius_um) * exposure_us * 1e-6 * raw.optics.ky_px_per_um;
+    let limit_px = method.sweep.blur_px;
+    (way_px > limit_px).then(|| {
+        format!(
+            "  methods.{name}.sweep: the wall of the capillary moves {way_px:.2} px during an exposure of {exposure_us:.0} us at {:.1} frames/s and \
+             {} views; expected at most sweep.blur_px = {limit_px}: shorten the exposure, take more views, or lower the frame rate",
+            plan.frame_rate_hz(),
+            plan.asd()
+        )
+    })
+}
+
 /// The camera of `[optics]`.
 fn nominal_camera(o: &RawOptics) -> Camera {
     Camera {
@@ -265,7 +305,7 @@ fn of_another_program(name: &str, method: &Method) -> Vec<String> {
     let mut breaches = Vec::new();
     if method.order != ViewOrder::Sequential {
         breaches
-            .push(format!("  methods.{name}.order = \"coarse_to_fine\"; expected \"sequential\": [views] come in the order of the turn"));
+            .push(format!("  methods.{name}.order = \"{}\"; expected \"sequential\": [views] come in the order of the turn", method.order));
     }
     if method.early_stop.enabled {
         breaches.push(format!("  methods.{name}.early_stop.enabled = true; expected false: carved cannot end a turn of another program"));

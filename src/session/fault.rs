@@ -53,6 +53,7 @@ fn code_of_device(error: &DeviceError) -> &'static FaultCode {
         DeviceError::VastList { .. } => &fault_table::VAST_LIST,
         DeviceError::VastProgram { .. } => &fault_table::VAST_PROGRAM,
         DeviceError::Mismatch { .. } => &fault_table::ROTATION_SETTINGS,
+        DeviceError::Uneven { .. } => &fault_table::SETUP_UNUSABLE,
         DeviceError::Output { .. } => &fault_table::OUTPUT_FAILED,
         DeviceError::Gone { .. } | DeviceError::Silent { .. } | DeviceError::Open { .. } => &fault_table::ROTATION_LOST,
         DeviceError::OutOfStep { .. }
@@ -69,6 +70,7 @@ fn code_of_device(error: &DeviceError) -> &'static FaultCode {
 pub fn of(seq: u64, error: &RunError) -> Fault {
     let code = match error {
         RunError::Device(e) | RunError::Acquisition(AcquisitionError::Device { source: e, .. }) => code_of_device(e),
+        RunError::Acquisition(AcquisitionError::Sweep(e)) if !e.may_be_tried_again() => &fault_table::SETUP_UNUSABLE,
         RunError::Acquisition(_) => &fault_table::REVOLUTION_FAILED,
         RunError::Overrun(e) if matches!(e.phase, Phase::Load | Phase::Eject | Phase::Wash) => &fault_table::SAMPLER_OVERRUN,
         RunError::Overrun(_) => &fault_table::POSITION_OVERRUN,

@@ -10,7 +10,7 @@ use super::{Check, gate};
 use crate::api::NoticesStatus;
 use crate::config::Config;
 use carved_core::statistics::upper_median;
-use carved_devices::acquisition::grab;
+use carved_devices::acquisition::{AcquisitionError, SweepPlan, grab};
 use carved_devices::cancel::CancelToken;
 use carved_devices::outputs::{self, OutputUse};
 use carved_devices::{DeviceError, Position};
@@ -28,6 +28,8 @@ pub struct DeviceReport {
     outputs: Option<Result<(), DeviceError>>,
     /// `None` if another program takes the pictures.
     light: Result<Option<Light>, DeviceError>,
+    /// Whether axis and camera can do the sweep of the method. `None` for a method with stops.
+    sweep: Option<Result<SweepPlan, AcquisitionError>>,
 }
 
 impl DeviceReport {
@@ -38,25 +40,26 @@ impl DeviceReport {
 }
 
 /// Checks the axis and takes a frame. Nothing moves. `cancel` ends the wait for a steady light and for the frame.
-pub fn look(mut instrument: Instrument, deadline: Duration, cancel: &CancelToken) -> (Instrument, DeviceReport) {
+pub fn look(mut instrument: Instrument, sweep: Option<SweepPlan>, deadline: Duration, cancel: &CancelToken) -> (Instrument, DeviceReport) {
     let rig = &mut instrument.rig;
     let axis = rig.rotation.check();
     let is_referenced = matches!(rig.rotation.position(), Position::Referenced { .. });
     if rig.rotation.capabilities().outside {
-        return (instrument, DeviceReport { axis, is_referenced, outputs: None, light: Ok(None) });
+        return (instrument, DeviceReport { axis, is_referenced, outputs: None, light: Ok(None), sweep: None });
     }
     let for_views = |outputs: &mut dyn outputs::Outputs| outputs.statuses().iter().any(|output| output.on == OutputUse::Views);
     let switches = rig.rotation.outputs().is_some_and(for_views);
     let outputs = switches.then(|| outputs::views_on(rig.rotation.as_mut(), cancel));
     let camera = rig.camera.as_mut();
     let light = camera.arm().and_then(|()| grab(camera, deadline, cancel)).map(|seen| Some(Light::of(&seen.frame)));
+    let sweep = sweep.map(|plan| plan.check(rig.rotation.as_ref(), camera).map(|()| plan));
     if !camera.is_lost()
         && let Err(error) = camera.disarm()
     {
         tracing::warn!(%error, "the camera did not disarm");
     }
     outputs::views_off(rig.rotation.as_mut());
-    (instrument, DeviceReport { axis, is_referenced, outputs, light })
+    (instrument, DeviceReport { axis, is_referenced, outputs, light, sweep })
 }
 
 /// Background level (0 to 255) below which the sensor noise hides a profile.
@@ -190,6 +193,11 @@ fn devices(seen: &DeviceReport) -> Vec<Check> {
         let found = switched.as_ref().map(|()| "what the pictures need was switched on".to_owned());
         check("outputs", true, found.map_err(|e| device(e, "check the pin in the configuration, and what is wired to it")))
     }));
+    checks.extend(seen.sweep.as_ref().map(|checked| {
+        let words = |plan: &SweepPlan| format!("axis and camera can sweep: {} views at {:.1} frames/s", plan.asd(), plan.frame_rate_hz());
+        let refused = |e: &AcquisitionError| (e.to_string(), "choose another method, or correct [methods.X.sweep]");
+        check("sweep", true, checked.as_ref().map(words).map_err(refused))
+    }));
     checks.extend(seen.light.as_ref().ok().and_then(Option::as_ref).map(|seen| check("light", true, light(seen))));
     checks
 }
@@ -297,6 +305,7 @@ mod tests {
                 is_referenced: false,
                 outputs: None,
                 light: Ok(Some(Light { background: 200.0, saturated: 0.0, focus: 1.0 })),
+                sweep: None,
             };
             let known = Known {
                 faults: &[],

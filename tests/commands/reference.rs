@@ -152,6 +152,7 @@ impl Recorded {
                 achieved_steps: stop.target,
                 epoch: 1,
                 omega,
+                swept: None,
                 moved_ms: 0.0,
                 settle_ms: 0.0,
                 grab_ms: 0.0,

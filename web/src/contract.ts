@@ -913,6 +913,7 @@ export interface StoredLedgerEntry {
   second?: StoredSecondEntry | null;
   settle_ms: number;
   sha256: string;
+  swept?: StoredSwept | null;
   trigger_ms?: number;
   view: number;
 }
@@ -998,6 +999,7 @@ export interface StoredMethod {
   quality?: StoredQualitySettings;
   segment?: StoredSegmentSettings;
   surface?: StoredSurfaceSettings;
+  sweep?: StoredSweepSettings;
   version?: StoredVersion | null;
   voxel_um: number;
 }
@@ -1299,6 +1301,17 @@ export interface StoredSurfaceSettings {
   fairing_lambda?: number;
 }
 
+export interface StoredSweepSettings {
+  blur_px?: number;
+  frame_rate_hz?: number | null;
+  turn_s?: number | null;
+}
+
+export interface StoredSwept {
+  camera_ns: number;
+  omega_sd: number;
+}
+
 export interface StoredToBody {
   origin_um: [number, number, number];
   rotation: [[number, number, number], [number, number, number], [number, number, number]];
@@ -1315,7 +1328,7 @@ export type StoredTurnFinding =
 
 export type StoredVersion = string | number;
 
-export type StoredViewOrder = "sequential" | "coarse_to_fine";
+export type StoredViewOrder = "sequential" | "coarse_to_fine" | "sweep";
 
 export interface StoredViewRecord {
   area_px?: number | null;

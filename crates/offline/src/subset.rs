@@ -86,6 +86,7 @@ mod tests {
                 achieved_steps: Steps(0),
                 epoch: 1,
                 omega: deg.to_radians(),
+                swept: None,
                 moved_ms: 0.0,
                 settle_ms: 0.0,
                 grab_ms: 0.0,

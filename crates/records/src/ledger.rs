@@ -20,8 +20,11 @@ pub struct LedgerEntry {
     pub achieved_steps: Steps,
     /// Epoch of the axis' reference. Views of two epochs have no common zero.
     pub epoch: u32,
-    /// Angle of the view from the achieved steps and the rig's sense, rad.
+    /// Angle of the view from the achieved steps and the rig's sense, rad. In a sweep: from the time of the frame.
     pub omega: f64,
+    /// The time of a frame that was taken while the axis turned at a constant speed. `None` for a view at a stop.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub swept: Option<Swept>,
     /// Time from the command to the axis' arrival, ms.
     pub moved_ms: f64,
     /// Settling time between arrival and trigger, ms.
@@ -50,6 +53,17 @@ pub struct LedgerEntry {
 #[allow(clippy::trivially_copy_pass_by_ref, reason = "what serde asks for")]
 fn is_first(retake: &u32) -> bool {
     *retake == 0
+}
+
+/// How the angle of a view of a sweep is known: by the camera's clock.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields)]
+pub struct Swept {
+    /// The camera's clock at the frame, ns.
+    pub camera_ns: u64,
+    /// Standard deviation of the angle, rad. Most of it is the start of the motion, which is the same error for all views of the turn.
+    pub omega_sd: f64,
 }
 
 /// A frame of the second camera. It is taken after the frame of the first camera, before the axis moves.
@@ -169,6 +183,7 @@ mod tests {
             achieved_steps: Steps(24 * i64::from(view)),
             epoch,
             omega: 0.1 + f64::from(view) / 3.0,
+            swept: None,
             moved_ms: 41.25,
             settle_ms: 10.0,
             grab_ms: 33.3,

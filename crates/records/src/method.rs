@@ -21,6 +21,58 @@ pub enum ViewOrder {
     /// Halves, then quarters, then eighths of the turn, and so on. The live model shows its shape after a few views, but the axis turns
     /// further.
     CoarseToFine,
+    /// In one sweep: the axis turns at a constant speed while the camera runs freely. It needs a Grbl controller and a camera with a
+    /// clock.
+    Sweep,
+}
+
+impl std::fmt::Display for ViewOrder {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Sequential => "sequential",
+            Self::CoarseToFine => "coarse_to_fine",
+            Self::Sweep => "sweep",
+        })
+    }
+}
+
+/// The speed of a sweep (`order = "sweep"`). One of `frame_rate_hz` and `turn_s` may be given; without both there are 30 frames/s.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema), schemars(transform = carved_core::range::in_schema::<Self>))]
+#[serde(default, deny_unknown_fields)]
+pub struct SweepSettings {
+    /// Frames per second. A turn takes `asd` frames.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub frame_rate_hz: Option<f64>,
+    /// Time of a turn, s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub turn_s: Option<f64>,
+    /// Longest way of the wall of the capillary during an exposure, px of the picture. A longer way blurs the outline.
+    pub blur_px: f64,
+}
+
+impl Default for SweepSettings {
+    fn default() -> Self {
+        Self { frame_rate_hz: None, turn_s: None, blur_px: 0.5 }
+    }
+}
+
+impl Ranged for SweepSettings {
+    const RANGES: &'static [Range<Self>] = ranges![
+        frame_rate_hz: 1.0, 1000.0, "frames/s";
+        turn_s: 0.1, 600.0, "s";
+        blur_px: 0.01, 5.0, "px";
+    ];
+}
+
+impl SweepSettings {
+    /// Frames per second of a camera without other wishes.
+    pub const USUAL_HZ: f64 = 30.0;
+
+    /// Frames per second for a turn of `asd` views.
+    pub fn rate_hz(&self, asd: u32) -> f64 {
+        self.frame_rate_hz.or_else(|| self.turn_s.map(|turn_s| f64::from(asd) / turn_s)).unwrap_or(Self::USUAL_HZ)
+    }
 }
 
 /// What is done to a specimen and how it is measured.
@@ -44,6 +96,9 @@ pub struct Method {
     /// The reconstructed box around the axis of the capillary: x along it, y and z across it. The specimen must fit into it.
     #[serde(default = "papers_box")]
     pub box_um: BoxUm,
+    /// The speed of a sweep.
+    #[serde(default, skip_serializing_if = "is_usual_sweep")]
+    pub sweep: SweepSettings,
     /// How the outline of the specimen is found in a frame.
     #[cfg_attr(feature = "schema", schemars(extend("x-level" = "expert")))]
     #[serde(default)]
@@ -77,6 +132,7 @@ impl Ranged for Method {
 
     fn outside_below(&self) -> Vec<OutOfRange> {
         outside_in("box_um", &self.box_um)
+            .chain(outside_in("sweep", &self.sweep))
             .chain(outside_in("segment", &self.segment))
             .chain(outside_in("surface", &self.surface))
             .chain(outside_in("calibration", &self.calibration))
@@ -85,6 +141,11 @@ impl Ranged for Method {
             .chain(outside_in("early_stop", &self.early_stop))
             .collect()
     }
+}
+
+/// Methods without a sweep keep their files.
+fn is_usual_sweep(sweep: &SweepSettings) -> bool {
+    *sweep == SweepSettings::default()
 }
 
 /// What a lab calls a state of its method.
@@ -149,12 +210,15 @@ impl Method {
             let key = if matches!(e, GridError::Box { .. }) { "box_um".into() } else { format!("voxel_um = {}", self.voxel_um) };
             breaches.push(format!("{key}: {e}"));
         }
-        if self.early_stop.enabled && self.order == ViewOrder::Sequential {
-            breaches.push(
-                "early_stop.enabled = true, with order = \"sequential\"; expected order = \"coarse_to_fine\": views one after the other leave the \
-                 rest of the turn unseen"
-                    .into(),
-            );
+        if self.early_stop.enabled && self.order != ViewOrder::CoarseToFine {
+            breaches.push(format!(
+                "early_stop.enabled = true, with order = \"{}\"; expected order = \"coarse_to_fine\": views one after the other leave the \
+                 rest of the turn unseen",
+                self.order
+            ));
+        }
+        if let SweepSettings { frame_rate_hz: Some(rate), turn_s: Some(turn), .. } = self.sweep {
+            breaches.push(format!("sweep.frame_rate_hz = {rate} and sweep.turn_s = {turn}; expected one of them: each sets the speed"));
         }
         breaches
     }

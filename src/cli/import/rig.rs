@@ -226,6 +226,7 @@ fn method(args: &Args, config: Option<&Config>) -> anyhow::Result<(String, Metho
             epsilon: 0.05,
             voxel_um: 6.93,
             box_um: carved_core::geometry::BoxUm::PAPER,
+            sweep: carved_records::SweepSettings::default(),
             segment: carved_core::profile::SegmentSettings::default(),
             surface: carved_core::reconstruction::SurfaceSettings::default(),
             calibration: carved_core::reconstruction::CalibrationSettings::default(),

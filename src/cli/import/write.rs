@@ -96,6 +96,7 @@ pub(super) fn fill(folder: &Path, recording: Recording, imported: &Imported) -> 
             achieved_steps: stop.steps,
             epoch: 1,
             omega: sense.omega(stop.steps, steps_per_revolution),
+            swept: None,
             moved_ms: 0.0,
             settle_ms: 0.0,
             grab_ms: 0.0,

@@ -12,6 +12,7 @@ use super::super::halt::Halt;
 use super::super::handle::Refusal;
 use super::super::preflight::{self, DeviceReport};
 use super::super::search::{self, DevicesFound, Search};
+use carved_devices::acquisition::SweepPlan;
 use carved_devices::cancel::CancelToken;
 use carved_devices::views::ViewsError;
 use carved_devices::{DeviceError, Link};
@@ -125,13 +126,14 @@ impl Devices {
     pub fn begin_preflight(
         &mut self,
         request: Box<PreflightRequest>,
+        sweep: Option<SweepPlan>,
         deadline: Duration,
         halt: &Halt,
     ) -> Result<(), Box<PreflightRequest>> {
         let Some(instrument) = self.instrument.take() else { return Err(request) };
         let cancel = CancelToken::new();
         halt.aim(instrument.rig.rotation.stop_handle(), cancel.clone());
-        let look = tokio::task::spawn_blocking(move || preflight::look(instrument, deadline, &cancel));
+        let look = tokio::task::spawn_blocking(move || preflight::look(instrument, sweep, deadline, &cancel));
         self.task = Some(BackgroundTask::Preflight { look, request });
         Ok(())
     }

@@ -221,7 +221,9 @@ pub(super) fn preflight(d: &mut DriverState, plan: RunPlan, answer: oneshot::Sen
         return reply(answer, Err(refusal));
     }
     let deadline = std::time::Duration::from_millis(d.config.acquisition.grab_deadline_ms.into());
-    match d.devices.begin_preflight(Box::new(PreflightRequest { plan, answer }), deadline, d.publisher.halt()) {
+    // `RevolutionPlan` has checked its number of views when the configuration was read.
+    let sweep = d.config.methods.get(&plan.method).and_then(|method| d.config.sweep(method)?.ok());
+    match d.devices.begin_preflight(Box::new(PreflightRequest { plan, answer }), sweep, deadline, d.publisher.halt()) {
         // Shows that no run is accepted during the check.
         Ok(()) => d.publish(|_| ()),
         Err(request) => reply(request.answer, Err(Refusal::Busy)),

@@ -29,7 +29,7 @@ use crate::config::Config;
 use carved_core::pipeline::{Pipeline, PipelineError};
 use carved_core::profile::{Detection, Profile};
 use carved_core::quality::TurnFinding;
-use carved_devices::acquisition::{AcquisitionError, RevolutionPlan};
+use carved_devices::acquisition::{AcquisitionError, RevolutionPlan, SweepPlan};
 use carved_devices::cancel::CancelToken;
 use carved_devices::outputs;
 use carved_devices::sampler::{Expected, NextWell, Upcoming};
@@ -378,6 +378,11 @@ impl RunContext {
         let plan = RevolutionPlan::new(self.method.asd, self.config.steps_per_revolution, self.method.order);
         let plan = plan.map_err(|e| optics_fault(planned, e.into()))?;
         Ok(if self.config.repeats_first_view() { plan } else { plan.without_closure() })
+    }
+
+    /// The sweep that takes the views; `None` if they are taken at stops.
+    fn sweep(&self, planned: &PlannedWell) -> Result<Option<SweepPlan>, RunError> {
+        self.config.sweep(&self.method).transpose().map_err(|e| optics_fault(planned, e.into()))
     }
 
     /// Skips these wells, because no specimen of them comes.

@@ -3,6 +3,7 @@
 //! ```text
 //!                                       retried   if the retry fails too   the specimen
 //! a feature of the camera that changed     x       the run is held          stays: the run continues with it
+//! frames of a sweep that did not come      x       the run is held          is ejected
 //! a frame that did not come                x       the run is held          stays: the run continues with it
 //! any error of the second camera           frame   the run is held          stays: the run continues with it
 //! detect, revolve overran                  x       the well fails           is ejected
@@ -54,6 +55,7 @@ pub fn may_be_tried_again(error: &RunError) -> bool {
                 )
         }
         RunError::Acquisition(AcquisitionError::Ledger(LedgerError::EpochChanged { .. })) => true,
+        RunError::Acquisition(AcquisitionError::Sweep(e)) => e.may_be_tried_again(),
         RunError::Optics { fault, .. } => fault.may_pass(),
         _ => false,
     }

@@ -96,7 +96,8 @@ impl Worker {
             return Ok(Some("the specimen was not where it began when its turn was over".into()));
         }
         let can = self.instrument.rig.rotation.capabilities();
-        let can_go_back = !can.trigger_only && !can.outside;
+        // The stops of the axis have another zero than the angles of a sweep.
+        let can_go_back = !can.trigger_only && !can.outside && self.context.sweep(planned)?.is_none();
         let few = (1..=retaken_most(plan.asd())).contains(&verdict.spoiled.len());
         if can_go_back && !verdict.moved && few {
             tracing::info!(well = %planned.well, views = ?verdict.spoiled, "views that do not belong are taken again");
@@ -133,6 +134,11 @@ impl Worker {
         again: Option<&[u32]>,
     ) -> Result<(), RunError> {
         self.context.phase(&planned.well, Phase::Revolve, true);
+        let sweep = self.context.sweep(planned)?;
+        if let Some(sweep) = &sweep {
+            let rig = &mut self.instrument.rig;
+            sweep.check(rig.rotation.as_ref(), rig.camera.as_mut())?;
+        }
         let Self { context, instrument: Instrument { rig, second, .. } } = self;
         let settings = &context.config.acquisition;
         let stop = rig.rotation.stop_handle();
@@ -156,13 +162,14 @@ impl Worker {
                 times.device(device_time(&entry));
                 science.send(Work::View { entry, frame, second })
             };
-            match again {
-                None => acquisition::revolve(rig, plan, settings, cancel, |entry, frame| {
+            match (again, &sweep) {
+                (None, Some(sweep)) => acquisition::sweep(rig, sweep, settings, cancel, hand_on).map(drop),
+                (None, None) => acquisition::revolve(rig, plan, settings, cancel, |entry, frame| {
                     hand_on(entry, frame)?;
                     Ok(if may_end_early && science.has_enough() { Next::Closure } else { Next::View })
                 })
                 .map(drop),
-                Some(views) => acquisition::retake(rig, plan, settings, cancel, views, hand_on),
+                (Some(views), _) => acquisition::retake(rig, plan, settings, cancel, views, hand_on),
             }
             .map_err(RunError::from)
         });

@@ -11,8 +11,10 @@
 
 mod grab;
 mod plan;
+mod sweep;
 mod worker;
 
 pub use grab::{grab, grab_second};
 pub use plan::{PlanError, RevolutionPlan, Stop};
+pub use sweep::{SweepError, SweepPlan, sweep};
 pub use worker::{AcquisitionError, AcquisitionSettings, Next, SinkClosed, retake, revolve};

@@ -55,7 +55,8 @@ impl RevolutionPlan {
             return Err(PlanError::TooMany { asd, whole_steps: num / den });
         }
         let views = match order {
-            ViewOrder::Sequential => (0..asd).collect(),
+            // A sweep passes its stops in this order.
+            ViewOrder::Sequential | ViewOrder::Sweep => (0..asd).collect(),
             ViewOrder::CoarseToFine => coarse_to_fine(asd),
         };
         let stop = |view, closure| Stop { view, target: steps_per_revolution.nearest(view, asd), closure };

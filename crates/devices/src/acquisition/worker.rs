@@ -65,6 +65,9 @@ pub enum AcquisitionError {
     /// A view does not fit the ledger.
     #[error(transparent)]
     Ledger(#[from] LedgerError),
+    /// A sweep cannot be done, or its frames do not make a turn.
+    #[error(transparent)]
+    Sweep(#[from] super::SweepError),
     /// The token was cancelled.
     #[error("the revolution was cancelled before view {view}")]
     Cancelled { view: u32 },
@@ -87,7 +90,7 @@ pub fn revolve(
     cancel: &CancelToken,
     mut sink: impl FnMut(LedgerEntry, RawFrame) -> Result<Next, SinkClosed>,
 ) -> Result<Ledger, AcquisitionError> {
-    let guard = StopUnlessDone(Some(rig.rotation.stop_handle()));
+    let guard = StopUnlessDone::of(rig.rotation.stop_handle());
     let mut ledger = Ledger::default();
     rig.rotation.announce(&plan.targets()).map_err(|source| AcquisitionError::Device { view: 0, source })?;
     let mut next = Next::View;
@@ -115,7 +118,7 @@ pub fn retake(
     views: &[u32],
     mut sink: impl FnMut(LedgerEntry, RawFrame) -> Result<(), SinkClosed>,
 ) -> Result<(), AcquisitionError> {
-    let guard = StopUnlessDone(Some(rig.rotation.stop_handle()));
+    let guard = StopUnlessDone::of(rig.rotation.stop_handle());
     for stop in plan.stops().iter().filter(|stop| views.contains(&stop.view)) {
         let (entry, frame) = take_view(rig, plan, settings, cancel, *stop, 1)?;
         sink(entry, frame).map_err(|SinkClosed| AcquisitionError::SinkClosed { view: stop.view })?;
@@ -155,6 +158,7 @@ fn take_view(
         achieved_steps: achieved.steps,
         epoch: achieved.epoch,
         omega: settings.sense.omega(achieved.steps, plan.steps_per_revolution()),
+        swept: None,
         moved_ms: milliseconds(arrived - began),
         settle_ms: milliseconds(settled - arrived),
         grab_ms: milliseconds(grabbed_at - settled),
@@ -175,10 +179,14 @@ fn milliseconds(d: Duration) -> f64 {
 }
 
 /// Stops the motor when it is dropped, also in a panic, unless `done` was called.
-struct StopUnlessDone(Option<StopHandle>);
+pub(super) struct StopUnlessDone(Option<StopHandle>);
 
 impl StopUnlessDone {
-    fn done(mut self) {
+    pub(super) fn of(stop: StopHandle) -> Self {
+        Self(Some(stop))
+    }
+
+    pub(super) fn done(mut self) {
         self.0 = None;
     }
 }

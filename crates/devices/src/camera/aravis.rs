@@ -27,7 +27,7 @@ mod stream;
 pub(super) use find::discover;
 
 use super::{AravisSettings, CameraSelect, MacAddress, Trigger};
-use crate::{Camera, DeviceError, Grabbed, Link, StreamCounters};
+use crate::{Camera, ClockReading, DeviceError, Grabbed, Link, StreamCounters};
 use accept::{Verdict, accept};
 use aravis::GvDevice;
 use aravis::glib;
@@ -346,6 +346,9 @@ impl AravisCamera {
     }
 }
 
+/// How often the camera's clock is read for one comparison with this computer's.
+const CLOCK_READINGS: u32 = 5;
+
 impl Camera for AravisCamera {
     fn identity(&self) -> &str {
         &self.identity
@@ -437,6 +440,21 @@ impl Camera for AravisCamera {
             missing_packets: before.missing_packets + now.missing_packets,
             ignored_packets: before.ignored_packets + now.ignored_packets,
         }
+    }
+
+    /// The shortest of some exchanges: another program on this computer may have delayed the others.
+    fn clock(&mut self) -> Result<Option<ClockReading>, DeviceError> {
+        let open = self.device()?;
+        let mut shortest: Option<(Duration, ClockReading)> = None;
+        for _ in 0..CLOCK_READINGS {
+            let began = Instant::now();
+            let Some(camera_ns) = open.now_ns().map_err(|e| self.failed("a look at its clock", &e))? else { return Ok(None) };
+            let took = began.elapsed();
+            if shortest.is_none_or(|(least, _)| took < least) {
+                shortest = Some((took, ClockReading { camera_ns, host: began + took / 2 }));
+            }
+        }
+        Ok(shortest.map(|(_, reading)| reading))
     }
 
     fn disarm(&mut self) -> Result<(), DeviceError> {
