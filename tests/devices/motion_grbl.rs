@@ -316,6 +316,20 @@ fn is_a_persons_reset(error: &DeviceError) -> bool {
     matches!(error, DeviceError::Intervention { what, .. } if what.contains("reset, but not by carved"))
 }
 
+/// Inches, relative positions, and a tenth of the speed: at that one the move of nine turns takes longer than it is waited for.
+#[test]
+fn what_another_program_left_in_force_changes_no_move() {
+    for controller in [Controller::default(), Controller::GrblHal(Settings::default())] {
+        let bench = Bench::with(4.0, controller);
+        let mut grbl = bench.referenced();
+        bench.rig.faults().serial_noise(b"G20G91\n\x92\x92\x92\x92\x92\x92\x92\x92\x92");
+        for target in [Steps(4500), TARGET] {
+            assert_eq!(grbl.move_to(target).unwrap().steps, target);
+            bench.stands_at(target);
+        }
+    }
+}
+
 /// By the reset button, by a power cut, and by another program.
 #[test]
 fn a_reset_at_rest_is_a_persons_and_reported_once() {

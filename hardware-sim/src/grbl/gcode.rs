@@ -26,6 +26,8 @@ pub(super) struct Parser {
     rapid: Motion,
     absolute: bool,
     inches: bool,
+    /// G93: the feed is the number of such moves in a minute.
+    inverse_time: bool,
     feed: f32,
     /// Work offset of G92. The offsets of G54 to G59 are zero.
     g92: [f32; 3],
@@ -63,6 +65,7 @@ impl Default for Parser {
             rapid: Motion::Rapid,
             absolute: true,
             inches: false,
+            inverse_time: false,
             feed: 0.0,
             g92: [0.0; 3],
             system: 54,
@@ -83,6 +86,7 @@ struct Line {
     motion: Option<Motion>,
     absolute: Option<bool>,
     inches: Option<bool>,
+    inverse_time: Option<bool>,
     system: Option<u8>,
     spindle: Option<&'static str>,
     coolant: Option<Coolant>,
@@ -127,6 +131,8 @@ impl Line {
             910 => once(&mut self.absolute, false).map_err(|_| 21),
             200 => once(&mut self.inches, true).map_err(|_| 21),
             210 => once(&mut self.inches, false).map_err(|_| 21),
+            930 => once(&mut self.inverse_time, true).map_err(|_| 21),
+            940 => once(&mut self.inverse_time, false).map_err(|_| 21),
             code @ (540 | 550 | 560 | 570 | 580 | 590) => once(&mut self.system, (code / 10) as u8).map_err(|_| 21),
             40 => {
                 self.dwell = true;
@@ -144,8 +150,8 @@ impl Line {
                 self.clear_g92 = true;
                 Ok(())
             }
-            // Plane, feed mode, cutter compensation, tool length: this machine has only these values.
-            170 | 940 | 400 | 490 | 911 | 610 => Ok(()),
+            // Plane, cutter compensation, tool length: this machine has only these values.
+            170 | 400 | 490 | 911 | 610 => Ok(()),
             _ => Err(20),
         }
     }
@@ -177,6 +183,10 @@ fn once<T>(slot: &mut Option<T>, value: T) -> Result<(), u8> {
     if slot.replace(value).is_some() { Err(25) } else { Ok(()) }
 }
 
+fn length(from: [f32; 3], to: [f32; 3]) -> f32 {
+    (0..3).map(|axis| (to[axis] - from[axis]).powi(2)).sum::<f32>().sqrt()
+}
+
 impl Parser {
     /// The modes of power-up, at a position.
     pub fn at(position: [f32; 3]) -> Self {
@@ -203,7 +213,10 @@ impl Parser {
         let motion = line.motion.unwrap_or(self.rapid);
         let moves = line.has_axes() && !line.set_g92 && !line.dwell;
         let scale = if line.inches.unwrap_or(self.inches) { MM_PER_INCH } else { 1.0 };
-        let feed = line.feed.map_or(self.feed, |f| f * scale);
+        let inverse_time = line.inverse_time.unwrap_or(self.inverse_time);
+        // A feed counts in its own mode, and each move in inverse time states its own.
+        let known = if inverse_time || self.inverse_time { 0.0 } else { self.feed };
+        let feed = line.feed.map_or(known, |f| if inverse_time { f } else { f * scale });
         if moves && motion == Motion::None {
             return Err(24);
         }
@@ -219,6 +232,7 @@ impl Parser {
         self.absolute = line.absolute.unwrap_or(self.absolute);
         self.inches = line.inches.unwrap_or(self.inches);
         self.system = line.system.unwrap_or(self.system);
+        self.inverse_time = inverse_time;
         self.feed = feed;
         if let Some(spindle) = line.spindle {
             self.spindle = spindle;
@@ -244,8 +258,9 @@ impl Parser {
             Action::Dwell { seconds: line.p.unwrap_or(0.0) }
         } else if moves {
             let target = self.target(&line.axes, scale, self.absolute || line.machine_coordinates, line.machine_coordinates, offset);
-            self.position = target;
-            Action::Move { target, feed: (motion == Motion::Feed).then_some(feed) }
+            let from = std::mem::replace(&mut self.position, target);
+            let per_min = if inverse_time { feed * length(from, target) } else { feed };
+            Action::Move { target, feed: (motion == Motion::Feed).then_some(per_min) }
         } else if line.end {
             self.restore_modes();
             Action::End
@@ -320,8 +335,9 @@ impl Parser {
             Motion::None => "G80",
         };
         let units = if self.inches { "G20" } else { "G21" };
+        let rate = if self.inverse_time { "G93" } else { "G94" };
         let distance = if self.absolute { "G90" } else { "G91" };
-        let feed = if self.inches { self.feed / MM_PER_INCH } else { self.feed };
+        let feed = if self.inches && !self.inverse_time { self.feed / MM_PER_INCH } else { self.feed };
         let coolant = match (self.mist, self.flood) {
             (true, true) => "M7 M8",
             (true, false) => "M7",
@@ -329,7 +345,7 @@ impl Parser {
             (false, false) => "M9",
         };
         let (system, spindle, speed) = (self.system, self.spindle, self.speed);
-        format!("[GC:{motion} G{system} G17 {units} {distance} G94 {spindle} {coolant} T0 F{feed:.0} S{speed:.0}]\r\n")
+        format!("[GC:{motion} G{system} G17 {units} {distance} {rate} {spindle} {coolant} T0 F{feed:.0} S{speed:.0}]\r\n")
     }
 
     /// The answer to `$#`.

@@ -2,6 +2,7 @@
 //!
 //! ```text
 //!   serial port ── bytes ──► Firmware ──┬── words ──► gcode        lines
+//!                                       ├── overrides              speeds in per cent
 //!                                       ├── settings, dialect      `$` settings, Grbl or grblHAL
 //!                                       ├── report                 status reports
 //!                                       └──► shaft (X), slide (Y)
@@ -11,6 +12,7 @@
 mod dialect;
 mod firmware;
 mod gcode;
+mod overrides;
 mod report;
 mod settings;
 mod words;

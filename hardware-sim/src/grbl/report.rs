@@ -1,5 +1,6 @@
 //! Status reports. As in the real firmware, some reports have optional fields.
 
+use super::overrides::Overrides;
 use std::fmt::Write;
 
 /// Number of reports from one with the work offset, or the overrides, to the next. It is larger while the machine is busy.
@@ -34,6 +35,7 @@ pub(super) struct Snapshot<'a> {
     pub free: (usize, usize),
     /// `$10`. Bit 0: the machine position instead of the work position. Bit 1: the buffer state.
     pub mask: u8,
+    pub overrides: Overrides,
     /// Whether the machine is homed. Only grblHAL reports it.
     pub homed: Option<bool>,
 }
@@ -73,7 +75,7 @@ impl Reporter {
             self.overrides -= 1;
         } else {
             self.overrides = OVERRIDES_EVERY.reload(s.busy);
-            text.push_str("|Ov:100,100,100");
+            let _ = write!(text, "|Ov:{},100,{}", s.overrides.feed, s.overrides.spindle);
             // grblHAL has the field without a letter too.
             if s.homed.is_some() || !s.accessories.is_empty() {
                 let _ = write!(text, "|A:{}", s.accessories);
@@ -89,6 +91,11 @@ impl Reporter {
     /// The offset has changed. The next report contains it.
     pub fn offset_changed(&mut self) {
         self.wco = 0;
+    }
+
+    /// An override has changed. The next report without the offset contains it.
+    pub fn override_changed(&mut self) {
+        self.overrides = 0;
     }
 }
 

@@ -1,7 +1,7 @@
 //! The firmware: bytes and rig time in, bytes and steps out. It has no file descriptor and no clock of its own.
 //!
 //! ```text
-//!  bytes ──┬─ realtime ( ? ! ~ 0x18 0x85 ) ── acted on at once
+//!  bytes ──┬─ realtime ( ? ! ~ 0x18 0x85, overrides ) ── acted on at once
 //!          └─ Input ── line ──┬─ $ commands ─────┬──► Machine ── Planner ── Stepper ──► shaft, slide
 //!                             └─ G-code, Parser ─┘      │
 //!                                 ▲                     └── Mode
@@ -22,6 +22,7 @@ mod stepper;
 
 use super::dialect::Dialect;
 use super::gcode::{Action, Parser};
+use super::overrides::Overrides;
 use super::report::{Reporter, Snapshot};
 use super::settings::{LASER_MODE, Settings};
 use crate::outputs::{OutputPin, Outputs};
@@ -84,6 +85,7 @@ pub(crate) struct Firmware {
     outputs: Arc<Outputs>,
     input: Input,
     parser: Parser,
+    overrides: Overrides,
     wait: Wait,
     machine: Machine,
     reporter: Reporter,
@@ -165,7 +167,11 @@ impl serial::Firmware for Firmware {
                 b'~' => self.machine.resume(),
                 0x85 => self.machine.cancel_jog(now_s),
                 0x87 if self.dialect.is_hal() => self.full_status(now_s),
-                0x80.. => {}
+                0x80.. => {
+                    if self.overrides.take(byte) {
+                        self.reporter.override_changed();
+                    }
+                }
                 _ => {
                     if !self.input.receive(byte) {
                         self.faults.count_lost_byte();
@@ -187,6 +193,7 @@ impl Firmware {
             sampler: None,
             outputs: Arc::default(),
             input: Input::new(dialect.receive_bytes()),
+            overrides: Overrides::default(),
             wait: Wait::Nothing,
             machine: Machine::new(Stepper::new(shaft, slide), dialect.planner_blocks()),
             reporter: Reporter::default(),
@@ -292,7 +299,7 @@ impl Firmware {
             _ if self.machine.mode() == Mode::Check => self.answers.ok(),
             Action::None => self.answers.ok(),
             Action::Move { target, .. } if self.is_beyond_soft_limits(target) => self.soft_limit(now_s),
-            Action::Move { target, feed } => self.queue(target, feed),
+            Action::Move { target, feed } => self.queue(target, feed.map(|f| f * f32::from(self.overrides.feed) / 100.0)),
             Action::Dwell { seconds } => self.wait = Wait::Drained(AfterDrain::Dwell { seconds }),
             Action::Synchronise => self.wait = Wait::Drained(AfterDrain::Answer),
             Action::Pause => self.wait = Wait::Drained(AfterDrain::Pause),
@@ -501,6 +508,7 @@ impl Firmware {
         self.machine.drop_queued();
         self.wait = Wait::Nothing;
         self.parser = Parser::at(self.settings.to_units(self.machine.stepper().position()));
+        self.overrides = Overrides::default();
         self.update_outputs();
         self.reporter = Reporter::default();
         self.answers.reset(self.parser.report());
@@ -535,6 +543,7 @@ impl Firmware {
             control: inputs.letters(self.dialect),
             at_probe: self.sampler.as_ref().is_some_and(|sampler| sampler.line()),
             free: (self.machine.free_blocks(), self.input.free()),
+            overrides: self.overrides,
             homed: self.dialect.is_hal().then_some(self.machine.is_homed()),
             mask: self.settings.get(10) as u8,
         };

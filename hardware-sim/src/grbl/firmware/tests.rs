@@ -512,3 +512,43 @@ fn an_output_that_is_not_built_in_refuses_and_a_laser_is_off_without_a_motion() 
     bench.say("$32=1\nM3S1000\n");
     assert!(!outputs.is_on(OutputPin::Spindle));
 }
+
+/// Another program leaves inches, relative positions, inverse time and a tenth of the speed. A line with its own modes, after the byte that
+/// resets the override, moves at its own feed all the same: 60 units/min are 0.4 s for 0.4 units.
+#[test]
+fn a_line_with_its_own_modes_moves_at_its_own_feed() {
+    let moves_in_s = |line: &[u8]| {
+        let mut b = Bench::unlocked();
+        assert_eq!(b.say("G20G91\nG93\n"), "ok\r\nok\r\n");
+        b.send(&[0x92; 9]);
+        assert_eq!(b.send(line), "ok\r\n");
+        b.send(b"G4P0\n");
+        let mut waited_s = 0.0;
+        while b.after(0.1).is_empty() {
+            waited_s += 0.1;
+        }
+        assert_eq!(b.x(), 0.4);
+        waited_s
+    };
+    let own = moves_in_s(b"\x90G21G90G94G53G1X0.4F60\n");
+    assert!((0.3..0.6).contains(&own), "{own}");
+    assert!(moves_in_s(b"G21G90G94G53G1X0.4F60\n") > 3.0, "a tenth of the speed");
+    assert!(moves_in_s(b"\x90G21G90G53G1X0.4F60\n") > 0.8, "60 moves in a minute");
+}
+
+#[test]
+fn overrides_are_reported_and_end_with_a_reset() {
+    let mut b = Bench::unlocked();
+    b.say("?");
+    b.send(&[0x92, 0x94, 0x9a, 0x9c]);
+    let reported = |b: &mut Bench| (0..20).map(|_| b.say("?")).find(|report| report.contains("Ov:")).unwrap();
+    assert!(reported(&mut b).contains("|Ov:89,100,111"));
+    b.send(&[0x91; 20]);
+    assert!(reported(&mut b).contains("|Ov:200,100,111"));
+    b.send(&[0x90]);
+    assert!(reported(&mut b).contains("|Ov:100,100,111"));
+    b.send(&[0x99]);
+    assert!(reported(&mut b).contains("|Ov:100,100,100"));
+    b.send(&[0x92, 0x18]);
+    assert!(reported(&mut b).contains("|Ov:100,100,100"));
+}

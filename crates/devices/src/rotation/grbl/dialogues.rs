@@ -49,8 +49,11 @@ fn referenced(x: &str) -> Vec<Step<'static>> {
     steps
 }
 
+/// The modes of every line that moves.
+const MODES: &str = "G21G90G94G53G1";
+
 /// 500 steps per revolution of 360 units: view 1 of 21 is step 24, 17.28 units.
-const MOVE_24: &str = "G21G90G53G1X17.280F3600.000";
+const MOVE_24: &str = "G21G90G94G53G1X17.280F3600.000";
 
 fn settings(port: &str) -> GrblSettings {
     GrblSettings {
@@ -73,6 +76,8 @@ fn play(script: Vec<Step<'static>>) -> Scripted {
     let is_real_time = |expected: &str| ["?", "!", RESET, "\u{87}"].contains(&expected);
     let sent = |expected: &str| match expected.chars().next() {
         Some(byte) if is_real_time(expected) => vec![byte as u8],
+        // Whatever moves, moves at full speed.
+        _ if expected.starts_with(MODES) => [FULL_FEED, expected.as_bytes(), b"\n"].concat(),
         _ => format!("{expected}\n").into_bytes(),
     };
     Scripted::play(script.into_iter().map(|(expected, reply)| (sent(expected), reply.into_bytes())).collect())
@@ -127,7 +132,7 @@ fn step_0_is_where_the_reference_was_taken() {
     // Machine step 100 is 72 units; 24 steps further is machine step 124, 89.28 units.
     let mut script = referenced("72.000");
     script.push(("?", idle("72.000")));
-    script.push(step("G21G90G53G1X89.280F3600.000", "ok\r\n"));
+    script.push(step("G21G90G94G53G1X89.280F3600.000", "ok\r\n"));
     script.push(step("G4P0", "ok\r\n"));
     script.push(("?", idle("89.280")));
     let controller = play(script);
@@ -534,7 +539,7 @@ fn a_hold_that_is_pressed_while_the_controller_is_identified_or_referenced_is_ke
     let asked_in_a_hold = |at: &str| match at {
         "?" => hold.to_owned(),
         // It is executed at the end of the hold, and answered then.
-        "M5M9" | "G21G90G53G1X17.280F3600.000" => String::new(),
+        "M5M9" | "G21G90G94G53G1X17.280F3600.000" => String::new(),
         _ => "error:8\r\n".to_owned(),
     };
     let all = referenced("0.000");
@@ -636,7 +641,7 @@ fn grblhal_is_known_by_its_version_and_forgets_its_last_error_before_each_line()
         ("?", idle("-0.720")),
         ("?", format!("error:20\r\n[GC:G1 G54]\r\n{}", idle("-0.720"))),
         step("", "ok\r\n"),
-        step("G21G90G53G1X16.560F3600.000", "ok\r\n"),
+        step("G21G90G94G53G1X16.560F3600.000", "ok\r\n"),
         step("G4P0", "ok\r\n"),
         ("?", idle("16.560")),
     ];

@@ -66,9 +66,10 @@ impl Geometry {
         Duration::from_secs_f64((1.1 * seconds).min(86_400.0))
     }
 
-    /// The line that moves the axis to a machine step: absolute, in machine coordinates, with its modes.
+    /// The line that moves the axis to a machine step: absolute, in machine coordinates. It has all its modes, because another program may have
+    /// left others in force: units (G21), distance (G90), feed per minute (G94).
     pub fn line(&self, machine_steps: i64) -> String {
-        format!("G21G90G53G1{:?}{}F{:.3}", self.letter, three_decimals(self.units(machine_steps)), self.max_rate_units_per_min)
+        format!("G21G90G94G53G1{:?}{}F{:.3}", self.letter, three_decimals(self.units(machine_steps)), self.max_rate_units_per_min)
     }
 }
 

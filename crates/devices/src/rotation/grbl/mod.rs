@@ -59,6 +59,10 @@ const SOFT_RESET: &[u8] = b"\x18";
 /// The error of a line to a controller that an alarm locks.
 const LOCKED: u16 = 9;
 const STATUS: &[u8] = b"?";
+/// End the overrides of the feed and of the spindle's speed, which another program may have left in force. They are acted on at once, and not
+/// answered.
+const FULL_FEED: &[u8] = b"\x90";
+const FULL_SPINDLE: &[u8] = b"\x99";
 /// grblHAL alone.
 const FULL_STATUS: &[u8] = b"\x87";
 /// Answered as soon as every queued motion has ended. Grbl and grblHAL round any longer dwell up to 50 ms.

@@ -9,7 +9,7 @@
 
 use super::agree::FULL_SPEED;
 use super::report::{Line, State};
-use super::{DEVICE, Grbl, GrblPin};
+use super::{DEVICE, FULL_SPINDLE, Grbl, GrblPin};
 use crate::DeviceError;
 use crate::outputs::{OutputStatus, Outputs};
 
@@ -105,7 +105,10 @@ impl Grbl {
             match (pin, on) {
                 (GrblPin::MistCoolant, true) => self.code("M7")?,
                 (GrblPin::FloodCoolant, true) => self.code("M8")?,
-                (GrblPin::Spindle, true) => self.code(&format!("M3S{:.0}", self.full_speed()))?,
+                (GrblPin::Spindle, true) => {
+                    self.link.send(FULL_SPINDLE)?;
+                    self.code(&format!("M3S{:.0}", self.full_speed()))?;
+                }
                 (GrblPin::Spindle, false) => self.code("M5")?,
                 (GrblPin::MistCoolant | GrblPin::FloodCoolant, false) => self.code("M9")?,
             }

@@ -12,7 +12,7 @@
 
 use super::geometry::Geometry;
 use super::report::{Line, State, Status, alarm_text, error_text};
-use super::{DEVICE, Dialect, FULL_STATUS, Grbl, SOFT_RESET, STATUS, intervention};
+use super::{DEVICE, Dialect, FULL_FEED, FULL_STATUS, Grbl, SOFT_RESET, STATUS, intervention};
 use crate::DeviceError;
 use carved_core::units::Steps;
 use std::time::{Duration, Instant};
@@ -61,7 +61,8 @@ impl Grbl {
     /// Makes the answers to earlier questions void, and returns the version. `is_idle`: the controller has just reported that it is idle.
     ///
     /// An idle controller is asked for its version, which it refuses in a hold. It is not reset, because a reset releases a hold that is
-    /// pressed after the report. A controller that an alarm locks takes no hold, so it is reset, as is one that does not answer.
+    /// pressed after the report. A controller that an alarm locks takes no hold, so it is reset. One that is idle and does not answer, as in a
+    /// long dwell, is reset too, because nothing else ends that: it is asked for a report once more, and a hold that this shows is kept.
     pub(super) fn make_answers_void(&mut self, is_idle: bool) -> Result<Version, DeviceError> {
         if is_idle {
             match self.first(Self::version) {
@@ -189,15 +190,16 @@ impl Grbl {
     /// Sends a line of G-code. grblHAL repeats its last error for every such line until it gets an empty line. Without that, one disturbed
     /// byte would make it refuse everything that follows.
     pub(super) fn code(&mut self, line: &str) -> Result<(), DeviceError> {
-        if self.code_is_taken(line)? { Ok(()) } else { Err(self.unanswered(line, self.settings.answer_timeout())) }
+        self.clear_error()?;
+        self.command(line, self.settings.answer_timeout(), |_| {})
     }
 
-    fn code_is_taken(&mut self, line: &str) -> Result<bool, DeviceError> {
+    fn clear_error(&mut self) -> Result<(), DeviceError> {
         if self.is_hal {
             // An empty line does nothing, so its `ok` does not matter.
             self.exchange("", self.settings.answer_timeout(), |_| {})?;
         }
-        self.exchange(line, self.settings.answer_timeout(), |_| {})
+        Ok(())
     }
 
     /// Sends an axis from one machine step to another. A line without an `ok` may have been taken or not. It is sent again only if the axis
@@ -205,7 +207,9 @@ impl Grbl {
     pub(super) fn send_off(&mut self, axis: &Geometry, from: i64, to: i64) -> Result<(), DeviceError> {
         let line = axis.line(to);
         for _ in 0..ATTEMPTS {
-            if self.code_is_taken(&line)? {
+            self.clear_error()?;
+            self.link.send(FULL_FEED)?;
+            if self.exchange(&line, self.settings.answer_timeout(), |_| {})? {
                 return Ok(());
             }
             let status = self.free_status()?;
