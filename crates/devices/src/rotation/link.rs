@@ -231,12 +231,14 @@ impl Link {
     /// The error of a first question that failed. Silence is only silence if nothing came, and if nobody else has the port.
     pub fn first_contact(&self, error: DeviceError) -> DeviceError {
         let DeviceError::Silent { device, request, .. } = &error else { return error };
-        let found = match (self.first.is_empty(), users_of(&self.address)) {
-            (true, None) => return error,
-            (true, Some(_)) => "nothing came".to_owned(),
-            (false, _) => format!("the first bytes were {}", self.first.escape_ascii()),
+        let has_other = users_of(&self.address).is_some();
+        let found = match self.first.is_empty() {
+            true if !has_other => return error,
+            true => "nothing came".to_owned(),
+            false => format!("the first bytes were {}", self.first.escape_ascii()),
         };
-        let remedy = format!("{}. Check that the baud rate in the configuration is that of the controller", self.exit_the_other());
+        let same_rate = || "Set the baud rate in the configuration to that of the controller".to_owned();
+        let remedy = if has_other { self.exit_the_other() } else { same_rate() };
         DeviceError::Unreadable { device, request: request.clone(), found, remedy }
     }
 
@@ -538,7 +540,7 @@ mod tests {
         for said in [&said, &refused] {
             assert!(said.contains(&format!("sleep (process {})", other.id())), "{said}");
         }
-        assert!(said.contains("Exit the other program") && !said.contains("cable"), "{said}");
+        assert!(said.contains("Exit the other program") && !said.contains("cable") && !said.contains("baud"), "{said}");
         assert!(matches!(link.first_contact(silent()), DeviceError::Silent { .. }), "nobody else is there, and nothing came");
     }
 

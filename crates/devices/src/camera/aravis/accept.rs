@@ -56,8 +56,8 @@ pub(super) fn accept(buffer: &aravis::Buffer, settings: &AravisSettings, last_fr
 fn missing(settings: &AravisSettings) -> String {
     let (all, packet) = (settings.frame_bytes(), settings.packet_size);
     format!(
-        "packets are missing of its {all} bytes. If no frame comes whole, packets of {packet} bytes do not pass: look for a device between with \
-         an MTU below {packet}, or lower packet_size"
+        "packets are missing of its {all} bytes. If no frame comes whole, packets of {packet} bytes do not pass, because the MTU of a device \
+         between is lower: set packet_size in the configuration to that MTU"
     )
 }
 

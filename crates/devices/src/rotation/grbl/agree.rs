@@ -56,8 +56,7 @@ impl Grbl {
             return Err(DeviceError::Mismatch { device: DEVICE, differences });
         }
         let found = format!("it lacks {}", missing.join(", "));
-        let remedy = format!("{}. If there is none, check the cable", self.link.exit_the_other());
-        Err(DeviceError::Unreadable { device: DEVICE, request: "$$".into(), found, remedy })
+        Err(DeviceError::Unreadable { device: DEVICE, request: "$$".into(), found, remedy: self.link.exit_the_other() })
     }
 
     fn read_settings(&mut self) -> Result<ControllerSettings, DeviceError> {
