@@ -21,7 +21,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
     // Stored runs as tables, for the API and the commands.
     ("tables", &[]),
     ("report", &["export", "tables"]),
-    ("http", &["api", "config", "notify", "session", "tables"]),
+    ("http", &["api", "config", "notify", "report", "session", "tables"]),
 ];
 
 /// Crates with the crates of this workspace that they may depend on.

@@ -5,6 +5,8 @@
 //! 204      ── no picture: no frame was taken yet, or no profile was found. This is not an error of the client
 //! ```
 
+use super::problem::Problem;
+use super::runs::refused;
 use super::{AppState, conditional};
 use crate::session::{Live, Shown};
 use axum::body::{Body, Bytes};
@@ -84,4 +86,21 @@ pub(super) async fn profile(State(app): State<AppState>, headers: HeaderMap) -> 
 ))]
 pub(super) async fn mesh(State(app): State<AppState>, headers: HeaderMap) -> Response {
     newest(&app, &headers, |live| live.mesh_glb, "model/gltf-binary")
+}
+
+/// Takes a picture with the light on, while no run is under way. Nothing moves.
+///
+/// It is for focus, dust and loading. Whoever wants to follow asks again and again. Pictures are taken one at a time, and the next command,
+/// as the start of a run, ends the wait for one.
+#[utoipa::path(post, path = "/v1/live/picture", tag = "live", responses(
+    (status = 200, description = "JPEG", body = Vec<u8>, content_type = "image/jpeg"),
+    (status = 409, description = "A run is under way, a fault waits for a person, or the instrument is being checked", body = Problem, content_type = "application/problem+json"),
+    (status = 503, description = "The camera sends none, another command came first, or too many clients wait", body = Problem, content_type = "application/problem+json"),
+))]
+pub(super) async fn picture(State(app): State<AppState>) -> Result<Response, Problem> {
+    let _slot = app.staying.take()?;
+    // One at a time, so that a command has one picture before it at most.
+    let _turn = app.picturing.lock().await;
+    let taken = app.session.picture().await.map_err(|refusal| refused(&app, refusal))?;
+    Ok(([(header::CONTENT_TYPE, "image/jpeg")], Body::from(Bytes::from_owner(Shared(taken)))).into_response())
 }

@@ -50,7 +50,7 @@ use crate::session::replays::Replays;
 use axum::body::Bytes;
 use axum::extract::Request;
 use axum::http::header::{self, HeaderName};
-use axum::http::{HeaderValue, StatusCode};
+use axum::http::{HeaderMap, HeaderValue, StatusCode};
 use axum::middleware::{Next, from_fn, from_fn_with_state};
 use axum::response::Response;
 use axum::routing::get;
@@ -59,6 +59,8 @@ use carved_store::StoreReader;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::{Semaphore, watch};
+use tower_http::CompressionLevel;
+use tower_http::compression::CompressionLayer;
 
 /// The state that all handlers share.
 struct App {
@@ -70,6 +72,8 @@ struct App {
     reading: Semaphore,
     /// Slots for downloads of runs.
     downloading: Arc<Semaphore>,
+    /// Whose turn it is to take a picture at rest.
+    picturing: tokio::sync::Mutex<()>,
     /// Slots for answers that stay open.
     staying: stay::Stay,
     guard: Guard,
@@ -109,6 +113,7 @@ fn router(
         reader,
         reading: Semaphore::new(results::AT_A_TIME),
         downloading: Arc::new(Semaphore::new(results::DOWNLOADS)),
+        picturing: tokio::sync::Mutex::default(),
         staying: stay::Stay::new(settings.max_connections),
         guard,
         body_timeout: settings.body_timeout(),
@@ -130,7 +135,14 @@ fn router(
         .layer(from_fn_with_state(app.clone(), access::check))
         .layer(from_fn(secure_headers))
         .layer(from_fn_with_state(app.clone(), metrics::count))
+        .layer(CompressionLayer::new().quality(CompressionLevel::Fastest).compress_when(is_json))
         .with_state(app)
+}
+
+/// Whether an answer is compressed for a client that takes it: the status of a plate of 1536 wells has half a MB. Pictures and models are
+/// compressed already, and an event must not wait in a buffer.
+fn is_json(_: StatusCode, _: axum::http::Version, headers: &HeaderMap, _: &axum::http::Extensions) -> bool {
+    headers.get(header::CONTENT_TYPE).is_some_and(|kind| kind.as_bytes().starts_with(b"application/json"))
 }
 
 /// Puts the access rules and the headers of the daemon before other routes. A token protects what is below `/v1/`.

@@ -159,6 +159,7 @@ impl Problem {
             Refusal::FaultStands { seq, .. } => Self { fault_seq: Some(seq), ..conflict("fault_stands") },
             Refusal::UnknownFault { .. } => Self::new(StatusCode::NOT_FOUND, "unknown_fault", detail),
             Refusal::OtherBarcode { .. } => conflict("other_barcode").action(SchedulerAction::RejectPlate),
+            Refusal::NoPicture { .. } => unavailable("no_picture"),
             Refusal::NoHandoff => conflict("no_handoff"),
             Refusal::WillNotFit { .. } | Refusal::OverBudget { .. } => {
                 Self::new(StatusCode::INSUFFICIENT_STORAGE, "will_not_fit", detail).action(SchedulerAction::PauseInstrument)

@@ -9,6 +9,7 @@ mod download;
 mod files;
 mod gates;
 mod replays;
+mod report;
 mod rest;
 pub(super) mod statistics;
 pub(super) mod tables;
@@ -18,6 +19,7 @@ use files::DETECTION;
 pub(super) use files::{__path_coloured, __path_mesh, __path_model, __path_profile, __path_view, coloured, mesh, model, profile, view};
 pub(super) use gates::{__path_bead_gates, bead_gates};
 pub(super) use replays::{__path_replay, __path_replays, replay, replays};
+pub(super) use report::{__path_report_of_run, report_of_run};
 pub(super) use rest::{__path_rest, rest};
 
 use super::conditional;
@@ -58,6 +60,8 @@ pub(super) struct ListParameters {
     method: Option<String>,
     operator: Option<String>,
     external_id: Option<String>,
+    /// A part of the name of a compound: runs with a well of it. Upper and lower case are alike.
+    compound: Option<String>,
     /// `hardware`, `simulated` or `imported`.
     mode: Option<String>,
     /// `succeeded`, `partial`, `failed`, `aborted`, `interrupted`, or `open` for those without one.
@@ -275,6 +279,7 @@ pub(super) async fn list(
         method: a.method,
         operator: a.operator,
         external_id: a.external_id,
+        compound: a.compound,
         mode: a.mode,
         outcome: a.outcome,
     };

@@ -65,6 +65,8 @@ pub enum Refusal {
     OverBudget { why: String },
     #[error("the instrument is being checked; ask again when that is done")]
     Busy,
+    #[error("there is no picture: {why}")]
+    NoPicture { why: String },
     #[error("the disk refused the write: {why}")]
     Store { why: String, full: bool },
     #[error("the instrument is shutting down")]
@@ -165,6 +167,10 @@ pub enum Command {
     Preflight {
         plan: RunPlan,
         answer: oneshot::Sender<Result<Vec<Check>, Refusal>>,
+    },
+    /// Takes a picture at rest.
+    Picture {
+        answer: oneshot::Sender<Result<Arc<Vec<u8>>, Refusal>>,
     },
     Loaded {
         run: String,
@@ -331,6 +337,11 @@ impl SessionHandle {
     /// Checks everything that would prevent this plan from running, on the instrument itself.
     pub async fn preflight(&self, plan: RunPlan) -> Result<Vec<Check>, Refusal> {
         self.ask(|answer| Command::Preflight { plan, answer }).await
+    }
+
+    /// Takes a picture while no run is under way, as JPEG. Nothing moves.
+    pub async fn picture(&self) -> Result<Arc<Vec<u8>>, Refusal> {
+        self.ask(|answer| Command::Picture { answer }).await
     }
 
     /// Reports for the loader that the specimen of this well is in the capillary, or was taken out.

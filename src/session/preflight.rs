@@ -6,9 +6,11 @@
 //! ```
 
 use super::Instrument;
-use super::{Check, gate};
+use super::{Check, gate, live};
 use crate::api::NoticesStatus;
 use crate::config::Config;
+use carved_core::frame::RawFrame;
+use carved_core::profile::Picture;
 use carved_core::statistics::upper_median;
 use carved_devices::acquisition::{AcquisitionError, SweepPlan, grab};
 use carved_devices::cancel::CancelToken;
@@ -17,6 +19,7 @@ use carved_devices::{DeviceError, Position};
 use carved_records::{BeadGate, Fault, GateStatus, Light, Method, Mode, PlannedWell, RunPlan, SpecimenKind};
 use carved_store::{Budget, bytes_per_specimen, size};
 use std::collections::VecDeque;
+use std::sync::Arc;
 use std::time::Duration;
 
 /// The state of the devices.
@@ -30,9 +33,26 @@ pub struct DeviceReport {
     light: Result<Option<Light>, DeviceError>,
     /// Whether axis and camera can do the sweep of the method. `None` for a method with stops.
     sweep: Option<Result<SweepPlan, AcquisitionError>>,
+    /// The frame that the light was judged by.
+    frame: Option<RawFrame>,
 }
 
 impl DeviceReport {
+    /// The frame as JPEG.
+    ///
+    /// # Errors
+    /// Why there is none.
+    pub fn picture(&self) -> Result<Arc<Vec<u8>>, String> {
+        if let Some(Err(error)) = &self.outputs {
+            return Err(error.to_string());
+        }
+        match (&self.frame, &self.light) {
+            (Some(frame), _) => live::jpeg(&Picture::from_frame(frame)).ok_or_else(|| "the frame could not be encoded".to_owned()),
+            (None, Err(error)) => Err(error.to_string()),
+            (None, Ok(_)) => Err("another program takes the pictures of this instrument".to_owned()),
+        }
+    }
+
     /// An intervention of a person or a safety circuit. Some controllers report it only once.
     pub fn intervention(&self) -> Option<&DeviceError> {
         self.axis.as_ref().err().filter(|error| error.is_in_a_persons_hands())
@@ -45,13 +65,17 @@ pub fn look(mut instrument: Instrument, sweep: Option<SweepPlan>, deadline: Dura
     let axis = rig.rotation.check();
     let is_referenced = matches!(rig.rotation.position(), Position::Referenced { .. });
     if rig.rotation.capabilities().outside {
-        return (instrument, DeviceReport { axis, is_referenced, outputs: None, light: Ok(None), sweep: None });
+        return (instrument, DeviceReport { axis, is_referenced, outputs: None, light: Ok(None), sweep: None, frame: None });
     }
     let for_views = |outputs: &mut dyn outputs::Outputs| outputs.statuses().iter().any(|output| output.on == OutputUse::Views);
     let switches = rig.rotation.outputs().is_some_and(for_views);
     let outputs = switches.then(|| outputs::views_on(rig.rotation.as_mut(), cancel));
     let camera = rig.camera.as_mut();
-    let light = camera.arm().and_then(|()| grab(camera, deadline, cancel)).map(|seen| Some(Light::of(&seen.frame)));
+    let seen = camera.arm().and_then(|()| grab(camera, deadline, cancel)).map(|seen| seen.frame);
+    let (light, frame) = match seen {
+        Ok(frame) => (Ok(Some(Light::of(&frame))), Some(frame)),
+        Err(error) => (Err(error), None),
+    };
     let sweep = sweep.map(|plan| plan.check(rig.rotation.as_ref(), camera).map(|()| plan));
     if !camera.is_lost()
         && let Err(error) = camera.disarm()
@@ -59,7 +83,7 @@ pub fn look(mut instrument: Instrument, sweep: Option<SweepPlan>, deadline: Dura
         tracing::warn!(%error, "the camera did not disarm");
     }
     outputs::views_off(rig.rotation.as_mut());
-    (instrument, DeviceReport { axis, is_referenced, outputs, light, sweep })
+    (instrument, DeviceReport { axis, is_referenced, outputs, light, sweep, frame })
 }
 
 /// Background level (0 to 255) below which the sensor noise hides a profile.
@@ -306,6 +330,7 @@ mod tests {
                 outputs: None,
                 light: Ok(Some(Light { background: 200.0, saturated: 0.0, focus: 1.0 })),
                 sweep: None,
+                frame: None,
             };
             let known = Known {
                 faults: &[],

@@ -150,3 +150,33 @@ fn the_emergency_stop_ends_the_check_of_a_plan_that_waits_for_a_steady_light() {
     assert_eq!((checks.0, &outputs["passed"]), (200, &json!(false)), "{outputs}");
     assert!(!lit.is_on());
 }
+
+/// Nobody waits for a picture at rest: neither a run, nor the emergency stop. The light would take a minute to be steady.
+#[test]
+fn a_picture_at_rest_gives_way_to_a_run_and_to_the_emergency_stop() {
+    let lit = Lit::quick(60_000);
+    let while_waiting = |then: &dyn Fn()| {
+        std::thread::scope(|scope| {
+            let picture = scope.spawn(|| lit.daemon.send("POST", "/v1/live/picture", &Value::Null));
+            until("the light on", || lit.is_on());
+            then();
+            picture.join().unwrap()
+        })
+    };
+    let (code, problem) = while_waiting(&|| {
+        let (code, said) = lit.daemon.send("PUT", "/v1/runs/r1", &plan("standard", &json!([bead("A01", 400.0).1])));
+        assert_eq!(code, 201, "{said}");
+    });
+    assert_eq!((code, &problem["code"]), (503, &json!("no_picture")), "{problem}");
+    assert!(!lit.is_on());
+    let (code, problem) = lit.daemon.send("POST", "/v1/live/picture", &Value::Null);
+    assert_eq!((code, &problem["code"]), (409, &json!("wrong_state")), "during a run: {problem}");
+    assert_eq!(lit.daemon.post("/v1/runs/r1/abort"), 200);
+    lit.daemon.wait("the end of the run", |s| s["state"] == "Aborted");
+
+    let (code, problem) = while_waiting(&|| assert_eq!(lit.daemon.post("/v1/emergency-stop"), 200));
+    assert_eq!((code, &problem["code"]), (503, &json!("no_picture")), "{problem}");
+    assert!(!lit.is_on());
+    let (code, problem) = lit.daemon.send("POST", "/v1/live/picture", &Value::Null);
+    assert_eq!((code, &problem["code"]), (409, &json!("fault_stands")), "nothing is switched before a person has looked: {problem}");
+}

@@ -3,7 +3,7 @@
 use crate::rig::{BOOT, Rig, event, settings};
 use crate::wire::{PATIENCE, connect, read_answer, read_until};
 use carved::api::{CalibrationStatus, Eta, Fault, Mode, RunOutcome, RunStatus, State, WellCounts};
-use carved::session::Shown;
+use carved::session::{Refusal, Shown};
 use carved_store::{Claim, Store};
 use std::io::{Read, Write};
 use std::net::TcpStream;
@@ -62,6 +62,31 @@ fn a_long_poll_answers_when_the_revision_rises() {
     assert_eq!(rig.get("/v1/status?wait=0.01&after=42").json()["revision"], 42);
     let tag = format!("\"{BOOT}-42\"");
     assert_eq!(rig.send("GET", "/v1/status?wait=0.01&after=42", &[("If-None-Match", &tag)], "").status, 304);
+}
+
+#[test]
+fn json_is_compressed_for_a_client_that_takes_it_and_a_stream_is_not() {
+    let rig = Rig::start();
+    let zipped = rig.send("GET", "/v1/status", &[("Accept-Encoding", "gzip")], "");
+    assert_eq!((zipped.header("content-encoding"), zipped.header("vary")), (Some("gzip"), Some("accept-encoding")));
+    let mut text = String::new();
+    flate2::read::GzDecoder::new(&zipped.body[..]).read_to_string(&mut text).unwrap();
+    assert_eq!(serde_json::from_str::<serde_json::Value>(&text).unwrap()["revision"], 41);
+    assert_eq!(rig.get("/v1/status").header("content-encoding"), None, "it was not asked for");
+    let mut stream = ask(&rig, "/v1/events", "Accept-Encoding: gzip\r\n");
+    let head = String::from_utf8(read_until(&mut stream, b"\r\n\r\n")).unwrap();
+    assert!(head.starts_with("HTTP/1.1 200") && !head.contains("content-encoding"), "{head}");
+}
+
+#[test]
+fn a_picture_at_rest_is_asked_of_the_driver() {
+    let rig = Rig::start();
+    let taken = rig.send("POST", "/v1/live/picture", &[], "");
+    assert_eq!((taken.status, taken.header("content-type"), &taken.body[..]), (200, Some("image/jpeg"), &[0xff, 0xd8][..]));
+    assert_eq!(*rig.commands.lock().unwrap(), ["picture"]);
+    rig.refuse(Refusal::NoPicture { why: "the camera is dark".into() });
+    let none = rig.send("POST", "/v1/live/picture", &[], "");
+    assert_eq!((none.status, none.problem().as_str()), (503, "no_picture"));
 }
 
 #[test]

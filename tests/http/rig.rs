@@ -201,6 +201,10 @@ async fn drive(mut mailbox: mpsc::Receiver<Command>, refusal: Arc<Mutex<Option<R
                 let unknown = Refusal::UnknownRun { id: run.clone(), newest: runs.keys().next_back().cloned() };
                 answer.send(refusal.map_or(if runs.contains_key(&run) { Ok(()) } else { Err(unknown) }, Err)).unwrap();
             }
+            Command::Picture { answer } => {
+                commands.lock().unwrap().push("picture".into());
+                answer.send(refusal.map_or(Ok(Arc::new(vec![0xff, 0xd8])), Err)).unwrap();
+            }
             Command::Handoff { plate, answer } => {
                 commands.lock().unwrap().push(format!("{:?} {}", plate.intent, plate.barcode));
                 let needs = HandoffNeeds { intent: plate.intent, barcode: plate.barcode, needs: Some("the run to end".into()) };

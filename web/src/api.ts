@@ -160,6 +160,12 @@ export async function fetchRest(run: string, wells: readonly string[] = []): Pro
   return (await response.json().catch(away)) as RunPlan;
 }
 
+/** Takes a picture while no run is under way. */
+export async function takePicture(): Promise<Blob> {
+  const response = await command("/v1/live/picture", { method: "POST" }, WORK_MS);
+  return response.blob().catch(away);
+}
+
 /** Starts a run. Returns false if the daemon has this run with the same plan: then nothing is started. */
 export async function startRun(id: string, plan: RunPlan): Promise<boolean> {
   const response = await sendJson("PUT", `/v1/runs/${encodeURIComponent(id)}`, plan, WORK_MS);
@@ -195,6 +201,8 @@ export async function fetchMethods(): Promise<MethodOffer[]> {
 export interface RunFilter {
   outcome: string;
   mode: string;
+  /** A part of the name of a compound. */
+  compound: string;
 }
 
 /** A page of the list of runs, the newest first; with `after`, the page that follows this cursor. */

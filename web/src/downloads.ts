@@ -20,6 +20,11 @@ export async function saveTable(run: string): Promise<void> {
   save(await fetchFile(`/v1/runs/${encodeURIComponent(run)}/table.csv?spreadsheet=true`), `${run}.csv`);
 }
 
+/** Offers the report of a run, or its shape table, in a file named after the run. */
+export async function saveOfRun(run: string, what: "report.html" | "shape.csv"): Promise<void> {
+  save(await fetchFile(`/v1/runs/${encodeURIComponent(run)}/${what}`), `${run}-${what}`);
+}
+
 /** A link that offers a file under a name. */
 export function downloadLink(href: string, name: string, words: string): HTMLAnchorElement {
   const link = element("a", "", words);

@@ -123,6 +123,19 @@ export class FrameView {
     void this.#refresh.ask();
   }
 
+  /** Shows a picture of the instrument at rest, which is of no specimen. */
+  async showAtRest(picture: Blob): Promise<void> {
+    const swaps = [
+      await this.#frame.prepare(picture, null),
+      await this.#profile.prepare(null, null),
+      await this.#model.prepare(null, null),
+    ];
+    for (const swap of swaps) swap();
+    this.#storedShown = this.#storedOf = "";
+    this.#viewShown(null);
+    this.#say("Frame", "live picture, no run", false);
+  }
+
   /** Shows the view so many places further, of a stored well with more than one. */
   step(by: number): void {
     const { view, viewLabel } = this.#parts;

@@ -6,6 +6,7 @@
 
 import { AgainView } from "./again.ts";
 import { fetchRest, fetchRun } from "./api.ts";
+import { LiveAtRest } from "./atrest.ts";
 import { AttentionList } from "./attention.ts";
 import { BeadCharts } from "./beads.ts";
 import { VolumeChart } from "./chart.ts";
@@ -14,7 +15,7 @@ import { CommandRow } from "./commands.ts";
 import { keepLive } from "./connection.ts";
 import { Display } from "./display.ts";
 import { bringIntoView, byId, setText, show } from "./dom.ts";
-import { saveTable, WellFiles } from "./downloads.ts";
+import { saveOfRun, saveTable, WellFiles } from "./downloads.ts";
 import { EmergencyStop } from "./emergency.ts";
 import { FaultsView } from "./faults.ts";
 import { FrameView } from "./frame.ts";
@@ -123,6 +124,15 @@ const zoom = new Zoom(
   byId<HTMLInputElement>("frame-contrast"),
 );
 byId("frame-reset").addEventListener("click", () => zoom.reset());
+const atRest = new LiveAtRest(
+  { label: byId("live-rest-label"), choice: byId<HTMLInputElement>("live-rest") },
+  (picture) => frame.showAtRest(picture),
+  (why) => {
+    picturesShown = "";
+    redraw();
+    if (why !== null) commands.tell(`The live picture has ended: ${why}.`);
+  },
+);
 const viewParts = { panel: byId("views"), list: byId("views-list"), words: byId("views-words") };
 const views = new ViewStrip(viewParts, stored, models, (place) => {
   frame.show(place);
@@ -191,9 +201,10 @@ function makeModel(): ModelView | null {
   }
 }
 
-/** The well to show. With none the page follows the run. */
+/** The well to show, in place of the live picture. With none the page follows the run. */
 function choose(well: string | null): void {
   pinned = well;
+  atRest.end();
   redraw();
 }
 
@@ -213,6 +224,16 @@ byId("save-table").addEventListener("click", () => {
   const run = newest && shown(newest).run?.id;
   if (run) void commands.attempt("The table was not saved", () => saveTable(run));
 });
+
+for (const [id, what] of [
+  ["save-report", "report.html"],
+  ["save-shape", "shape.csv"],
+] as const) {
+  byId(id).addEventListener("click", () => {
+    const run = newest && shown(newest).run?.id;
+    if (run) void commands.attempt("The file was not saved", () => saveOfRun(run, what));
+  });
+}
 
 byId("measure-rest").addEventListener("click", () => {
   const run = newest && shown(newest).run?.id;
@@ -283,7 +304,8 @@ function run(status: Status, detail: RunDetail | null): void {
   log.update(status.run, status.revision);
   groups.update(status.run);
   again.update(status.run, newest !== null && runsNow(newest));
-  byId("save-table").hidden = wells.every((w) => w.outcome === null);
+  const isEmpty = wells.every((w) => w.outcome === null);
+  for (const id of ["save-table", "save-report", "save-shape"]) byId(id).hidden = isEmpty;
   showRest(status.run);
   sheet.update(status.run);
   lastDone.update(status.run, chosen);
@@ -340,6 +362,8 @@ function plateName(status: Status): string {
 }
 
 function pictures(status: Status, detail: RunDetail | null): void {
+  atRest.update(status, detail === null);
+  if (atRest.isOn) return;
   const now = `${status.boot_id} ${status.revision} ${pinned} ${detail?.id}`;
   if (now === picturesShown) return;
   picturesShown = now;

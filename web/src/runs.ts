@@ -69,6 +69,7 @@ interface Parts {
   search: HTMLInputElement;
   outcome: HTMLSelectElement;
   mode: HTMLSelectElement;
+  compound: HTMLInputElement;
   table: HTMLElement;
   words: HTMLElement;
   more: HTMLButtonElement;
@@ -89,29 +90,31 @@ export class RunList {
       search: find("runs-search"),
       outcome: find("runs-outcome"),
       mode: find("runs-mode"),
+      compound: find("runs-compound"),
       table: find("runs-table"),
       words: find("runs-words"),
       more: find("runs-more"),
       refresh: find("runs-refresh"),
     };
-    const { panel, search, outcome, mode, more, refresh } = this.#parts;
+    const { panel, search, outcome, mode, compound, more, refresh } = this.#parts;
     panel.addEventListener("toggle", () => {
       if (panel.open && !this.#isLoaded) void this.#load(null);
     });
     search.addEventListener("input", () => this.#draw());
     more.addEventListener("click", () => void this.#load(this.#next));
-    for (const choice of [outcome, mode]) choice.addEventListener("change", () => void this.#load(null));
+    for (const choice of [outcome, mode, compound]) choice.addEventListener("change", () => void this.#load(null));
     refresh.addEventListener("click", () => void this.#load(null));
   }
 
   async #load(after: string | null): Promise<void> {
-    const { more, refresh, words, outcome, mode } = this.#parts;
-    const filter = { outcome: outcome.value, mode: mode.value };
+    const { more, refresh, words, outcome, mode, compound } = this.#parts;
+    const filter = { outcome: outcome.value, mode: mode.value, compound: compound.value.trim() };
     more.disabled = refresh.disabled = true;
     try {
       const page = await fetchRuns(after, filter);
       // Another choice was made meanwhile, and its own runs come.
       if (filter.outcome !== outcome.value || filter.mode !== mode.value) return;
+      if (filter.compound !== compound.value.trim()) return;
       this.#runs = after === null ? page.runs : [...this.#runs, ...page.runs];
       this.#next = page.next;
       this.#isLoaded = true;

@@ -1,5 +1,6 @@
 //! What the driver checks by itself, with each heartbeat: the devices between runs, the disk, the index, the calibration's age.
 
+use super::super::handle::Refusal;
 use super::super::search::DevicesFound;
 use super::super::{OutputStatus, Status, preflight};
 use super::commands::reply;
@@ -77,6 +78,12 @@ pub(super) fn look(d: &mut DriverState) {
 pub(super) fn task_done(d: &mut DriverState, done: Done) {
     match done {
         Done::Searched(found) => searched(d, found),
+        Done::Picture((seen, picture), answer) => {
+            if let Some(taken) = seen.intervention().and_then(intervention) {
+                find(d, taken);
+            }
+            reply(answer, picture.map_err(|why| Refusal::NoPicture { why }));
+        }
         Done::Preflight(seen, request) => {
             let PreflightRequest { plan, answer } = *request;
             if let Some(taken) = seen.intervention().and_then(intervention) {

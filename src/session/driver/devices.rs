@@ -1,9 +1,9 @@
 //! Who uses the instrument, which devices are lost, and the background tasks that use the instrument between runs.
 //!
 //! ```text
-//!            begin_look, begin_preflight ──► BackgroundTask ──► done ─┐
-//! at rest ───┤                                                        ├──► at rest
-//!            take ──► the run's worker ──► give_back ─────────────────┘
+//!            begin_look, begin_preflight, begin_picture ──► BackgroundTask ──► done ─┐
+//! at rest ───┤                                                                       ├──► at rest
+//!            take ──► the run's worker ──► give_back ────────────────────────────────┘
 //! ```
 
 use super::super::Check;
@@ -17,6 +17,7 @@ use carved_devices::cancel::CancelToken;
 use carved_devices::views::ViewsError;
 use carved_devices::{DeviceError, Link};
 use carved_records::{Device, RunPlan, fault_table};
+use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::oneshot;
 use tokio::task::{JoinError, JoinHandle};
@@ -43,12 +44,20 @@ pub(super) struct PreflightRequest {
 enum BackgroundTask {
     Search(Search),
     Preflight { look: JoinHandle<(Instrument, DeviceReport)>, request: Box<PreflightRequest> },
+    Picture { look: JoinHandle<(Instrument, PictureSeen)>, cancel: CancelToken, answer: PictureAnswer },
 }
+
+/// The channel for a picture at rest, JPEG.
+pub(super) type PictureAnswer = oneshot::Sender<Result<Arc<Vec<u8>>, Refusal>>;
+
+/// What the devices said while a picture was taken at rest, and the picture or why there is none.
+type PictureSeen = (DeviceReport, Result<Arc<Vec<u8>>, String>);
 
 /// The result of a background task.
 pub(super) enum Done {
     Searched(DevicesFound),
     Preflight(DeviceReport, Box<PreflightRequest>),
+    Picture(PictureSeen, PictureAnswer),
 }
 
 /// What a device check says about one device.
@@ -111,6 +120,13 @@ impl Devices {
         matches!(self.task, Some(BackgroundTask::Search(_))) && self.lost.is_empty()
     }
 
+    /// Ends the wait for a picture at rest. Returns whether one was being taken.
+    pub fn end_picture(&self) -> bool {
+        let Some(BackgroundTask::Picture { cancel, .. }) = &self.task else { return false };
+        cancel.cancel();
+        true
+    }
+
     /// Whether a plan is being checked on the instrument. No run can start meanwhile.
     pub fn are_checked(&self) -> bool {
         matches!(self.task, Some(BackgroundTask::Preflight { .. }))
@@ -130,12 +146,33 @@ impl Devices {
         deadline: Duration,
         halt: &Halt,
     ) -> Result<(), Box<PreflightRequest>> {
-        let Some(instrument) = self.instrument.take() else { return Err(request) };
-        let cancel = CancelToken::new();
-        halt.aim(instrument.rig.rotation.stop_handle(), cancel.clone());
+        let Some((instrument, cancel)) = self.take_aimed(halt) else { return Err(request) };
         let look = tokio::task::spawn_blocking(move || preflight::look(instrument, sweep, deadline, &cancel));
         self.task = Some(BackgroundTask::Preflight { look, request });
         Ok(())
+    }
+
+    /// Begins to take a picture at rest, as [`Self::begin_preflight`]. Returns the channel if the instrument is in use.
+    pub fn begin_picture(&mut self, answer: PictureAnswer, deadline: Duration, halt: &Halt) -> Result<(), PictureAnswer> {
+        let Some((instrument, cancel)) = self.take_aimed(halt) else { return Err(answer) };
+        let ended = cancel.clone();
+        let look = tokio::task::spawn_blocking(move || {
+            let (instrument, seen) = preflight::look(instrument, None, deadline, &ended);
+            let picture = seen
+                .picture()
+                .map_err(|why| if ended.is_cancelled() { "a command or an emergency stop came first".to_owned() } else { why });
+            (instrument, (seen, picture))
+        });
+        self.task = Some(BackgroundTask::Picture { look, cancel, answer });
+        Ok(())
+    }
+
+    /// Takes the instrument for a task that the emergency stop ends.
+    fn take_aimed(&mut self, halt: &Halt) -> Option<(Instrument, CancelToken)> {
+        let instrument = self.instrument.take()?;
+        let cancel = CancelToken::new();
+        halt.aim(instrument.rig.rotation.stop_handle(), cancel.clone());
+        Some((instrument, cancel))
     }
 
     /// Waits for the background task and takes back the instrument. Pending forever if no task runs.
@@ -147,17 +184,20 @@ impl Devices {
         enum Brought {
             Search(DevicesFound),
             Preflight(DeviceReport),
+            Picture(PictureSeen),
         }
         let (instrument, brought) = match &mut self.task {
             None => return std::future::pending().await,
             Some(BackgroundTask::Search(search)) => search.await.map(|(instrument, found)| (instrument, Brought::Search(found)))?,
             Some(BackgroundTask::Preflight { look, .. }) => look.await.map(|(instrument, seen)| (instrument, Brought::Preflight(seen)))?,
+            Some(BackgroundTask::Picture { look, .. }) => look.await.map(|(instrument, seen)| (instrument, Brought::Picture(seen)))?,
         };
         self.instrument = Some(instrument);
         match (brought, self.task.take()) {
             (Brought::Search(found), _) => Ok(Done::Searched(found)),
             (Brought::Preflight(seen), Some(BackgroundTask::Preflight { request, .. })) => Ok(Done::Preflight(seen, request)),
-            (Brought::Preflight(_), _) => std::future::pending().await,
+            (Brought::Picture(seen), Some(BackgroundTask::Picture { answer, .. })) => Ok(Done::Picture(seen, answer)),
+            (Brought::Preflight(_) | Brought::Picture(_), _) => std::future::pending().await,
         }
     }
 

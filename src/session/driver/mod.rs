@@ -174,6 +174,8 @@ impl Driver {
         tokio::pin!(shutdown);
         let mut beat = tokio::time::interval(heartbeat::INTERVAL);
         let mut look = tokio::time::interval(search::LOOK);
+        // A command that ended a picture at rest, until the instrument is back.
+        let mut waiting = None;
         loop {
             if d.life.is_stopping() && d.is_at_rest() {
                 let reported = d.final_report();
@@ -192,7 +194,12 @@ impl Driver {
                     Message::Recovered(ended) => course::recovered(&mut d, ended),
                     Message::Ended(ended) => course::worker_ended(&mut d, ended.map_err(|_| DriverError::WorkerPanicked)?),
                 },
-                done = d.devices.done() => checks::task_done(&mut d, done.map_err(|_| DriverError::WorkerPanicked)?),
+                done = d.devices.done() => {
+                    checks::task_done(&mut d, done.map_err(|_| DriverError::WorkerPanicked)?);
+                    if let Some(command) = waiting.take() {
+                        requests::command(&mut d, command);
+                    }
+                }
                 _ = beat.tick() => {
                     heartbeat.beat();
                     checks::beat(&mut d);
@@ -203,7 +210,13 @@ impl Driver {
                 }
                 // Commands wait for a device check: a run needs the instrument. The check takes milliseconds if no device is lost. If one
                 // is lost, commands do not wait, because no run can start.
-                Some(command) = mailbox.recv(), if !d.devices.are_looked_at() => requests::command(&mut d, command),
+                Some(command) = mailbox.recv(), if waiting.is_none() && !d.devices.are_looked_at() => {
+                    if d.devices.end_picture() {
+                        waiting = Some(command);
+                    } else {
+                        requests::command(&mut d, command);
+                    }
+                }
             }
         }
     }

@@ -4,7 +4,7 @@ use super::super::handle::{Accepted, Command, Refusal, Towards};
 use super::super::state::Trigger;
 use super::super::{State, Status, gate, preflight};
 use super::commands::{self, reply};
-use super::devices::PreflightRequest;
+use super::devices::{PictureAnswer, PreflightRequest};
 use super::driver_state::DriverState;
 use super::loader::{LoaderMessage, capillary_full};
 use super::plates::Surroundings;
@@ -82,6 +82,7 @@ pub(super) fn command(d: &mut DriverState, command: Command) {
         Command::Handoff { plate, answer } => reply(answer, handoff(d, plate)),
         Command::EndHandoff { end, answer } => reply(answer, end_handoff(d, end)),
         Command::Preflight { plan, answer } => preflight(d, plan, answer),
+        Command::Picture { answer } => picture(d, answer),
     }
 }
 
@@ -227,5 +228,19 @@ pub(super) fn preflight(d: &mut DriverState, plan: RunPlan, answer: oneshot::Sen
         // Shows that no run is accepted during the check.
         Ok(()) => d.publish(|_| ()),
         Err(request) => reply(request.answer, Err(Refusal::Busy)),
+    }
+}
+
+/// Takes a picture with the light on, as a run would. Nothing moves. During a run the pictures are those of the run. The next command ends
+/// the wait for it.
+fn picture(d: &mut DriverState, answer: PictureAnswer) {
+    // With an open fault nothing is switched: a person may have a hand at the machine.
+    let accepted = commands::check_startable(d.run.is_some(), d.machine()).and_then(|()| d.check_faults());
+    if let Err(refusal) = accepted {
+        return reply(answer, Err(refusal));
+    }
+    let deadline = std::time::Duration::from_millis(d.config.acquisition.grab_deadline_ms.into());
+    if let Err(answer) = d.devices.begin_picture(answer, deadline, d.publisher.halt()) {
+        reply(answer, Err(Refusal::Busy));
     }
 }

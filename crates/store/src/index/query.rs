@@ -17,6 +17,8 @@ pub struct RunsQuery {
     pub method: Option<String>,
     pub operator: Option<String>,
     pub external_id: Option<String>,
+    /// Part of the name of a compound of any of its wells.
+    pub compound: Option<String>,
     /// `hardware` or `simulated`.
     pub mode: Option<String>,
     /// `open` matches runs without an outcome.
@@ -103,11 +105,14 @@ pub fn runs(root: &Path, query: &RunsQuery) -> Result<Vec<RunRow>, StoreError> {
              WHERE (place_us < ?1 OR place_us = ?1 AND id < ?2) AND (?3 IS NULL OR plate_barcode = ?3) AND (?4 IS NULL OR method = ?4)
                AND (?5 IS NULL OR operator = ?5) AND (?6 IS NULL OR external_id = ?6) AND (?7 IS NULL OR mode = ?7)
                AND (?8 IS NULL OR COALESCE(outcome, 'open') = ?8)
-             ORDER BY place_us DESC, id DESC LIMIT ?9",
+               AND (?9 IS NULL OR id IN (SELECT run FROM specimen_table WHERE instr(lower(compound), lower(?9)) > 0))
+             ORDER BY place_us DESC, id DESC LIMIT ?10",
         ))?;
         let q = query;
-        let found =
-            select.query_map(params![us, id, q.plate_barcode, q.method, q.operator, q.external_id, q.mode, q.outcome, q.limit], run_row)?;
+        let found = select.query_map(
+            params![us, id, q.plate_barcode, q.method, q.operator, q.external_id, q.mode, q.outcome, q.compound, q.limit],
+            run_row,
+        )?;
         let mut rows: Vec<RunRow> = found.collect::<Result<_, _>>()?;
         let mut wells = c.prepare("SELECT outcome, flags <> '[]', COUNT(*) FROM specimens WHERE run = ? AND attempt = 0 GROUP BY 1, 2")?;
         for row in &mut rows {

@@ -328,3 +328,19 @@ fn an_index_with_other_columns_is_filled_anew_and_one_with_the_same_is_not() {
     change("DELETE FROM specimen_cells WHERE (SELECT count(*) FROM specimen_table) <> 4");
     assert_eq!(rows(dir.path()), expected, "the view has a row per well");
 }
+
+#[test]
+fn runs_are_found_by_a_part_of_the_name_of_a_compound() {
+    let dir = tempfile::tempdir().unwrap();
+    let (store, _journal, _) = Claim::on(dir.path()).and_then(Store::open).unwrap();
+    for (id, compound) in [("treated", Some("Valproic acid")), ("plain", None)] {
+        let mut run = record(id);
+        run.plan.plate_map[1].compound = compound.map(str::to_owned);
+        store.save_run(&run).unwrap();
+    }
+    let found = |compound: &str| {
+        let query = RunsQuery { limit: 10, compound: Some(compound.into()), ..RunsQuery::default() };
+        store.reader().runs(&query).unwrap().into_iter().map(|run| run.id).collect::<Vec<_>>()
+    };
+    assert_eq!((found("valPRO"), found("50%"), found("ethanol")), (vec!["treated".to_owned()], vec![], vec![]));
+}
