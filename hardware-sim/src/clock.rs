@@ -20,6 +20,11 @@ impl RigClock {
         self.start.elapsed().as_secs_f64() * self.scale
     }
 
+    /// The real instant of an instant of rig time.
+    pub fn instant(&self, rig_s: f64) -> Instant {
+        self.start + self.real(rig_s)
+    }
+
     /// The real time that a span of rig time takes.
     pub fn real(&self, rig_s: f64) -> Duration {
         Duration::try_from_secs_f64((rig_s / self.scale).max(0.0)).unwrap_or(Duration::MAX)

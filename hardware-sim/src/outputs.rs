@@ -94,8 +94,12 @@ impl Sight for Lit {
     }
 
     fn look(&self, exposure: &Exposure, format: PixelFormat) -> Pixels {
+        self.look_along(exposure, &|_| exposure.angle_rad, format)
+    }
+
+    fn look_along(&self, exposure: &Exposure, path_rad: &dyn Fn(f64) -> f64, format: PixelFormat) -> Pixels {
         if self.outputs.is_on(self.light) {
-            return self.sight.look(exposure, format);
+            return self.sight.look_along(exposure, path_rad, format);
         }
         let (width, height) = self.size();
         Pixels::filled(width, height, format, DARK)

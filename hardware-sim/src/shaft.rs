@@ -13,6 +13,7 @@
 
 use crate::clock::RigClock;
 use crate::motion::MotionProfile;
+use std::collections::VecDeque;
 use std::f64::consts::TAU;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -34,7 +35,10 @@ impl Default for ShaftSettings {
     }
 }
 
-#[derive(Debug)]
+/// Changes of the motion that are remembered. A move has some ten, so a turn of 84 stops fits several times.
+const REMEMBERED: usize = 20_000;
+
+#[derive(Debug, Clone)]
 struct Motion {
     start_s: f64,
     /// Steps that the whole path would issue, and the path's length in the profile's unit.
@@ -50,7 +54,7 @@ impl Motion {
 }
 
 /// One of the motors at the ends of the capillary.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 struct Drive {
     /// Its position when the present move began.
     rest_steps: i64,
@@ -75,7 +79,7 @@ impl Drive {
     }
 }
 
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 struct State {
     drives: Vec<Drive>,
     /// The index from which angles are counted.
@@ -102,6 +106,8 @@ pub struct Shaft {
     clock: RigClock,
     settings: ShaftSettings,
     state: Mutex<State>,
+    /// Earlier states, each with the instant of rig time at which it ended. They tell where the shaft stood, after it has moved on.
+    past: Mutex<VecDeque<(f64, State)>>,
 }
 
 impl Shaft {
@@ -115,7 +121,7 @@ impl Shaft {
             capillary_steps: steps as f64,
             pull_steps: 0,
         };
-        Self { clock, settings, state: Mutex::new(state) }
+        Self { clock, settings, state: Mutex::new(state), past: Mutex::default() }
     }
 
     /// Adds a second motor at the other end of the capillary.
@@ -130,10 +136,27 @@ impl Shaft {
         self.angle_at_rad(self.clock.now_s())
     }
 
-    /// The true angle at an instant of rig time, rad, unwrapped. It follows from the moves that have begun so far.
-    pub fn angle_at_rad(&self, now_s: f64) -> f64 {
+    /// The true angle at an instant of rig time, rad, unwrapped. The instant may be past. Angles of the future follow from the moves
+    /// that have begun so far.
+    pub fn angle_at_rad(&self, at_s: f64) -> f64 {
         let state = self.lock();
-        self.steps_to_rad(state.position(now_s) - state.datum_steps)
+        let past = self.past.lock().unwrap_or_else(PoisonError::into_inner);
+        let state = past.get(past.partition_point(|(end_s, _)| *end_s <= at_s)).map_or(&*state, |(_, state)| state);
+        self.steps_to_rad(state.position(at_s) - state.datum_steps)
+    }
+
+    /// The state, to be changed at an instant of rig time.
+    fn changing(&self, at_s: f64) -> MutexGuard<'_, State> {
+        let state = self.lock();
+        let mut past = self.past.lock().unwrap_or_else(PoisonError::into_inner);
+        if past.len() == REMEMBERED {
+            past.pop_front();
+        }
+        let at_s = if at_s.is_finite() { at_s } else { self.clock.now_s() };
+        let end_s = past.back().map_or(at_s, |(end_s, _)| at_s.max(*end_s));
+        past.push_back((end_s, state.clone()));
+        drop(past);
+        state
     }
 
     /// Whether a move is in progress.
@@ -152,7 +175,7 @@ impl Shaft {
 
     /// Turns the standing shaft and its motor from outside, as a hand does.
     pub fn push(&self, steps: i64) {
-        let mut state = self.lock();
+        let mut state = self.changing(self.clock.now_s());
         state.drives.iter_mut().for_each(|drive| drive.rest_steps += steps);
         state.capillary_steps += steps as f64;
     }
@@ -217,7 +240,7 @@ impl Shaft {
     }
 
     pub(crate) fn replan_of(&self, motor: usize, start_s: f64, profile: Arc<MotionProfile>) {
-        if let Some(motion) = &mut self.lock().drives[motor].motion {
+        if let Some(motion) = &mut self.changing(start_s).drives[motor].motion {
             motion.start_s = start_s;
             motion.profile = profile;
         }
@@ -229,7 +252,7 @@ impl Shaft {
     }
 
     pub(crate) fn end_of(&self, motor: usize, now_s: f64) -> i64 {
-        let mut state = self.lock();
+        let mut state = self.changing(now_s);
         let issued = state.drives[motor].settle(now_s);
         state.capillary_steps = state.position(now_s);
         issued
@@ -270,7 +293,7 @@ impl Shaft {
 
     /// The firmware has found the index at the present position. Angles count from here.
     pub(crate) fn count_from_here(&self) {
-        let mut state = self.lock();
+        let mut state = self.changing(self.clock.now_s());
         state.datum_steps = state.position(self.clock.now_s());
     }
 
@@ -329,6 +352,22 @@ mod tests {
     fn a_ratio_of_steps_closes_after_its_revolutions() {
         let s = shaft((6400, 3));
         assert!((s.steps_to_rad(6400.0) - 3.0 * TAU).abs() < 1e-12);
+    }
+
+    /// A camera whose thread is late asks where the shaft stood during an exposure that is over.
+    #[test]
+    fn where_the_shaft_stood_is_known_after_it_has_moved_on() {
+        let s = shaft((500, 1));
+        let end = go(&s, 0.0, 400);
+        let instants: Vec<f64> = (0..50).map(|i| 0.02 * f64::from(i) * end).collect();
+        let under_way: Vec<f64> = instants.iter().map(|t| s.angle_at_rad(*t)).collect();
+        s.end(end);
+        let later = go(&s, end + 1.0, -250);
+        s.replan(end + 1.0 + 0.5 * (later - end - 1.0), Arc::new(MotionProfile::braking(125.0, 100.0, 2000.0, 250.0)));
+        s.push(10);
+        let afterwards: Vec<f64> = instants.iter().map(|t| s.angle_at_rad(*t)).collect();
+        assert_eq!(afterwards, under_way);
+        assert_eq!(s.angle_at_rad(end + 0.5), s.steps_to_rad(537.0), "between the moves");
     }
 
     #[test]

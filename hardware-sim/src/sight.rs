@@ -1,6 +1,6 @@
 //! What the sensor sees at an angle of the shaft: the interface between the emulated camera and its image source.
 
-use crate::scene::{Exposure, Scene};
+use crate::scene::{Exposure, Rgb, Scene};
 
 /// Layout of the bytes of an image, by its GenICam name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -62,6 +62,15 @@ impl Pixels {
         Self { width, height, format, bytes: vec![value; width as usize * height as usize * format.bytes_per_pixel()] }
     }
 
+    fn of(picture: Rgb, format: PixelFormat) -> Self {
+        let bytes = match format {
+            PixelFormat::Mono8 => picture.to_mono8(),
+            PixelFormat::BayerRG8 => picture.to_bayer_rg8(),
+            PixelFormat::RGB8Packed => picture.data,
+        };
+        Self { width: picture.width, height: picture.height, format, bytes }
+    }
+
     /// Whether the number of bytes fits the size and the format.
     pub fn is_whole(&self) -> bool {
         self.bytes.len() == self.width as usize * self.height as usize * self.format.bytes_per_pixel()
@@ -86,6 +95,11 @@ pub trait Sight: Send + Sync {
     /// The image of the whole sensor. The camera crops its region from it. The angle of `exposure` is the true angle of the shaft at
     /// the middle of the exposure, unwrapped and counted from the index. Exposures are numbered from 0 since the rig was started.
     fn look(&self, exposure: &Exposure, format: PixelFormat) -> Pixels;
+    /// The image of an exposure during which the shaft turns. `path_rad` is the angle at a part of the exposure, from 0 to 1. An image
+    /// source that does not blur shows the angle at the middle.
+    fn look_along(&self, exposure: &Exposure, _path_rad: &dyn Fn(f64) -> f64, format: PixelFormat) -> Pixels {
+        self.look(exposure, format)
+    }
     /// Shifts the scene along x, um. It is called before each image if the rig has a slide, and never otherwise.
     fn slide_to(&self, _shift_um: f64) {}
 }
@@ -97,13 +111,11 @@ impl Sight for Scene {
     }
 
     fn look(&self, exposure: &Exposure, format: PixelFormat) -> Pixels {
-        let picture = self.render(exposure);
-        let bytes = match format {
-            PixelFormat::Mono8 => picture.to_mono8(),
-            PixelFormat::BayerRG8 => picture.to_bayer_rg8(),
-            PixelFormat::RGB8Packed => picture.data,
-        };
-        Pixels { width: picture.width, height: picture.height, format, bytes }
+        Pixels::of(self.render(exposure), format)
+    }
+
+    fn look_along(&self, exposure: &Exposure, path_rad: &dyn Fn(f64) -> f64, format: PixelFormat) -> Pixels {
+        Pixels::of(self.render_along(path_rad, exposure.number), format)
     }
 
     fn slide_to(&self, shift_um: f64) {

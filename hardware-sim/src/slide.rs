@@ -132,6 +132,11 @@ impl Sight for OnSlide {
         self.sight.slide_to(self.slide.shift_um());
         self.sight.look(exposure, format)
     }
+
+    fn look_along(&self, exposure: &Exposure, path_rad: &dyn Fn(f64) -> f64, format: PixelFormat) -> Pixels {
+        self.sight.slide_to(self.slide.shift_um());
+        self.sight.look_along(exposure, path_rad, format)
+    }
 }
 
 #[cfg(test)]

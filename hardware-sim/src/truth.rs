@@ -13,11 +13,15 @@ pub struct ExposureRecord {
     pub frame_id: u64,
     /// Number of the exposure since the rig was started, from 0.
     pub number: u64,
+    /// Middle of the exposure, s of rig time.
+    pub middle_s: f64,
+    /// The camera's own clock at that instant, ns.
+    pub camera_ns: u64,
     /// True angle of the shaft at the middle of the exposure, rad, unwrapped and counted from the index.
     pub angle_rad: f64,
-    /// SHA-256 of the bytes that the camera has sent.
+    /// SHA-256 of the bytes that the camera has sent. It is 0 if the frame was lost in the camera.
     pub sha256: [u8; 32],
-    /// `false` if a fault has prevented the frame from being sent.
+    /// `false` if a fault has prevented the frame from being sent, or if the camera lost it because too many waited.
     pub sent: bool,
 }
 

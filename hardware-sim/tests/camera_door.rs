@@ -5,7 +5,7 @@
 use aravis::glib::object::Cast;
 use aravis::prelude::*;
 use aravis::{AcquisitionMode, Buffer, BufferStatus, Camera, GvDevice, GvStream, Stream};
-use hardware_sim::{CameraAddress, Exposure, PixelFormat, Rig, RigError, RigSettings, Sight, TestCard};
+use hardware_sim::{CameraAddress, Exposure, PixelFormat, Pixels, Rig, RigError, RigSettings, Sight, TestCard};
 use sha2::{Digest, Sha256};
 use std::io::{Read, Write};
 use std::sync::Arc;
@@ -312,4 +312,69 @@ fn control_is_free_when_the_heartbeat_has_run_out() {
     assert_eq!(write(&next, 0xa00, 2), 0x8006, "access denied");
     eventually("control falls free", || write(&next, 0xa00, 2) == 0);
     assert_eq!(write(&crashed, 0x938, 500), 0x8006, "the old host has lost control");
+}
+
+/// A sight whose bytes are the angles at the beginning, the middle and the end of the exposure.
+struct Way;
+
+impl Sight for Way {
+    fn size(&self) -> (u32, u32) {
+        (64, 32)
+    }
+
+    fn look(&self, _: &Exposure, format: PixelFormat) -> Pixels {
+        Pixels::filled(64, 32, format, 0)
+    }
+
+    fn look_along(&self, exposure: &Exposure, path_rad: &dyn Fn(f64) -> f64, format: PixelFormat) -> Pixels {
+        let mut pixels = self.look(exposure, format);
+        let angles = [path_rad(0.0), path_rad(0.5), path_rad(1.0)].map(f64::to_be_bytes).concat();
+        pixels.bytes[..angles.len()].copy_from_slice(&angles);
+        pixels
+    }
+}
+
+/// Free run over a whole move. However late a frame is made and sent, it shows where the shaft stood at its time.
+#[test]
+fn frames_in_free_run_show_the_way_of_the_shaft_during_their_exposures() {
+    // 48 deg/s: 60 frames of a turn at 8 Hz.
+    let (speed_rad_s, rate_hz, exposure_s) = (48f64.to_radians(), 8.0, 0.02);
+    let rig = Rig::start(RigSettings { time_scale: 4.0, ..RigSettings::default() }, Arc::new(Way)).unwrap();
+    rig.faults().camera().hold_frames_ms(40);
+    let mut motor = Motor::open(&rig);
+    motor.ask("$H");
+    let camera = open(&rig);
+    camera.set_region(0, 0, 64, 32).unwrap();
+    camera.set_pixel_format_from_string("Mono8").unwrap();
+    camera.set_exposure_time(exposure_s * 1e6).unwrap();
+    camera.set_frame_rate(rate_hz).unwrap();
+    let stream = stream(&camera, 64);
+    camera.start_acquisition().unwrap();
+    // Units of 72 deg, as in `Motor::go`, per minute.
+    motor.ask(&format!("G90 G1 X5.000 F{:.3}", speed_rad_s.to_degrees() / 72.0 * 60.0));
+    let mut steady = 0;
+    let end_rad = 360f64.to_radians();
+    let mut last_id = 0;
+    eventually("the end of the turn", || {
+        let buffer = stream.timeout_pop_buffer(DEADLINE.as_micros() as u64).unwrap();
+        let (id, bytes) = (buffer.frame_id(), buffer.image_data());
+        assert_eq!((buffer.status(), id), (BufferStatus::Success, last_id + 1));
+        last_id = id;
+        let [from, middle, to] = [0, 8, 16].map(|i| f64::from_be_bytes(bytes[i..i + 8].try_into().unwrap()));
+        let exposures = rig.exposures();
+        let truth = exposures.iter().find(|e| e.frame_id == id).unwrap();
+        assert_eq!((buffer.timestamp(), middle), (truth.camera_ns, truth.angle_rad));
+        if (middle - 0.5 * (from + to)).abs() < 1e-9 && ((to - from) / exposure_s / speed_rad_s - 1.0).abs() < 1e-6 {
+            steady += 1;
+            // The frame before was exposed one period earlier, and shows that angle.
+            if let Some(before) = exposures.iter().find(|e| e.frame_id + 1 == id && steady > 1) {
+                let turned = middle - before.angle_rad;
+                assert!((turned - speed_rad_s * (truth.middle_s - before.middle_s)).abs() < 1e-9, "{turned}");
+            }
+        }
+        stream.push_buffer(buffer);
+        to >= end_rad - 1e-9
+    });
+    // 7.5 s at 8 Hz, less the ramps.
+    assert!(steady >= 50, "{steady} frames at constant speed");
 }

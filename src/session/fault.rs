@@ -32,6 +32,7 @@ fn code_of_device(error: &DeviceError) -> &'static FaultCode {
     match error {
         DeviceError::NotController { .. } => &fault_table::CAMERA_TAKEN,
         error if error.is_loss_of_camera() => &fault_table::CAMERA_LOST,
+        DeviceError::StreamRestarted { .. } | DeviceError::CameraClock { .. } => &fault_table::CAMERA_CLOCK,
         DeviceError::CameraChanged { .. } => &fault_table::CAMERA_CHANGED,
         DeviceError::NoFrame { .. } | DeviceError::StreamSilent { .. } => &fault_table::CAMERA_NO_FRAME,
         DeviceError::Camera { .. } | DeviceError::NotArmed => &fault_table::CAMERA_REFUSED,

@@ -140,6 +140,19 @@ pub enum DeviceError {
          cable and the other traffic on its network"
     )]
     StreamSilent { waited_ms: u128, frames: u64, last: String },
+    /// The camera's clock or its frame numbers began anew in the middle of a stream.
+    #[error(
+        "camera: its {counter} went from {before} to {after} in the middle of a stream; the camera restarted. The frames are not used. Check its \
+         power supply. If it comes again, take the views one by one (`order = \"sequential\"`)"
+    )]
+    StreamRestarted { counter: &'static str, before: String, after: String },
+    /// The camera's clock does not run at the frequency that the camera reports.
+    #[error(
+        "camera: its clock advanced by {camera_s:.3} s while {host_s:.3} s passed on this computer's clock, with {ticks_per_s} ticks per second as \
+         the camera reports. The times of its frames are not used. Update the camera's firmware, or take the views one by one \
+         (`order = \"sequential\"`)"
+    )]
+    CameraClock { camera_s: f64, host_s: f64, ticks_per_s: u64 },
     /// The camera refuses a value or a command.
     #[error("camera: {what}: {why}")]
     Camera { what: String, why: String },
@@ -167,6 +180,18 @@ impl DeviceError {
                 | Self::NotController { .. }
                 | Self::OtherCamera { .. }
                 | Self::Open { device: "camera", .. }
+        )
+    }
+
+    /// Whether the frames of a turn did not come or cannot be used, though the camera is there. Another turn may succeed.
+    pub fn is_of_frames(&self) -> bool {
+        matches!(
+            self,
+            Self::NoFrame { .. }
+                | Self::StreamSilent { .. }
+                | Self::StreamRestarted { .. }
+                | Self::CameraClock { .. }
+                | Self::CameraChanged { .. }
         )
     }
 

@@ -339,9 +339,10 @@ pub struct StreamedFrame {
     /// Number of the frame in its stream. It counts on where the camera's own number of 16 bits wraps. Frames that the camera took and
     /// that did not arrive have their numbers too.
     pub frame_id: u64,
-    /// The camera's own clock when it took the frame, ns. It counts on where the camera's clock wraps.
+    /// The camera's own clock when it took the frame, ns. It counts on where the camera's clock wraps. Its highest bit is left out, so
+    /// that it does not wrap itself.
     pub camera_ns: u64,
-    /// When the last packet of the frame was received.
+    /// When its first packet was received.
     pub received: Instant,
 }
 

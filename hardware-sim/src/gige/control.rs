@@ -105,6 +105,7 @@ impl Control {
     /// Resets everything to the state after power-up.
     fn restart(&mut self) {
         self.owner = None;
+        self.faults.restart_clock();
         self.lock().restart();
         let _ = self.sensor.send(Order::Restart);
     }
@@ -229,7 +230,7 @@ impl Control {
     }
 
     fn now_ns(&self) -> u64 {
-        (self.clock.now_s() * 1e9) as u64
+        self.faults.clock_ns(self.clock.now_s())
     }
 
     fn lock(&self) -> MutexGuard<'_, Memory> {

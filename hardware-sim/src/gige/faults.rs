@@ -1,14 +1,37 @@
 //! Faults that tests can cause between the host and the camera.
 
+use crate::clock::RigClock;
 use crate::serial::take_one;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
 
 /// Bytes of the headers before the data of a datagram.
 const IP_AND_UDP: usize = 28;
 
+/// The camera's clock from an instant of rig time on.
+#[derive(Debug, Clone, Copy)]
+struct Course {
+    from_s: f64,
+    ns: u64,
+    /// Seconds that it counts per second of rig time.
+    speed: f64,
+}
+
+impl Course {
+    fn ns_at(&self, rig_s: f64) -> u64 {
+        self.ns.wrapping_add(((rig_s - self.from_s) * self.speed * 1e9) as i64 as u64)
+    }
+}
+
 /// Faults of the camera's answers and of its stream. A fault with a count ends after that many times.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct CameraFaults {
+    rig: RigClock,
+    /// The last one applies now. Frames that are still to be sent may be of an earlier one.
+    clock: Mutex<Vec<Course>>,
+    held_frames_ms: AtomicU32,
+    jitter_us: AtomicU32,
     lost_packets_ppm: AtomicU32,
     doubled_packets_ppm: AtomicU32,
     swapped_packets_ppm: AtomicU32,
@@ -20,6 +43,7 @@ pub struct CameraFaults {
     ignored_triggers: AtomicU32,
     stale_packets: AtomicU32,
     keep_numbers: AtomicBool,
+    first_number: AtomicU32,
     mute: AtomicBool,
     stolen: AtomicBool,
     unplugged: AtomicBool,
@@ -30,6 +54,74 @@ pub struct CameraFaults {
 }
 
 impl CameraFaults {
+    pub(super) fn new(rig: RigClock) -> Self {
+        Self {
+            rig,
+            clock: Mutex::new(vec![Course { from_s: 0.0, ns: 0, speed: 1.0 }]),
+            held_frames_ms: AtomicU32::default(),
+            jitter_us: AtomicU32::default(),
+            lost_packets_ppm: AtomicU32::default(),
+            doubled_packets_ppm: AtomicU32::default(),
+            swapped_packets_ppm: AtomicU32::default(),
+            dropped_frames: AtomicU32::default(),
+            cut_frames: AtomicU32::default(),
+            misshapen_frames: AtomicU32::default(),
+            reformatted_frames: AtomicU32::default(),
+            repeated_frames: AtomicU32::default(),
+            ignored_triggers: AtomicU32::default(),
+            stale_packets: AtomicU32::default(),
+            keep_numbers: AtomicBool::default(),
+            first_number: AtomicU32::new(1),
+            mute: AtomicBool::default(),
+            stolen: AtomicBool::default(),
+            unplugged: AtomicBool::default(),
+            restart: AtomicBool::default(),
+            unheard_requests: AtomicU32::default(),
+            dice: AtomicU64::default(),
+            longest_packet: AtomicU32::default(),
+        }
+    }
+
+    /// The camera's clock from now on counts this many seconds per second of rig time: 1.0001 is a drift of 100 ppm, 1.25 a tick
+    /// frequency that is not the one that the camera reports.
+    pub fn run_clock_at(&self, speed: f64) {
+        self.set_clock(|now| Course { speed, ..now });
+    }
+
+    /// The camera's clock begins at 0 again.
+    pub fn restart_clock(&self) {
+        self.set_clock(|now| Course { ns: 0, ..now });
+    }
+
+    /// The 64 bits of the camera's clock wrap after this much rig time, s.
+    pub fn wrap_clock_in(&self, rig_s: f64) {
+        self.set_clock(|now| Course { ns: 0u64.wrapping_sub((rig_s * now.speed * 1e9) as u64), ..now });
+    }
+
+    /// The camera's clock at an instant of rig time, ns.
+    pub fn clock_ns(&self, rig_s: f64) -> u64 {
+        let clock = self.clock.lock().unwrap_or_else(PoisonError::into_inner);
+        clock.iter().rev().find(|course| course.from_s <= rig_s).or(clock.first()).map_or(0, |course| course.ns_at(rig_s))
+    }
+
+    fn set_clock(&self, change: impl FnOnce(Course) -> Course) {
+        let now_s = self.rig.now_s();
+        let now_ns = self.clock_ns(now_s);
+        let mut clock = self.clock.lock().unwrap_or_else(PoisonError::into_inner);
+        let speed = clock.last().map_or(1.0, |course| course.speed);
+        clock.push(change(Course { from_s: now_s, ns: now_ns, speed }));
+    }
+
+    /// Sends each frame late, by a random time up to this many ms.
+    pub fn hold_frames_ms(&self, most: u32) {
+        self.held_frames_ms.store(most, Ordering::Relaxed);
+    }
+
+    /// Begins each exposure in free run late, by a random time up to this many us of rig time. The frame's time is the true one.
+    pub fn jitter_exposures_us(&self, most: u32) {
+        self.jitter_us.store(most, Ordering::Relaxed);
+    }
+
     /// Loses this many of a million stream packets. A resend may deliver them.
     pub fn lose_packets_ppm(&self, ppm: u32) {
         self.lost_packets_ppm.store(ppm, Ordering::Relaxed);
@@ -81,6 +173,11 @@ impl CameraFaults {
         self.keep_numbers.store(keep, Ordering::Relaxed);
     }
 
+    /// Number of the first frame of each acquisition, from 1.
+    pub fn begin_numbers_at(&self, number: u16) {
+        self.first_number.store(number.max(1).into(), Ordering::Relaxed);
+    }
+
     /// Unplugs the network cable (`true`) or plugs it in again. The camera itself continues.
     pub fn pull_cable(&self, out: bool) {
         self.unplugged.store(out, Ordering::Relaxed);
@@ -114,6 +211,14 @@ impl CameraFaults {
     /// Another host takes control (`true`) or gives it back. Meanwhile the stream is stopped and all writes are refused.
     pub fn steal_control(&self, stolen: bool) {
         self.stolen.store(stolen, Ordering::Relaxed);
+    }
+
+    pub(super) fn takes_hold(&self) -> Duration {
+        Duration::from_millis(1).mul_f64(self.up_to(&self.held_frames_ms))
+    }
+
+    pub(super) fn takes_jitter_s(&self) -> f64 {
+        self.up_to(&self.jitter_us) * 1e-6
     }
 
     pub(super) fn loses_packet(&self) -> bool {
@@ -158,6 +263,10 @@ impl CameraFaults {
         self.keep_numbers.load(Ordering::Relaxed)
     }
 
+    pub(super) fn first_number(&self) -> u16 {
+        self.first_number.load(Ordering::Relaxed) as u16
+    }
+
     pub(super) fn is_unplugged(&self) -> bool {
         self.unplugged.load(Ordering::Relaxed)
     }
@@ -192,10 +301,23 @@ impl CameraFaults {
         if ppm == 0 {
             return false;
         }
+        self.roll() % 1_000_000 < u64::from(ppm)
+    }
+
+    /// A random part of `most`.
+    fn up_to(&self, most: &AtomicU32) -> f64 {
+        match most.load(Ordering::Relaxed) {
+            // Without this fault the dice of the others fall as before.
+            0 => 0.0,
+            most => f64::from(most) * (self.roll() >> 11) as f64 / (1u64 << 53) as f64,
+        }
+    }
+
+    fn roll(&self) -> u64 {
         // SplitMix64 (Steele, Lea and Flood 2014).
         let mut z = self.dice.fetch_add(0x9e37_79b9_7f4a_7c15, Ordering::Relaxed);
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        (z ^ (z >> 31)) % 1_000_000 < u64::from(ppm)
+        z ^ (z >> 31)
     }
 }

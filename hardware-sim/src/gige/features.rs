@@ -47,6 +47,7 @@ pub(super) enum Register {
     GainAuto,
     Gamma,
     BinningHorizontal,
+    AcquisitionFrameRateLimit,
 }
 
 impl Register {
@@ -65,18 +66,30 @@ impl Register {
 
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Kind {
-    Integer { min: u32, max: Max, step: u32 },
+    Integer { min: u32, max: Max<u32>, step: u32 },
     ReadOnly,
-    Float { min: f32, max: f32, unit: &'static str },
+    ReadOnlyFloat,
+    Float { min: f32, max: Max<f32>, unit: &'static str },
     Enumeration(&'static [(&'static str, u32)]),
     Boolean,
     Command,
 }
 
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Max {
-    Value(u32),
+pub(super) enum Max<T> {
+    Value(T),
     Of(Register),
+}
+
+impl<T: std::fmt::Display> Max<T> {
+    fn node(&self) -> String {
+        match self {
+            Self::Value(max) => format!("<Max>{max}</Max>"),
+            Self::Of(register) => {
+                FEATURE_TABLE.iter().find(|f| f.register == *register).map_or_else(String::new, |f| format!("<pMax>{}</pMax>", f.name))
+            }
+        }
+    }
 }
 
 pub(super) struct Feature {
@@ -89,6 +102,10 @@ pub(super) struct Feature {
 const fn feature(group: &'static str, name: &'static str, register: Register, kind: Kind) -> Feature {
     Feature { register, name, group, kind }
 }
+
+/// The sensor reads 1024 rows out 59 times per second.
+const FULL_RATE_HZ: f32 = 59.0;
+const FULL_ROWS: f32 = 1024.0;
 
 /// The selector of the frame trigger. The other selectors only store whether they are on.
 pub(super) const FRAME_START: u32 = 0;
@@ -143,7 +160,12 @@ pub(super) const FEATURE_TABLE: &[Feature] = &[
     feature(ACQUISITION, "AcquisitionStart", Register::AcquisitionStart, Kind::Command),
     feature(ACQUISITION, "AcquisitionStop", Register::AcquisitionStop, Kind::Command),
     feature(ACQUISITION, "AcquisitionAbort", Register::AcquisitionAbort, Kind::Command),
-    feature(ACQUISITION, "AcquisitionFrameRateAbs", Register::AcquisitionFrameRateAbs, Kind::Float { min: 0.01, max: 59.0, unit: "Hz" }),
+    feature(
+        ACQUISITION,
+        "AcquisitionFrameRateAbs",
+        Register::AcquisitionFrameRateAbs,
+        Kind::Float { min: 0.01, max: Max::Of(Register::AcquisitionFrameRateLimit), unit: "Hz" },
+    ),
     feature(
         ACQUISITION,
         "TriggerSelector",
@@ -174,7 +196,7 @@ pub(super) const FEATURE_TABLE: &[Feature] = &[
     feature(ACQUISITION, "TriggerSoftware", Register::TriggerSoftware, Kind::Command),
     feature(EXPOSURE, "ExposureMode", Register::ExposureMode, Kind::Enumeration(&[("Timed", 0)])),
     feature(EXPOSURE, "ExposureAuto", Register::ExposureAuto, Kind::Enumeration(AUTO)),
-    feature(EXPOSURE, "ExposureTimeAbs", Register::ExposureTimeAbs, Kind::Float { min: 10.0, max: 60_000_000.0, unit: "us" }),
+    feature(EXPOSURE, "ExposureTimeAbs", Register::ExposureTimeAbs, Kind::Float { min: 10.0, max: Max::Value(60_000_000.0), unit: "us" }),
     feature(EXPOSURE, "GainRaw", Register::GainRaw, Kind::Integer { min: 0, max: Max::Value(24), step: 1 }),
     feature(
         TRANSPORT,
@@ -186,8 +208,9 @@ pub(super) const FEATURE_TABLE: &[Feature] = &[
     feature(IMAGE, "ReverseX", Register::ReverseX, Kind::Boolean),
     feature(IMAGE, "ReverseY", Register::ReverseY, Kind::Boolean),
     feature(EXPOSURE, "GainAuto", Register::GainAuto, Kind::Enumeration(AUTO)),
-    feature(EXPOSURE, "Gamma", Register::Gamma, Kind::Float { min: 0.45, max: 1.0, unit: "" }),
+    feature(EXPOSURE, "Gamma", Register::Gamma, Kind::Float { min: 0.45, max: Max::Value(1.0), unit: "" }),
     feature(IMAGE, "BinningHorizontal", Register::BinningHorizontal, Kind::Integer { min: 1, max: Max::Value(8), step: 1 }),
+    feature(ACQUISITION, "AcquisitionFrameRateLimit", Register::AcquisitionFrameRateLimit, Kind::ReadOnlyFloat),
 ];
 
 /// Text features in the bootstrap registers: name, address, length, whether they can be written.
@@ -209,7 +232,7 @@ pub(super) struct Values {
     pub format: PixelFormat,
     pub mode: u32,
     pub frame_count: u32,
-    pub frame_rate_hz: f32,
+    frame_rate_hz: f32,
     selector: u32,
     trigger_on: [bool; SELECTORS],
     trigger_source: u32,
@@ -255,6 +278,18 @@ impl Values {
 
     pub fn payload(&self) -> u32 {
         self.width * self.height * self.format.bytes_per_pixel() as u32
+    }
+
+    /// The most frames per second: an exposure must end before the next one begins, and rows and bytes take their time.
+    pub fn rate_limit_hz(&self) -> f32 {
+        let rows = FULL_RATE_HZ * FULL_ROWS / self.height.max(1) as f32;
+        let bytes = self.bytes_per_second as f32 / self.payload().max(1) as f32;
+        rows.min(bytes).min(1e6 / self.exposure_us)
+    }
+
+    /// Frames per second in free run.
+    pub fn rate_hz(&self) -> f32 {
+        self.frame_rate_hz.min(self.rate_limit_hz())
     }
 
     /// Shortens the exposure a little if the camera chooses it by itself.
@@ -310,6 +345,7 @@ impl Values {
             Register::GainAuto => self.gain_auto,
             Register::Gamma => self.gamma.to_bits(),
             Register::BinningHorizontal => self.binning,
+            Register::AcquisitionFrameRateLimit => self.rate_limit_hz().to_bits(),
             Register::ExposureMode
             | Register::AcquisitionStart
             | Register::AcquisitionStop
@@ -356,11 +392,17 @@ impl Values {
     fn allows(&self, register: Register, value: u32) -> bool {
         let Some(feature) = FEATURE_TABLE.iter().find(|f| f.register == register) else { return false };
         match feature.kind {
-            Kind::ReadOnly => false,
+            Kind::ReadOnly | Kind::ReadOnlyFloat => false,
             Kind::Command => true,
             Kind::Boolean => value <= 1,
             Kind::Enumeration(entries) => entries.iter().any(|(_, v)| *v == value),
-            Kind::Float { min, max, .. } => (min..=max).contains(&f32::from_bits(value)),
+            Kind::Float { min, max, .. } => {
+                let max = match max {
+                    Max::Value(max) => max,
+                    Max::Of(register) => f32::from_bits(self.read(register)),
+                };
+                (min..=max).contains(&f32::from_bits(value))
+            }
             Kind::Integer { min, max, step } => {
                 let max = match max {
                     Max::Value(max) => max,
@@ -420,19 +462,15 @@ fn node(feature: &Feature) -> String {
     let value = format!("<pValue>{name}Reg</pValue>");
     let (node, register, access) = match feature.kind {
         Kind::ReadOnly => (format!("<Integer Name=\"{name}\" NameSpace=\"Standard\">{value}</Integer>"), "IntReg", "RO"),
+        Kind::ReadOnlyFloat => (format!("<Float Name=\"{name}\" NameSpace=\"Standard\">{value}</Float>"), "FloatReg", "RO"),
         Kind::Integer { min, max, step } => {
-            let max = match max {
-                Max::Value(max) => format!("<Max>{max}</Max>"),
-                Max::Of(register) => {
-                    FEATURE_TABLE.iter().find(|f| f.register == register).map_or_else(String::new, |f| format!("<pMax>{}</pMax>", f.name))
-                }
-            };
+            let max = max.node();
             let text = format!("<Integer Name=\"{name}\" NameSpace=\"Standard\">{value}<Min>{min}</Min>{max}<Inc>{step}</Inc></Integer>");
             (text, "IntReg", "RW")
         }
         Kind::Float { min, max, unit } => {
-            let text =
-                format!("<Float Name=\"{name}\" NameSpace=\"Standard\">{value}<Min>{min}</Min><Max>{max}</Max><Unit>{unit}</Unit></Float>");
+            let max = max.node();
+            let text = format!("<Float Name=\"{name}\" NameSpace=\"Standard\">{value}<Min>{min}</Min>{max}<Unit>{unit}</Unit></Float>");
             (text, "FloatReg", "RW")
         }
         Kind::Enumeration(entries) => {
@@ -484,6 +522,19 @@ mod tests {
         assert_eq!(v.payload(), 512 * 768);
         assert!(v.write(Register::PixelFormat, PixelFormat::RGB8Packed.code()));
         assert_eq!(v.payload(), 512 * 768 * 3);
+    }
+
+    #[test]
+    fn the_rate_has_its_limit_from_region_format_and_exposure() {
+        let mut v = Values::new((1024, 1024), PixelFormat::Mono8);
+        assert_eq!(v.rate_limit_hz(), 59.0);
+        assert!(!v.write(Register::AcquisitionFrameRateAbs, 60f32.to_bits()));
+        assert!(v.write(Register::Height, 512) && v.write(Register::AcquisitionFrameRateAbs, 60f32.to_bits()));
+        assert!(v.write(Register::ExposureTimeAbs, 25_000f32.to_bits()));
+        assert_eq!((v.rate_limit_hz(), v.rate_hz()), (40.0, 40.0), "25 ms of exposure");
+        assert!(v.write(Register::ExposureTimeAbs, 1000f32.to_bits()) && v.write(Register::Height, 1024));
+        assert!(v.write(Register::PixelFormat, PixelFormat::RGB8Packed.code()));
+        assert!((v.rate_limit_hz() - 115e6 / (3.0 * 1024.0 * 1024.0)).abs() < 1e-3, "three bytes per pixel");
     }
 
     #[test]

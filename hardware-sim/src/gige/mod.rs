@@ -75,7 +75,7 @@ impl GigeCamera {
         let identity = Identity { vendor: VENDOR, model: MODEL, serial: serial.clone(), address, stream_port };
         let memory = Arc::new(Mutex::new(Memory::new(&identity, sight.size(), format)));
         let stream = Arc::new(Stream::new(stream_socket));
-        let faults = Arc::new(CameraFaults::default());
+        let faults = Arc::new(CameraFaults::new(clock));
         let truth = Arc::new(Truth::default());
         let quit = Arc::new(AtomicBool::new(false));
         let (orders, inbox) = mpsc::channel();

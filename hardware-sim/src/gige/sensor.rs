@@ -2,10 +2,14 @@
 //!
 //! ```text
 //!   Start ─► wait ── trigger, or due in free run ───────► expose ──► read out ──► packets, paced ──► wait
-//!              ▲                                            │ angle of the shaft at the middle      │
+//!              ▲                                            │ way of the shaft meanwhile             │
 //!              └────────────────────────────────────────────┴───────────── Stop ─────────────────────┘
 //! ```
 //! A trigger during an exposure is lost, as with the real camera. A trigger during readout is accepted.
+//!
+//! In free run the exposures are at the instants of rig time that the rate gives, also when this thread is late: the shaft knows where
+//! it stood. Their frames then come later, in order, with their true times. If more than [`WAITING_FRAMES`] wait, the camera loses
+//! frames: their numbers are missing.
 
 use super::faults::CameraFaults;
 use super::features::{CONTINUOUS, SINGLE_FRAME};
@@ -27,6 +31,8 @@ use std::time::{Duration, Instant};
 
 /// Frames that can still be sent again.
 const KEPT_FRAMES: usize = 8;
+/// Frames in free run that may wait to be made and sent: several turns.
+const WAITING_FRAMES: f64 = 512.0;
 /// Packets are sent in bursts of this length, and the thread sleeps between them. A scheduler cannot time shorter pauses.
 const BURST: Duration = Duration::from_micros(250);
 
@@ -98,8 +104,8 @@ pub(super) struct State {
     block: u16,
     number: u64,
     triggers: u32,
-    /// When the next exposure in free run is due.
-    due: Option<Instant>,
+    /// When the next exposure in free run is due, s of rig time.
+    due_s: Option<f64>,
     /// The last frame of the acquisition before.
     stale: Option<Arc<Block>>,
     /// A frame that a fault sends again.
@@ -111,18 +117,12 @@ impl Sensor {
         while !self.state.quit {
             if self.state.triggers > 0 {
                 self.state.triggers -= 1;
-                self.frame();
+                self.frame(self.clock.now_s());
                 continue;
             }
             let free_run = self.state.streaming && self.lock().values.runs_free();
             if free_run {
-                let due = *self.state.due.get_or_insert_with(Instant::now);
-                if self.pause_until(due) && self.state.streaming {
-                    let rate = f64::from(self.lock().values.frame_rate_hz);
-                    // If it is late, it continues from now. Missed frames are not made up for.
-                    self.state.due = Some((due + self.clock.real(1.0 / rate)).max(Instant::now()));
-                    self.frame();
-                }
+                self.free_run();
             } else {
                 match self.orders.recv() {
                     Ok(order) => self.obey(order),
@@ -147,9 +147,9 @@ impl Sensor {
                 drop(memory);
                 state.streaming = true;
                 if !self.faults.keeps_numbers() {
-                    state.block = 0;
+                    state.block = self.faults.first_number() - 1;
                 }
-                state.due = None;
+                state.due_s = None;
                 state.triggers = 0;
                 state.again = None;
                 self.stream.exposing.store(false, Ordering::SeqCst);
@@ -195,22 +195,58 @@ impl Sensor {
         }
     }
 
-    /// Exposes, reads out and sends one frame, unless the acquisition ends meanwhile.
-    fn frame(&mut self) {
+    /// Takes the next frame that needs no trigger.
+    fn free_run(&mut self) {
+        let (now_s, period_s) = (self.clock.now_s(), 1.0 / f64::from(self.lock().values.rate_hz()));
+        let due_s = *self.state.due_s.get_or_insert(now_s);
+        if now_s - due_s > WAITING_FRAMES * period_s {
+            if self.pause_until(Instant::now()) {
+                self.state.due_s = Some(due_s + period_s);
+                self.lose_frame(due_s);
+            }
+            return;
+        }
+        self.state.due_s = Some(due_s + period_s);
+        let jitter_s = self.faults.takes_jitter_s();
+        self.frame(due_s + jitter_s);
+    }
+
+    /// An exposure for whose frame there is no room.
+    fn lose_frame(&mut self, begin_s: f64) {
+        self.state.block = next_block(self.state.block);
+        let middle_s = begin_s + 0.5e-6 * f64::from(self.lock().values.exposure_us);
+        self.truth.add(ExposureRecord {
+            frame_id: u64::from(self.state.block),
+            number: self.state.number,
+            middle_s,
+            camera_ns: self.faults.clock_ns(middle_s),
+            angle_rad: self.shaft.angle_at_rad(middle_s),
+            sha256: [0; 32],
+            sent: false,
+        });
+        self.state.number += 1;
+        self.count_down();
+    }
+
+    /// Exposes at an instant of rig time, reads out and sends one frame, unless the acquisition ends meanwhile.
+    fn frame(&mut self, begin_s: f64) {
         let values = {
             let mut memory = self.lock();
             memory.values.choose_exposure();
             memory.values.clone()
         };
-        let begin = Instant::now();
-        let half = self.clock.real(f64::from(values.exposure_us) * 0.5e-6);
-        if !self.pause_until(begin + half) {
+        let exposure_s = f64::from(values.exposure_us) * 1e-6;
+        if !self.pause_until(self.clock.instant(begin_s + exposure_s)) {
             return;
         }
-        let exposure = Exposure { angle_rad: self.shaft.angle_rad(), number: self.state.number };
-        let timestamp_ns = (self.clock.now_s() * 1e9) as u64;
-        let picture = self.look(&exposure, values.format);
-        if !self.pause_until(begin + 2 * half) {
+        let shaft = Arc::clone(&self.shaft);
+        let path_rad = move |part: f64| shaft.angle_at_rad(begin_s + part * exposure_s);
+        let exposure = Exposure { angle_rad: path_rad(0.5), number: self.state.number };
+        let middle_s = begin_s + 0.5 * exposure_s;
+        let timestamp_ns = self.faults.clock_ns(middle_s);
+        let picture = self.look(&exposure, &path_rad, values.format);
+        // The acquisition may have ended while the picture was made. A fault may hold the frame back.
+        if !self.pause_until(Instant::now() + self.faults.takes_hold()) {
             return;
         }
         self.stream.exposing.store(false, Ordering::SeqCst);
@@ -228,6 +264,8 @@ impl Sensor {
         self.truth.add(ExposureRecord {
             frame_id: u64::from(self.state.block),
             number: exposure.number,
+            middle_s,
+            camera_ns: timestamp_ns,
             angle_rad: exposure.angle_rad,
             sha256: Sha256::digest(&bytes).into(),
             sent,
@@ -259,6 +297,11 @@ impl Sensor {
                 self.state.again = Some(block);
             }
         }
+        self.count_down();
+    }
+
+    /// Ends an acquisition of a number of frames after its last one.
+    fn count_down(&mut self) {
         if let Some(left) = &mut self.state.left {
             *left = left.saturating_sub(1);
             if *left == 0 {
@@ -267,9 +310,9 @@ impl Sensor {
         }
     }
 
-    fn look(&self, exposure: &Exposure, format: PixelFormat) -> Pixels {
+    fn look(&self, exposure: &Exposure, path_rad: &dyn Fn(f64) -> f64, format: PixelFormat) -> Pixels {
         let (width, height) = self.sight.size();
-        let picture = self.sight.look(exposure, format);
+        let picture = self.sight.look_along(exposure, path_rad, format);
         if (picture.width, picture.height, picture.format) == (width, height, format) && picture.is_whole() {
             return picture;
         }

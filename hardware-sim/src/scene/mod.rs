@@ -63,6 +63,10 @@ pub struct Exposure {
 
 /// Samples per pixel of a frame, along and across the capillary. Most edges run along the capillary, so it is finer across.
 const FRAME_SAMPLES: (usize, usize) = (2, 4);
+/// Longest way of an edge between two instants of an exposure that are averaged.
+const BLUR_STEP_PX: f64 = 0.1;
+/// Most instants of an exposure. A faster shaft makes steps in the blur instead of a rig that stands.
+const BLUR_SAMPLES: usize = 64;
 /// Samples per pixel of a mask: 64 levels of coverage.
 const MASK_SAMPLES: (usize, usize) = (8, 8);
 
@@ -133,10 +137,43 @@ impl Scene {
 
     /// The frame that the camera takes.
     pub fn render(&self, exposure: &Exposure) -> Rgb {
+        self.developed(self.lit(&self.contents(), exposure.angle_rad), exposure.number)
+    }
+
+    /// The frame of an exposure during which the axis turns. `path_rad` is the angle at a part of the exposure, from 0 to 1. The light
+    /// of so many instants is averaged that nothing moves by more than [`BLUR_STEP_PX`] between two of them.
+    pub fn render_along(&self, path_rad: &dyn Fn(f64) -> f64, number: u64) -> Rgb {
+        let contents = self.contents();
+        let camera = &self.settings.camera;
+        let turned_rad = (path_rad(0.5) - path_rad(0.0)).abs() + (path_rad(1.0) - path_rad(0.5)).abs();
+        let way_px = turned_rad * self.turning_radius_um(&contents) * camera.kx_px_per_um.max(camera.ky_px_per_um);
+        let samples = ((way_px / BLUR_STEP_PX).ceil() as usize).clamp(1, BLUR_SAMPLES);
+        let at = |i: usize| self.lit(&contents, path_rad((i as f64 + 0.5) / samples as f64));
+        let mut light = at(0);
+        for i in 1..samples {
+            light.iter_mut().zip(at(i)).for_each(|(sum, one)| (0..3).for_each(|k| sum[k] += one[k]));
+        }
+        if samples > 1 {
+            light.iter_mut().flatten().for_each(|value| *value /= samples as f32);
+        }
+        self.developed(light, number)
+    }
+
+    /// Largest distance from the axis of anything visible that turns, um.
+    fn turning_radius_um(&self, contents: &Contents) -> f64 {
+        let SceneSettings { capillary, nuisances, .. } = &self.settings;
+        if capillary.ink.is_some() || nuisances.turn_with_the_glass() {
+            return capillary.outer_radius_um();
+        }
+        contents.all().flat_map(Specimen::points).map(|[_, y, z]| y.hypot(*z)).fold(0.0, f64::max)
+    }
+
+    /// The frame of this light on the sensor, with noise.
+    fn developed(&self, light: Vec<[f32; 3]>, number: u64) -> Rgb {
         let SceneSettings { camera, optics, nuisances, .. } = &self.settings;
         let width = camera.width as usize;
-        let light = nuisances.disturb(self.lit(&self.contents(), exposure.angle_rad), width, exposure.number);
-        Rgb { width: camera.width, height: camera.height, data: exposed(&light, width, optics, exposure.number) }
+        let light = nuisances.disturb(light, width, number);
+        Rgb { width: camera.width, height: camera.height, data: exposed(&light, width, optics, number) }
     }
 
     /// The light on the sensor with the contents in place.

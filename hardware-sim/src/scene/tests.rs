@@ -285,3 +285,44 @@ fn the_mask_of_a_scanned_fish_agrees_with_its_mesh() {
     let off = volume_from_thickness(fish, 0.5) / truth.volume_um3 - 1.0;
     assert!(off.abs() < 1e-3, "{off:.2e}");
 }
+
+/// Vertical variance of what dims the middle of the image, px^2, from the ratio to the empty image.
+fn variance_of_shade(frame: &Rgb, empty: &Rgb) -> f64 {
+    let (mut m, mut sum, mut squares) = (0.0, 0.0, 0.0);
+    let width = frame.width as usize;
+    for (u, v) in (width / 2 - 3..width / 2 + 3).flat_map(|u| (40..88).map(move |v| (u, v))) {
+        let levels = |image: &Rgb| (0..3).map(|k| f64::from(image.data[(v * width + u) * 3 + k])).sum::<f64>();
+        let shade = 1.0 - levels(frame) / levels(empty);
+        let v = v as f64;
+        (m, sum, squares) = (m + shade, sum + shade * v, squares + shade * v * v);
+    }
+    squares / m - (sum / m) * (sum / m)
+}
+
+/// A bead on the near side moves down at the speed of the capillary. Uniform motion over a way w adds w^2/12 to the variance.
+#[test]
+fn an_exposure_of_a_turning_shaft_is_blurred_by_the_way_meanwhile() {
+    let camera = Camera { width: 96, height: 128, ux_px: 47.5, uy_px: 63.5, ..Camera::default() };
+    let still = Scene::new(SceneSettings { camera: camera.clone(), ..exact() });
+    let empty = still.render(&Exposure { angle_rad: 0.0, number: 7 });
+    let near_um = 180.0;
+    // Without a rim of bent light the shade is that of the thickness.
+    let grey = Material { absorption_per_mm: [20.0; 3], index_step: 0.0 };
+    still.load(Some(Specimen::bead(150.0).unwrap().of_material(grey).placed(at(0.0, 0.0, -near_um)))).unwrap();
+    let sharp = variance_of_shade(&still.render(&Exposure { angle_rad: 0.0, number: 7 }), &empty);
+    for turned_rad in [0.04, 0.08, 0.16] {
+        let frame = still.render_along(&|part| turned_rad * (part - 0.5), 7);
+        let way_px = turned_rad * near_um * camera.ky_px_per_um * camera.f_um / (camera.f_um - near_um);
+        let added = variance_of_shade(&frame, &empty) - sharp;
+        // Levels of 8 bits, and an arc that is not straight.
+        assert!((added - way_px * way_px / 12.0).abs() < 0.02 + 0.02 * way_px, "{way_px} px: {added} added");
+    }
+}
+
+#[test]
+fn a_shaft_that_stands_during_the_exposure_gives_the_same_frame_as_one_instant() {
+    let scene = loaded(SceneSettings::default(), Specimen::bead(300.0).unwrap().placed(at(0.0, 100.0, 0.0)));
+    let exposure = Exposure { angle_rad: 0.7, number: 3 };
+    assert_eq!(scene.render_along(&|_| 0.7, 3), scene.render(&exposure));
+    assert_ne!(scene.render_along(&|_| 0.7, 4), scene.render(&exposure), "other noise");
+}

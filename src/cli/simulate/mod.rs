@@ -140,6 +140,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     controller::connect(&mut config.rotation, &rig)?;
     let CameraDriver::Aravis(camera) = &mut config.camera else { anyhow::bail!(serve::NO_DEVICES) };
     camera.select = CameraSelect::Address(rig.camera_address());
+    camera.time_scale = args.time_scale;
     if let (true, Content::Scene(scenery)) = (args.second_camera, &content) {
         config.second = Some(second::beside(&mut rig, scenery.scene())?);
     }

@@ -44,11 +44,10 @@ pub fn may_be_tried_again(error: &RunError) -> bool {
         RunError::Overrun(Overrun { phase, .. }) => matches!(phase, Phase::Position | Phase::Detect | Phase::Revolve),
         RunError::Device(e) | RunError::Second(e) | RunError::Acquisition(AcquisitionError::Device { source: e, .. }) => {
             matches!(e, DeviceError::Views(e) if e.may_be_tried_again())
+                || e.is_of_frames()
                 || matches!(
                     e,
-                    DeviceError::NoFrame { .. }
-                        | DeviceError::CameraChanged { .. }
-                        | DeviceError::Translation { .. }
+                    DeviceError::Translation { .. }
                         | DeviceError::Suspect { .. }
                         | DeviceError::Missed { .. }
                         | DeviceError::Unexpected { .. }
@@ -79,7 +78,7 @@ fn is_camera(error: &RunError) -> bool {
     match error {
         RunError::Second(_) => true,
         RunError::Device(e) | RunError::Acquisition(AcquisitionError::Device { source: e, .. }) => {
-            matches!(e, DeviceError::NoFrame { .. } | DeviceError::CameraChanged { .. } | DeviceError::Views(_))
+            e.is_of_frames() || matches!(e, DeviceError::Views(_))
         }
         _ => false,
     }

@@ -13,6 +13,8 @@ use std::time::Duration;
 
 pub const WIDTH: u32 = 256;
 pub const HEIGHT: u32 = 64;
+/// Rig seconds per second.
+pub const TIME_SCALE: f64 = 10.0;
 /// Deadline for one frame in these tests, as in a run.
 pub const DEADLINE: Duration = Duration::from_secs(3);
 
@@ -41,12 +43,12 @@ pub struct Bench {
 }
 
 pub fn rig() -> Rig {
-    Rig::start(RigSettings { time_scale: 10.0, ..RigSettings::default() }, Arc::new(Numbered)).unwrap()
+    Rig::start(RigSettings { time_scale: TIME_SCALE, ..RigSettings::default() }, Arc::new(Numbered)).unwrap()
 }
 
 pub fn settings(rig: &Rig) -> AravisSettings {
     let select = CameraSelect::Address(rig.camera_address());
-    AravisSettings::new(select, PixelFormat::Mono8, WIDTH, HEIGHT, 1000.0)
+    AravisSettings { time_scale: TIME_SCALE, ..AravisSettings::new(select, PixelFormat::Mono8, WIDTH, HEIGHT, 1000.0) }
 }
 
 impl Bench {

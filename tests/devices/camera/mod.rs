@@ -9,3 +9,4 @@ mod frames;
 mod numbers;
 mod selection;
 mod stale;
+mod stream;

@@ -5,6 +5,7 @@
 //!            ── grab ─► drain ─► camera's time ─► TriggerSoftware ─► pop ─► complete, as configured, not older? ─► frame
 //!                          ▲                                                  │ no, or nothing came
 //!                          └──────────── again, until the deadline ◄──────────┘
+//!            ── stream ► trigger off, rate ─► new stream, buffers of the plan ─► pop ─► number and time counted on ─► sink
 //! aravis' own thread ── control-lost ──► a flag, nothing else
 //! ```
 //! Aravis' objects may move between threads but must not be shared. The rig worker, which blocks anyway, owns them all.
@@ -21,13 +22,14 @@ mod clock;
 mod configure;
 mod features;
 mod find;
+mod free_run;
 mod socket;
 mod stream;
 
 pub(super) use find::discover;
 
 use super::{AravisSettings, CameraSelect, MacAddress, Trigger};
-use crate::{Camera, ClockReading, DeviceError, Grabbed, Link, StreamCounters};
+use crate::{Camera, ClockReading, DeviceError, FrameSink, Grabbed, Link, StreamCounters, StreamEnd, StreamPlan};
 use accept::{Verdict, accept};
 use aravis::GvDevice;
 use aravis::glib;
@@ -388,7 +390,7 @@ impl Camera for AravisCamera {
         }
         self.reopen()?;
         self.settle()?;
-        self.armed = Some(Armed::start(&self.device()?.camera, &self.settings).map_err(|e| self.noted(e))?);
+        self.armed = Some(Armed::start(&self.device()?.camera, &self.settings, stream::BUFFERS).map_err(|e| self.noted(e))?);
         Ok(())
     }
 
@@ -427,6 +429,14 @@ impl Camera for AravisCamera {
                 self.arm()?;
             }
         }
+    }
+
+    fn highest_rate_hz(&mut self) -> Result<Option<f64>, DeviceError> {
+        free_run::highest_rate_hz(self.device()?).map_err(|e| self.noted(e))
+    }
+
+    fn stream(&mut self, plan: &StreamPlan, sink: FrameSink<'_>) -> Result<StreamEnd, DeviceError> {
+        self.run_free(plan, sink)
     }
 
     fn counters(&self) -> StreamCounters {

@@ -59,6 +59,11 @@ pub struct AravisSettings {
     #[serde(default = "default_frame_timeout_ms")]
     #[cfg_attr(feature = "schema", schemars(extend("x-level" = "expert")))]
     pub frame_timeout_ms: u32,
+    /// Seconds of the camera's clock per second of this computer's: 1, except for an emulated camera whose time runs faster or slower. The
+    /// two clocks are compared while the camera runs free.
+    #[serde(default = "default_time_scale")]
+    #[cfg_attr(feature = "schema", schemars(extend("x-level" = "expert")))]
+    pub time_scale: f64,
     /// Further GenICam features as `[name, value]`, set in this order before everything above.
     #[serde(default)]
     pub features: Vec<(String, String)>,
@@ -169,6 +174,10 @@ fn default_frame_timeout_ms() -> u32 {
     500
 }
 
+fn default_time_scale() -> f64 {
+    1.0
+}
+
 impl Ranged for AravisSettings {
     const RANGES: &'static [Range<Self>] = ranges![
         width: 1.0, SENSOR_MOST_PX, "px";
@@ -183,6 +192,7 @@ impl Ranged for AravisSettings {
         packet_size: 576.0, 9000.0, "bytes";
         socket_buffer_bytes: 1.0, i32::MAX as f64, "bytes";
         frame_timeout_ms: 1.0, 60_000.0, "ms";
+        time_scale: 0.001, 1000.0, "";
     ];
 
     fn outside_below(&self) -> Vec<OutOfRange> {
@@ -222,6 +232,7 @@ impl AravisSettings {
             packet_socket: false,
             resend: default_resend(),
             frame_timeout_ms: default_frame_timeout_ms(),
+            time_scale: default_time_scale(),
             features: Vec::new(),
         }
     }

@@ -92,6 +92,9 @@ codes! {
     CAMERA_NO_FRAME = "camera_no_frame", Camera, Retry, operator: false, recoverable: true,
         "No whole frame came within the step's deadline, though the camera answers.",
         "If it comes again, check the network cable and the other traffic on its network.";
+    CAMERA_CLOCK = "camera_clock", Camera, Retry, operator: false, recoverable: true,
+        "The camera's clock or frame numbers began anew in the middle of a turn, or its clock does not run as fast as the camera reports.",
+        "If it comes again, check the camera's power supply and firmware, and use a method that takes the views one by one.";
     CAMERA_CHANGED = "camera_changed", Camera, Retry, operator: false, recoverable: true,
         "A feature of the camera, such as exposure, gain or a mirrored picture, was changed while the run took views.",
         "If it comes again, exit the other program that changes the camera, and look at the camera's own automatic functions.";

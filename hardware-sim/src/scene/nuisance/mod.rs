@@ -66,10 +66,14 @@ impl Nuisances {
         self.window_dust.shade_fixed(light, camera, capillary, blur_px, self.seed);
     }
 
+    /// Whether there are marks or dust that turn with the shaft.
+    pub(super) fn turn_with_the_glass(&self) -> bool {
+        !(self.glass.none() && self.glass_dust.none() && self.water_dust.none())
+    }
+
     /// The sharp image of the empty capillary with the marks and the dust that turn with the shaft. `None` if there are none.
     pub(super) fn marked(&self, light: &[[f32; 3]], seen: &Turned<'_>) -> Option<Vec<[f32; 3]>> {
-        let none = self.glass.none() && self.glass_dust.none() && self.water_dust.none();
-        (!none).then(|| {
+        self.turn_with_the_glass().then(|| {
             let mut light = light.to_vec();
             self.glass.shade_turning(&mut light, seen.camera, seen.capillary, seen.angle_rad, self.seed);
             self.glass_dust.shade_on_glass(&mut light, seen, self.seed);

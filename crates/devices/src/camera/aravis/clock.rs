@@ -12,7 +12,7 @@ const LATCH: u32 = 2;
 /// A clock that runs. Not every camera has one.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct CameraClock {
-    ticks_per_s: u64,
+    pub ticks_per_s: u64,
 }
 
 impl CameraClock {

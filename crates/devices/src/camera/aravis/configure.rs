@@ -5,6 +5,9 @@ use crate::DeviceError;
 use aravis::prelude::*;
 use aravis::{AcquisitionMode, RangeCheckPolicy};
 
+/// Cameras take a rate in steps of their line time, which is below 0.1 % of a frame.
+const RATE_TOLERANCE: f64 = 0.01;
+
 /// Sets everything in the configuration, and checks the size of a frame.
 pub(super) fn configure(camera: &aravis::Camera, settings: &AravisSettings) -> Result<(), DeviceError> {
     // Without this policy a value out of range is accepted and ignored.
@@ -36,20 +39,7 @@ pub(super) fn configure(camera: &aravis::Camera, settings: &AravisSettings) -> R
     camera.gv_set_packet_size(packet as i32).map_err(|e| refused(&format!("packet size = {packet}"), &e))?;
     camera.set_acquisition_mode(AcquisitionMode::Continuous).map_err(|e| refused("AcquisitionMode = Continuous", &e))?;
     // Last, because setting a frame rate switches all triggers off, also those of the features above.
-    match &settings.trigger {
-        Trigger::Software => camera.set_trigger("Software").map_err(|e| refused("TriggerSource = Software", &e))?,
-        Trigger::Line(line) => camera.set_trigger(line).map_err(|e| refused(&format!("TriggerSource = {line}"), &e))?,
-        Trigger::FixedRateHz(rate) => {
-            camera.clear_triggers().map_err(|e| refused("TriggerMode = Off", &e))?;
-            let what = format!("frame rate = {rate} Hz");
-            // Aravis silently clamps a rate that is out of range.
-            let (least, most) = camera.frame_rate_bounds().map_err(|e| refused(&what, &e))?;
-            if !(least..=most).contains(rate) {
-                return Err(DeviceError::Camera { what, why: format!("this camera takes {least} to {most} Hz as it is configured") });
-            }
-            camera.set_frame_rate(*rate).map_err(|e| refused(&what, &e))?;
-        }
-    }
+    set_trigger(camera, &settings.trigger)?;
 
     let payload = camera.payload().map_err(|e| refused("PayloadSize", &e))? as usize;
     let expected = settings.frame_bytes();
@@ -58,6 +48,32 @@ pub(super) fn configure(camera: &aravis::Camera, settings: &AravisSettings) -> R
         return Err(DeviceError::Camera { what: "PayloadSize".into(), why });
     }
     Ok(())
+}
+
+/// Sets what begins an exposure.
+pub(super) fn set_trigger(camera: &aravis::Camera, trigger: &Trigger) -> Result<(), DeviceError> {
+    match trigger {
+        Trigger::Software => camera.set_trigger("Software").map_err(|e| refused("TriggerSource = Software", &e)),
+        Trigger::Line(line) => camera.set_trigger(line).map_err(|e| refused(&format!("TriggerSource = {line}"), &e)),
+        Trigger::FixedRateHz(rate) => set_free_run(camera, *rate).map(|_| ()),
+    }
+}
+
+/// Lets the camera take frames by itself. Returns the rate that it reports, Hz.
+pub(super) fn set_free_run(camera: &aravis::Camera, rate_hz: f64) -> Result<f64, DeviceError> {
+    camera.clear_triggers().map_err(|e| refused("TriggerMode = Off", &e))?;
+    let what = format!("frame rate = {rate_hz} Hz");
+    // Aravis silently clamps a rate that is out of range.
+    let (least, most) = camera.frame_rate_bounds().map_err(|e| refused(&what, &e))?;
+    if !(least..=most).contains(&rate_hz) {
+        return Err(DeviceError::Camera { what, why: format!("this camera takes {least} to {most} Hz as it is configured") });
+    }
+    camera.set_frame_rate(rate_hz).map_err(|e| refused(&what, &e))?;
+    let found = camera.frame_rate().map_err(|e| refused(&what, &e))?;
+    if (found / rate_hz - 1.0).abs() > RATE_TOLERANCE {
+        return Err(DeviceError::Camera { what, why: format!("the camera sets {found} Hz; choose a rate that it takes") });
+    }
+    Ok(found)
 }
 
 /// Sets the gain. A camera has either `Gain` or `GainRaw`, and the configured value for that one is used.

@@ -7,8 +7,8 @@ use aravis::prelude::*;
 use aravis::{GvDevice, GvStream, GvStreamOption, GvStreamPacketResend, GvStreamSocketBuffer};
 use std::time::{Duration, Instant};
 
-/// Number of buffers of a stream. One is filled at a time. The others hold late and repeated frames until they are drained.
-const BUFFERS: usize = 8;
+/// Number of buffers of a stream with triggers. One is filled at a time. The others hold late and repeated frames until they are drained.
+pub(super) const BUFFERS: u32 = 8;
 
 /// A running acquisition.
 pub(super) struct Armed {
@@ -19,8 +19,8 @@ pub(super) struct Armed {
 }
 
 impl Armed {
-    /// Creates a new stream and starts its acquisition.
-    pub fn start(camera: &aravis::Camera, settings: &AravisSettings) -> Result<Self, DeviceError> {
+    /// Creates a new stream with this many buffers and starts its acquisition.
+    pub fn start(camera: &aravis::Camera, settings: &AravisSettings, buffers: u32) -> Result<Self, DeviceError> {
         if let Some(gv) = camera.device().as_ref().and_then(|d| d.downcast_ref::<GvDevice>()) {
             let packets = if settings.packet_socket { GvStreamOption::NONE } else { GvStreamOption::PACKET_SOCKET_DISABLED };
             gv.set_stream_options(packets);
@@ -38,7 +38,7 @@ impl Armed {
             gv.set_socket_buffer_size(settings.socket_buffer_bytes as i32);
             gv.set_packet_resend(if settings.resend { GvStreamPacketResend::Always } else { GvStreamPacketResend::Never });
         }
-        for _ in 0..BUFFERS {
+        for _ in 0..buffers {
             stream.push_buffer(aravis::Buffer::new_allocate(settings.frame_bytes()));
         }
         camera.start_acquisition().map_err(|e| super::refused("AcquisitionStart", &e))?;
