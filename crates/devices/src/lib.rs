@@ -122,6 +122,8 @@ pub struct ClockReading {
     pub camera_ns: u64,
     /// The middle of the exchange that has read it.
     pub host: std::time::Instant,
+    /// Seconds of the camera's clock per second of this computer's. It is 1 except for an emulated camera.
+    pub scale: f64,
 }
 
 impl ClockReading {
@@ -131,7 +133,7 @@ impl ClockReading {
             Some(since) => since.as_secs_f64(),
             None => -self.host.duration_since(host).as_secs_f64(),
         };
-        self.camera_ns as f64 + since_s * 1e9
+        self.camera_ns as f64 + since_s * self.scale * 1e9
     }
 }
 

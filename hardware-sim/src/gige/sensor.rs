@@ -240,7 +240,7 @@ impl Sensor {
             return;
         }
         let shaft = Arc::clone(&self.shaft);
-        let path_rad = move |part: f64| shaft.angle_at_rad(begin_s + part * exposure_s);
+        let path_rad = move |part: f64| shaft.seen_at_rad(begin_s + part * exposure_s);
         let exposure = Exposure { angle_rad: path_rad(0.5), number: self.state.number };
         let middle_s = begin_s + 0.5 * exposure_s;
         let timestamp_ns = self.faults.clock_ns(middle_s);
@@ -266,7 +266,7 @@ impl Sensor {
             number: exposure.number,
             middle_s,
             camera_ns: timestamp_ns,
-            angle_rad: exposure.angle_rad,
+            angle_rad: self.shaft.angle_at_rad(middle_s),
             sha256: Sha256::digest(&bytes).into(),
             sent,
         });

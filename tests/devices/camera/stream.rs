@@ -74,8 +74,10 @@ fn fits_the_rate(frames: &[StreamedFrame], rate_hz: f64, off_by_s: f64) {
 #[test]
 fn frames_come_by_themselves_with_numbers_and_times_that_fit_the_rate() {
     let mut bench = Bench::armed();
+    let before = bench.camera.clock().unwrap().unwrap();
     let (frames, end) = bench.stream_frames(100, |_| ());
     bench.hold_stream(&frames, 0);
+    assert!(frames.iter().all(|f| before.camera_ns < f.camera_ns), "a reading of the clock counts as the frames do");
     assert!((end.rate_hz - RATE_HZ).abs() < 1e-6, "{end:?}");
     // The camera's clock has nanoseconds, and its rate is a number of 32 bits.
     fits_the_rate(&frames, RATE_HZ, 1e-5);

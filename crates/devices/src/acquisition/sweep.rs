@@ -550,7 +550,7 @@ mod tests {
     fn an_acknowledgement_that_comes_too_late_ends_the_sweep() {
         let way = plan().way(CAN, 1.0 / HZ, 0.05);
         let host = Instant::now();
-        let clock = ClockReading { camera_ns: FakeCamera::CLOCK_NS, host };
+        let clock = ClockReading { camera_ns: FakeCamera::CLOCK_NS, host, scale: 1.0 };
         let after = |late_ms: u64| {
             let taken = host + Duration::from_millis(late_ms);
             let begun = Begun { sent: host, taken, steps_per_s: plan().steps_per_s(), acceleration_steps_per_s2: 2000.0 };

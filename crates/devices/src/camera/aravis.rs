@@ -461,7 +461,8 @@ impl Camera for AravisCamera {
             let Some(camera_ns) = open.now_ns().map_err(|e| self.failed("a look at its clock", &e))? else { return Ok(None) };
             let took = began.elapsed();
             if shortest.is_none_or(|(least, _)| took < least) {
-                shortest = Some((took, ClockReading { camera_ns, host: began + took / 2 }));
+                let camera_ns = free_run::without_highest_bit(camera_ns);
+                shortest = Some((took, ClockReading { camera_ns, host: began + took / 2, scale: self.settings.time_scale }));
             }
         }
         Ok(shortest.map(|(_, reading)| reading))

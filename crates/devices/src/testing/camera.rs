@@ -107,7 +107,7 @@ impl Camera for FakeCamera {
     }
 
     fn clock(&mut self) -> Result<Option<ClockReading>, DeviceError> {
-        Ok(self.streams.as_ref().map(|_| ClockReading { camera_ns: Self::CLOCK_NS, host: Instant::now() }))
+        Ok(self.streams.as_ref().map(|_| ClockReading { camera_ns: Self::CLOCK_NS, host: Instant::now(), scale: 1.0 }))
     }
 
     fn stream(&mut self, plan: &StreamPlan, sink: FrameSink<'_>) -> Result<StreamEnd, DeviceError> {

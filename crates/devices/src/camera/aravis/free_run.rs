@@ -58,6 +58,11 @@ impl Reading {
     }
 }
 
+/// The beginning of a stream by the camera's clock, ns, with room to count on.
+pub(super) fn without_highest_bit(camera_ns: u64) -> u64 {
+    camera_ns & (u64::MAX >> 1)
+}
+
 /// The camera's clock during a stream, counted on over a wrap and held against this computer's clock.
 #[derive(Debug, Clone)]
 struct CountedClock {
@@ -102,8 +107,7 @@ impl CountedClock {
             return Err(if camera_ns < self.last_ns { self.restarted(camera_ns) } else { self.wrong(elapsed_ns, passed_s) });
         }
         (self.elapsed_ns, self.last_ns) = (elapsed_ns, camera_ns);
-        // Without the highest bit there is room for all that follows.
-        Ok(Some((self.start.camera_ns & (u64::MAX >> 1)) + elapsed_ns))
+        Ok(Some(without_highest_bit(self.start.camera_ns) + elapsed_ns))
     }
 
     /// Compares both clocks after the last frame.
@@ -358,5 +362,7 @@ mod tests {
         clock.scale = 10.0;
         assert_eq!(clock.advance(9 * GHZ, at(1.0)).unwrap(), Some(9 * GHZ));
         clock.finish(Reading { before: at(0.99), camera_ns: 10 * GHZ, after: at(1.01) }).unwrap();
+        let reading = crate::ClockReading { camera_ns: 9, host: at(0.0), scale: 10.0 };
+        assert!((reading.camera_ns_at(at(1.0)) - 10e9 - 9.0).abs() < 1.0);
     }
 }
