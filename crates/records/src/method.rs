@@ -21,8 +21,7 @@ pub enum ViewOrder {
     /// Halves, then quarters, then eighths of the turn, and so on. The live model shows its shape after a few views, but the axis turns
     /// further.
     CoarseToFine,
-    /// In one sweep: the axis turns at a constant speed while the camera runs freely. It needs a Grbl controller and a camera with a
-    /// clock.
+    /// In one sweep: the axis turns at a constant speed while the camera runs freely (docs/sweep.md).
     Sweep,
 }
 
@@ -47,13 +46,14 @@ pub struct SweepSettings {
     /// Time of a turn, s.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub turn_s: Option<f64>,
-    /// Longest way of the wall of the capillary during an exposure, px of the picture. A longer way blurs the outline.
+    /// Longest way of the wall of the capillary during an exposure, px of the picture. An outline moves less, and its middle stays where it
+    /// is: only its blur grows.
     pub blur_px: f64,
 }
 
 impl Default for SweepSettings {
     fn default() -> Self {
-        Self { frame_rate_hz: None, turn_s: None, blur_px: 0.5 }
+        Self { frame_rate_hz: None, turn_s: None, blur_px: 1.0 }
     }
 }
 
