@@ -72,18 +72,18 @@ test-features: deps-build deps-python ## what is not in the default build: Parqu
 test-slurm: deps-build deps-slurm ## examples/slurm on a Slurm of this machine, which is installed where missing (as root, takes minutes)
 	$(CARGO) test --locked --test commands slurm:: -- --ignored --nocapture
 
-# Clippy reads all code once, with every feature. Other sets of features need only compile without warnings: `cargo check` cannot refuse
-# warnings of these crates alone, so it is Clippy without its own lints.
-COMPILES = $(CARGO) clippy --locked
-WARNINGS = -A clippy::all -A clippy::pedantic -D warnings
+# Clippy reads all code with every feature, and then what other sets of features change. With the same arguments it does not read a crate
+# twice whose features are the same.
+CLIPPY = $(CARGO) clippy --locked
+STRICT = -D warnings
 
 lint: deps-build deps-python $(NODE_MODULES) ## formatting, clippy with every feature, builds with other features, types and formatting of page and Python client
 	$(CARGO) fmt --all --check
 	$(CARGO) fmt --manifest-path fuzz/Cargo.toml --check
-	$(CARGO) clippy --workspace --all-targets --locked --features s3,parquet -- -D warnings
-	$(COMPILES) --workspace --all-targets --no-default-features --features simulate -- $(WARNINGS)
-	$(COMPILES) -p carved --no-default-features --features s3 -- $(WARNINGS)
-	$(COMPILES) -p carved-core --all-targets --no-default-features -- $(WARNINGS)
+	$(CLIPPY) --workspace --all-targets --features s3,parquet -- $(STRICT)
+	$(CLIPPY) --workspace --all-targets --no-default-features --features simulate -- $(STRICT)
+	$(CLIPPY) -p carved --no-default-features --features s3 -- $(STRICT)
+	$(CLIPPY) -p carved-core --all-targets --no-default-features -- $(STRICT)
 	@if [ -d "$$(rustc --print target-libdir --target $(WASM))" ] || why=$$(timeout 120 rustup target add $(WASM) 2>&1); then \
 		set -x; $(CARGO) check -p carved-core --locked --no-default-features --target $(WASM); \
 	else \
