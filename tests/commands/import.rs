@@ -203,6 +203,8 @@ fn what_cannot_be_imported_is_named_and_leaves_nothing() {
     let (tiny, aside) = (camera("tiny.json", "0.18", "1e-9"), camera("aside.json", "\"uy\": 31.5", "\"uy\": 3e7"));
     let (unlike, tilted) = (camera("unlike.json", "\"ky\": 0.18", "\"ky\": 0.6"), write("tilted.json", &psi(r#", "gamma": 12"#)));
     let elsewhere = write("elsewhere.csv", "file,angle_deg\nv1.png,0\n../../x/v2.png,90\nv3.png,180\nv10.png,270\n");
+    let film = write("film.csv", "file,time_s\nv1.png,10.0\nv2.png,10.7\nv3.png,11.4\nv10.png,12.1\n");
+    let backwards = write("backwards.csv", "time_s\n10.0\n10.7\n10.7\n12.1\n");
     let same = write("same.txt", "4,32\n4,32\n4,32\n4,32\n");
     let before = names(dir.path());
     let import = |args: &[&str]| {
@@ -220,6 +222,11 @@ fn what_cannot_be_imported_is_named_and_leaves_nothing() {
         (&["--even", "--method", "x"], "give --config too"),
         (&["--angles", text(&two)], "found no angle of v3.png, v10.png"),
         (&["--angles", text(&same)], "say --relative"),
+        (&["--angles", text(&film)], "say with --turn-s how long a turn takes"),
+        (&["--angles", text(&film), "--turn-s", "1.4"], "v10.png was taken 540.0 deg after the first picture"),
+        (&["--angles", text(&film), "--turn-s", "0"], "expected a time above 0 s"),
+        (&["--angles", text(&backwards), "--turn-s", "2.8"], "the time of v3.png is not after that of the picture before it"),
+        (&["--angles", text(&same), "--turn-s", "2.8"], "has no column time_s"),
         (&["--cameras", text(&deg)], "go around 43 times"),
         (&["--cameras", text(&deg), "--even"], "--cameras gives omega and --even other angles"),
         (&["--cameras", text(&wide), "--even"], "65 x 65 px, the pictures 64 x 64 px"),
@@ -250,4 +257,14 @@ fn what_cannot_be_imported_is_named_and_leaves_nothing() {
     assert!(output.status.success() && stderr(&output).contains("v10.png follows v3.png"), "{}", stderr(&output));
     assert!(json(&out.join("import.json"))["warnings"].to_string().contains("v10.png follows v3.png"));
     assert!(refused(&["import", text(&folder), "--even", "--out", text(&out)]).contains("nothing is overwritten"));
+
+    // A film of a turn at a constant speed.
+    let filmed = dir.path().join("filmed");
+    let output = run(&["import", text(&folder), "--angles", text(&film), "--turn-s", "2.8", "--out", text(&filmed)]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let omegas = |of: &Path| {
+        let ledger = json(&of.join("recording.json"))["ledger"].clone();
+        ledger.as_array().unwrap().iter().map(|e| e["omega"].as_f64().unwrap()).collect::<Vec<_>>()
+    };
+    assert_eq!(omegas(&filmed), omegas(&out), "a quarter of a turn in 0.7 s");
 }

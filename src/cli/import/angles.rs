@@ -6,6 +6,7 @@
 //!  CSV            file,angle_deg      or view,omega_rad, ...         header required
 //!  a column       0                   degrees, one per line
 //!                 17,14
+//!  a film         file,time_s         times of a turn at a constant speed
 //! ```
 //! Degrees are angles of the axis, which the rig's sense converts to omega. Radians are omega.
 
@@ -20,6 +21,8 @@ pub(in crate::cli) enum Angles {
     Degrees(Vec<f64>),
     /// Angles omega, rad.
     Rad(Vec<f64>),
+    /// Times of pictures of an axis that turns at a constant speed, s.
+    Seconds(Vec<f64>),
 }
 
 /// The pictures of a plate, for a list that names files.
@@ -44,9 +47,10 @@ enum Column {
     View,
     Degrees,
     Rad,
+    Seconds,
 }
 
-const COLUMNS: &str = "angle_deg (or degrees) or omega_rad, and perhaps view or file";
+const COLUMNS: &str = "angle_deg (or degrees), omega_rad or time_s, and perhaps view or file";
 
 fn column(name: &str) -> Option<Column> {
     Some(match name.to_lowercase().replace([' ', '-'], "_").as_str() {
@@ -54,6 +58,7 @@ fn column(name: &str) -> Option<Column> {
         "view" => Column::View,
         "angle_deg" | "degrees" | "deg" => Column::Degrees,
         "omega_rad" | "omega" => Column::Rad,
+        "time_s" | "seconds" => Column::Seconds,
         _ => return None,
     })
 }
@@ -119,13 +124,13 @@ fn external(rows: &[Row], pictures: &[String]) -> anyhow::Result<Angles> {
 
 fn table(header: &[String], rows: &[Row], pictures: &[String], plate: Option<&PlatePictures>) -> anyhow::Result<Angles> {
     let found = || format!("found the columns {}", header.join(", "));
-    let at = |wanted: [Column; 2]| -> anyhow::Result<Option<usize>> {
+    let at = |wanted: &[Column]| -> anyhow::Result<Option<usize>> {
         let places: Vec<usize> = (0..header.len()).filter(|&i| column(&header[i]).is_some_and(|c| wanted.contains(&c))).collect();
         ensure!(places.len() < 2, "{}, expected one of {COLUMNS}: two of them say the same thing", found());
         Ok(places.first().copied())
     };
-    let Some(angle) = at([Column::Degrees, Column::Rad])? else { bail!("{}, expected {COLUMNS}", found()) };
-    let key = at([Column::File, Column::View])?;
+    let Some(angle) = at(&[Column::Degrees, Column::Rad, Column::Seconds])? else { bail!("{}, expected {COLUMNS}", found()) };
+    let key = at(&[Column::File, Column::View])?;
     let mut angles = Vec::new();
     let mut keys = Vec::new();
     for (n, row) in rows {
@@ -141,7 +146,11 @@ fn table(header: &[String], rows: &[Row], pictures: &[String], plate: Option<&Pl
         Some(_) => by_view(&keys, &of_all(angles, pictures)?)?,
         None => of_all(angles, pictures)?,
     };
-    Ok(if column(&header[angle]) == Some(Column::Rad) { Angles::Rad(angles) } else { Angles::Degrees(angles) })
+    Ok(match column(&header[angle]) {
+        Some(Column::Rad) => Angles::Rad(angles),
+        Some(Column::Seconds) => Angles::Seconds(angles),
+        _ => Angles::Degrees(angles),
+    })
 }
 
 fn of_all(angles: Vec<f64>, pictures: &[String]) -> anyhow::Result<Vec<f64>> {

@@ -54,6 +54,9 @@ pub struct Args {
     /// The degrees of --angles are turns since the previous view, made before its frame, not positions of the axis
     #[arg(long, requires = "angles")]
     relative: bool,
+    /// Time of a turn, s: --angles has the times of a film (`time_s`) of an axis that turns at a constant speed
+    #[arg(long, value_name = "SECONDS", requires = "angles", conflicts_with = "relative")]
+    turn_s: Option<f64>,
     /// The frames are evenly spaced over one turn
     #[arg(long)]
     even: bool,
@@ -252,6 +255,17 @@ fn omega_deg(
         }
         (None, Some(file), _) => match angles::read(file, names, plate)? {
             Angles::Rad(rad) => of_rad(rad, format!("omega_rad of --angles {}", file.display())),
+            Angles::Seconds(seconds) => {
+                let turn_s = args
+                    .turn_s
+                    .with_context(|| format!("--angles {}: found times; say with --turn-s how long a turn takes", file.display()))?;
+                let from = format!("time_s of --angles {}, a turn in {turn_s} s, sense {sense}", file.display());
+                let deg = swept(&seconds, turn_s, names).with_context(|| from.clone())?;
+                Ok((of_axis(deg), from))
+            }
+            Angles::Degrees(_) if args.turn_s.is_some() => {
+                bail!("--turn-s: --angles {} has no column time_s; leave --turn-s out, or give the time of each picture", file.display())
+            }
             Angles::Degrees(deg) => {
                 let from =
                     format!("degrees of --angles {}{}, sense {sense}", file.display(), if args.relative { ", relative" } else { "" });
@@ -272,6 +286,23 @@ fn omega_deg(
             bail!("no angles: give --cameras with omega, --angles, or --even if the frames stand evenly around one turn")
         }
     }
+}
+
+/// Positions of an axis that turns once in `turn_s` seconds, at the times of the pictures, deg from the first.
+fn swept(seconds: &[f64], turn_s: f64, names: &[String]) -> anyhow::Result<Vec<f64>> {
+    ensure!(turn_s > 0.0 && turn_s.is_finite(), "--turn-s {turn_s}: expected a time above 0 s");
+    let first = seconds.first().copied().unwrap_or_default();
+    let deg: Vec<f64> = seconds.iter().map(|at| 360.0 * (at - first) / turn_s).collect();
+    let back = deg.windows(2).position(|pair| pair[1] <= pair[0]);
+    ensure!(back.is_none(), "the time of {} is not after that of the picture before it", names[back.unwrap_or_default() + 1]);
+    let beyond = deg.iter().position(|deg| *deg > 361.0);
+    ensure!(
+        beyond.is_none(),
+        "{} was taken {:.1} deg after the first picture: give the pictures of one turn, and that at 360 deg as the closure view",
+        names[beyond.unwrap_or_default()],
+        deg[beyond.unwrap_or_default()]
+    );
+    Ok(deg)
 }
 
 /// Converts turns between views to positions. The first position is 0.
