@@ -2,6 +2,7 @@
 
 use super::period::Orbit;
 use carved_core::flag::StoredFlag;
+use carved_records::SweepSettings;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
@@ -159,7 +160,13 @@ pub struct Bead {
     /// Median blur of the edges, px, and that for which the method is set.
     pub blur_px: Option<[f64; 2]>,
     pub flags: Vec<StoredFlag>,
+    /// Axis and camera can take the usual sweep ([`SWEEP`]).
+    #[serde(default)]
+    pub can_sweep: bool,
 }
+
+/// The sweep that is proposed for a rig: its views, and frames per second.
+pub const SWEEP: (u32, f64) = (84, SweepSettings::USUAL_HZ);
 
 /// The files that were written.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

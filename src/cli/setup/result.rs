@@ -1,5 +1,6 @@
 //! What a set-up ends with: the configuration, and the summary for the person.
 
+use super::bench::SWEEP;
 use super::draft::Draft;
 use super::judgement::out_of_focus;
 use super::question::steps;
@@ -70,6 +71,13 @@ pub fn summary(s: &State) -> String {
         proof.volume_um3 / 1e6,
         PI / 6e6 * stated.powi(3)
     );
+    if proof.can_sweep {
+        let (views, rate_hz) = SWEEP;
+        text += &format!(
+            "Axis and camera can take a turn of {views} views in one sweep of {:.1} s: docs/sweep.md has the method to add.\n",
+            f64::from(views) / rate_hz
+        );
+    }
     if s.answered("sense") == Some("unknown") {
         text += "The sense of rotation is not measured: models may be mirror images. Measure it with carved calibrate marked.\n";
     }

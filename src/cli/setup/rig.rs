@@ -1,6 +1,6 @@
 //! The real instrument behind [`Bench`]. Devices are open only while an action needs them.
 
-use super::bench::{Action, Bead, Bench, Controller, Empty, FoundExposure, Listed, Outcome, Request, Turn, Written};
+use super::bench::{Action, Bead, Bench, Controller, Empty, FoundExposure, Listed, Outcome, Request, SWEEP, Turn, Written};
 use super::period::orbit;
 use super::question::ratio_f64;
 use crate::cli::camera::{average, exposure, light as camera_light};
@@ -14,7 +14,7 @@ use carved_core::frame::RawFrame;
 use carved_core::pipeline::{Pipeline, SegmentedFrame};
 use carved_core::profile::{EmptyCapillary, Picture};
 use carved_core::units::StepsPerRevolution;
-use carved_devices::acquisition::{Next, RevolutionPlan, revolve};
+use carved_devices::acquisition::{Next, RevolutionPlan, SweepPlan, revolve};
 use carved_devices::cancel::CancelToken;
 use carved_devices::outputs::{views_off, views_on};
 use carved_devices::rotation::{Port, RotationDriver, entry, identify, protocols, serial_ports};
@@ -270,7 +270,11 @@ impl RealBench {
     fn measure(&self, config: &Config) -> anyhow::Result<Bead> {
         let method = method(config)?;
         let plan = RevolutionPlan::new(method.asd, config.steps_per_revolution, ViewOrder::Sequential)?;
-        let views = self.with_rig(config, |rig| self.views(rig, config, &[&plan]))?;
+        let sweep = SweepPlan::new(SWEEP.0, config.steps_per_revolution, SWEEP.1)?;
+        let (views, can_sweep) = self.with_rig(config, |rig| {
+            let views = self.views(rig, config, &[&plan])?;
+            Ok((views, sweep.check(rig.rotation.as_ref(), rig.camera.as_mut()).is_ok()))
+        })?;
         let mut pipeline = pipeline(config)?;
         let looked = look(&pipeline, views.iter().map(|(_, frame)| frame))?;
         for ((entry, _), seen) in views.iter().zip(&looked) {
@@ -293,6 +297,7 @@ impl RealBench {
             gamma_deg: psi.gamma.to_degrees(),
             blur_px: record.blur_px().map(|blur| [blur, method.segment.edge.blur_px]),
             flags: record.flags,
+            can_sweep,
         })
     }
 

@@ -71,6 +71,7 @@ pub fn turn(period_steps: f64) -> Turn {
 
 pub fn bead(diameter_um: f64) -> Bead {
     Bead {
+        can_sweep: true,
         diameter_um,
         aspect: 1.0,
         volume_um3: 6.5e7,
@@ -215,6 +216,7 @@ fn the_straight_way_moves_after_the_confirmation_only() {
     let (machine, person) = set_up(FakeBench::new("grbl"), &[]);
     assert!(moves_only_when_confirmed(&person.log.borrow()));
     assert!(machine.summary().contains("The bead is right") && machine.summary().contains("mirror images"), "{}", machine.summary());
+    assert!(machine.summary().contains("84 views in one sweep of 2.8 s"), "{}", machine.summary());
     let k = table(&machine, &["optics", "ky_px_per_um"]).as_float().unwrap();
     assert!((k - 118.0 / 650.0 * 505.0 / 500.0).abs() < 1e-9, "the bead is the ruler: {k}");
 }
@@ -359,9 +361,10 @@ fn a_bead_out_of_focus_is_named_with_both_numbers() {
 
 #[test]
 fn a_blurred_proof_is_named_at_the_end() {
-    let blurred = |diameter| Ok(Outcome::Bead(Bead { blur_px: Some([4.0, 1.0]), ..bead(diameter) }));
+    let blurred = |diameter| Ok(Outcome::Bead(Bead { blur_px: Some([4.0, 1.0]), can_sweep: false, ..bead(diameter) }));
     let (machine, _) = set_up(FakeBench::new("grbl").with(Action::Measure, [blurred(505.0), blurred(500.5)]), &[]);
     assert!(machine.summary().contains("focus the lens"), "{}", machine.summary());
+    assert!(!machine.summary().contains("sweep"), "this rig cannot: {}", machine.summary());
 }
 
 #[test]
