@@ -39,7 +39,7 @@ pub(super) fn progress(d: &mut DriverState, progress: Progress) {
             let view = View { achieved_steps, position_deg, hull_volume_um3, estimate, wait, light };
             d.publish(|s| {
                 // A late view of an earlier specimen is written to the journal and not shown.
-                if let Some(shown) = s.specimen.as_ref().filter(|shown| shown.well == well) {
+                if let (Some(shown), Some(live)) = (s.specimen.as_ref().filter(|shown| shown.well == well), live) {
                     show(d, &well, shown.view + u32::from(hull_volume_um3.is_some()), live);
                 }
                 show_view(s, &well, &view);

@@ -82,7 +82,8 @@ pub enum Progress {
         /// Why there is no estimate yet.
         wait: Option<VolumeWait>,
         light: Option<Light>,
-        live: Live,
+        /// `None` while more views wait than can be drawn.
+        live: Option<Live>,
     },
     /// The finished surface for the page, and the numbers. Another specimen may be in the capillary by now.
     Measured {

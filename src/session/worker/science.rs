@@ -70,6 +70,7 @@ impl Science {
             estimator: LiveEstimator::new(context.method.early_stop),
             enough: Arc::clone(&enough),
             blind: Blind::default(),
+            drawn: None,
         };
         let work_through = move || {
             let _living = living;

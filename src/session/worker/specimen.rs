@@ -23,7 +23,7 @@ use carved_store::{self, MeasurementFile, RecordingWriter};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 use std::sync::mpsc::{Receiver, Sender};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// A message of the rig thread.
 #[allow(clippy::large_enum_variant, reason = "nearly all of them are views")]
@@ -107,7 +107,12 @@ pub struct Specimen {
     /// The rule has ended the turn. The rig thread goes to the closure view.
     pub enough: Arc<AtomicBool>,
     pub blind: Blind,
+    /// When a view was drawn last.
+    pub drawn: Option<Instant>,
 }
+
+/// Shortest time between two drawn views while others wait.
+const BETWEEN_DRAWINGS: Duration = Duration::from_millis(250);
 
 /// How the turn ended.
 enum Turn {
@@ -192,11 +197,14 @@ impl Specimen {
             self.seconds.retain(|(taken, _)| taken.view != index);
             self.seconds.push((entry.clone(), second));
         }
-        stages.store.time(|| writer.add_view(entry, frame))?;
         if self.unwanted.load(Ordering::Acquire) || self.context.cancel.is_cancelled() {
+            stages.store.time(|| writer.add_view(entry, frame))?;
             return Ok(Ok(waiting()));
         }
-        let seen = match stages.profile.time(|| pipeline.look(frame)) {
+        let StageClock { store, profile, .. } = stages;
+        let (stored, seen) = rayon::join(|| store.time(|| writer.add_view(entry, frame)), || profile.time(|| pipeline.look(frame)));
+        stored?;
+        let seen = match seen {
             Ok(seen) => seen,
             Err(e) => return failed(e),
         };
@@ -242,7 +250,12 @@ impl Specimen {
         let hull_volume_um3 = (!closure && retake == 0).then(|| pipeline.live().volume_um3);
         let (well, estimate) = (self.planned.well.clone(), estimator.known());
         let wait = estimator.wait(is_seen_around(writer.recording().ledger.carved().map(|entry| entry.omega)));
-        let live = stages.live.time(|| live::of_view(&seen, &pipeline.live_mesh()));
+        // The pictures are for people. Views that come faster than they can be drawn share one.
+        let is_drawn = waiting.is_none() || closure || self.drawn.is_none_or(|at| at.elapsed() >= BETWEEN_DRAWINGS);
+        let live = is_drawn.then(|| stages.live.time(|| live::of_view(&seen, &pipeline.live_mesh())));
+        if is_drawn {
+            self.drawn = Some(Instant::now());
+        }
         self.context.report(Progress::View { well, index, closure, achieved_steps, hull_volume_um3, estimate, wait, light, live });
         Ok(Ok(waiting))
     }

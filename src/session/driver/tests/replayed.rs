@@ -163,7 +163,7 @@ pub(super) async fn takes(b: &mut Bench, axis_answers: &AtomicBool, step: &Step)
                 estimate,
                 wait: None,
                 light: None,
-                live,
+                live: Some(live),
             });
         }
         Step::Accepts(well) if b.works() && open(b, well) => {

@@ -14,6 +14,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 impl Bench {
     /// Reports a view of a well. Returns `false` if the run is cancelled.
     fn view(&mut self, well: &str, index: u32) -> bool {
+        self.view_with(well, index, Some(Live::default()))
+    }
+
+    fn view_with(&mut self, well: &str, index: u32, live: Option<Live>) -> bool {
         self.report(Progress::View {
             well: well.into(),
             index,
@@ -23,7 +27,7 @@ impl Bench {
             estimate: LiveEstimate { volume_um3: Some(2e8), volume_sd_um3: Some(1e6), volume_views: Some(7), converged: Some(false) },
             wait: None,
             light: Some(Light { background: 190.0, saturated: 0.0, focus: 0.01 }),
-            live: Live::default(),
+            live,
         })
     }
 
@@ -58,6 +62,22 @@ fn a_turn_that_is_tried_again_is_counted_from_its_first_view_on() {
         }
         assert!(b.view("A01", 0));
         assert_eq!(b.shown(), ("A01".into(), 1, 1, Some(2e8)));
+    });
+}
+
+/// Of views that come faster than they can be drawn not every one is drawn.
+#[test]
+fn a_view_that_is_not_drawn_is_counted_and_leaves_the_pictures_of_the_last_one() {
+    on_this_thread(async {
+        let dir = scratch();
+        let mut b = started(dir.path(), false, &["A01"]);
+        b.turns("A01", 3);
+        let pictures = |b: &Bench| b.handle.live().shown.map(|shown| (shown.well, shown.views));
+        assert_eq!(pictures(&b), Some(("A01".into(), 3)));
+        assert!(b.view_with("A01", 3, None));
+        assert_eq!((b.shown().1, pictures(&b)), (4, Some(("A01".into(), 3))));
+        assert!(b.view("A01", 4));
+        assert_eq!(pictures(&b), Some(("A01".into(), 5)));
     });
 }
 
