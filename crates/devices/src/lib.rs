@@ -106,9 +106,9 @@ pub struct EvenMotion {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Begun {
     /// When the command was sent. The axis begins to turn between this and `taken`.
-    pub sent: std::time::Instant,
+    pub sent: Instant,
     /// When the controller had acknowledged it.
-    pub taken: std::time::Instant,
+    pub taken: Instant,
     /// The speed between the ramps, as the controller was told it, steps/s.
     pub steps_per_s: f64,
     /// Acceleration of the ramps, steps/s^2.
@@ -121,14 +121,14 @@ pub struct ClockReading {
     /// The camera's clock, ns, as in the frames of its stream.
     pub camera_ns: u64,
     /// The middle of the exchange that has read it.
-    pub host: std::time::Instant,
-    /// Seconds of the camera's clock per second of this computer's. It is 1 except for an emulated camera.
+    pub host: Instant,
+    /// Seconds of the camera's clock per second of this computer's: 1, but for an emulated rig whose time runs faster or slower.
     pub scale: f64,
 }
 
 impl ClockReading {
     /// The camera's clock at another instant, ns.
-    pub fn camera_ns_at(&self, host: std::time::Instant) -> f64 {
+    pub fn camera_ns_at(&self, host: Instant) -> f64 {
         let since_s = match host.checked_duration_since(self.host) {
             Some(since) => since.as_secs_f64(),
             None => -self.host.duration_since(host).as_secs_f64(),

@@ -24,7 +24,7 @@ use anyhow::Context;
 use cables::Cables;
 use carved_devices::camera::CameraSelect;
 use carved_devices::sampler::{LoaderInterlock, Sampler};
-use carved_records::{Mode, is_well};
+use carved_records::{Mode, ViewOrder, is_well};
 use carved_store::Claim;
 use hardware_sim::{Rig, RigSettings, ShaftSettings, Sight, SlideSettings};
 use holds::Holds;
@@ -39,6 +39,9 @@ use std::time::Duration;
 /// The configuration of the emulated rig. The addresses of its devices are filled in once they are open.
 const CONFIG: &str = include_str!("../../../config/simulated.toml");
 const CONFIG_NAME: &str = "config/simulated.toml (built in)";
+
+/// Views of a simulated turn in one sweep.
+const SWEEP_VIEWS: u32 = 84;
 
 #[derive(Debug, clap::Args)]
 #[allow(clippy::struct_excessive_bools, reason = "each is a switch of the command line")]
@@ -82,6 +85,12 @@ pub struct Args {
     /// Frames of 256 rows around the capillary instead of 1024: a specimen is measured with less work. For tests of other programs.
     #[arg(long, conflicts_with = "replay")]
     small: bool,
+    /// Take the views of each turn in one sweep, at 30 frames/s: docs/sweep.md.
+    #[arg(long, conflicts_with_all = ["replay", "second_camera"])]
+    sweep: bool,
+    /// Views of each turn [default: 21, and 84 with --sweep].
+    #[arg(long, value_name = "N", conflicts_with = "replay")]
+    views: Option<u32>,
     /// Add a second emulated camera for fluorescence.
     #[arg(long, conflicts_with = "replay")]
     second_camera: bool,
@@ -121,6 +130,12 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     }
     if args.small {
         with_small_frames(&mut config)?;
+    }
+    for method in config.methods.values_mut() {
+        if args.sweep {
+            (method.order, method.asd) = (ViewOrder::Sweep, SWEEP_VIEWS);
+        }
+        method.asd = args.views.unwrap_or(method.asd);
     }
     let listener = http::bind(&config.http)?;
     let listen = listener.local_addr().context("the address that is served")?;
