@@ -17,4 +17,5 @@ mod motion_zaber;
 mod oracles;
 mod outputs;
 mod sampler;
+mod sweep;
 mod wire;

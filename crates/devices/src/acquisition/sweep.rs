@@ -20,12 +20,14 @@ use carved_core::units::{Steps, StepsPerRevolution};
 use carved_records::{Ledger, LedgerEntry, LedgerError, Light, Method, Swept, sha256_hex};
 use std::ops::ControlFlow;
 use std::sync::mpsc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Frames before the axis begins to turn. The period of the camera is measured on them.
 const FRAMES_BEFORE: u32 = 6;
 /// Time by which the sweep is longer than needed, for an acknowledgement that comes late, s.
 const RUN_OUT_S: f64 = 0.3;
+/// Delay with which the arrival may be reported, s. A person needs longer to hold and release an axis.
+const ARRIVAL_SLACK_S: f64 = 0.5;
 /// Largest difference between the measured period and the one that was asked for, as a ratio.
 const PERIOD_OFF: f64 = 0.03;
 /// Longest time without a frame.
@@ -57,6 +59,9 @@ pub enum SweepError {
          constant speed. Look what keeps this computer busy"
     )]
     Late { late_ms: f64, beyond_ms: f64 },
+    /// The axis arrived too late for its speed.
+    #[error("the axis arrived {late_ms:.0} ms later than its speed says: it was held during the sweep, or this computer was busy")]
+    Held { late_ms: f64 },
     /// Too many frames did not arrive.
     #[error(
         "{missing} of {planned} views of the sweep did not arrive, up to {longest} in a row; at most {allowed} and {allowed_in_a_row} in a row \
@@ -71,7 +76,7 @@ pub enum SweepError {
 impl SweepError {
     /// Whether another sweep may succeed: the cause was a busy computer or network.
     pub fn may_be_tried_again(&self) -> bool {
-        matches!(self, Self::Late { .. } | Self::Missing { .. })
+        matches!(self, Self::Late { .. } | Self::Held { .. } | Self::Missing { .. })
     }
 }
 
@@ -182,6 +187,8 @@ struct Constant {
     /// Times between which all frames count, ns.
     since_ns: f64,
     until_ns: f64,
+    /// Time at which the axis has arrived, at the latest, ns.
+    arrives_ns: f64,
     /// Position at `since_ns` if the axis began in the middle of its bracket, steps.
     at_since: f64,
     steps_per_s: f64,
@@ -203,6 +210,7 @@ impl Constant {
         Self {
             since_ns,
             until_ns: sent + constant_s * 1e9,
+            arrives_ns: taken + (constant_s + ramp_s) * 1e9,
             at_since: way.from.0 as f64 + v * (since_ns - start_ns) * 1e-9 - v * ramp_s / 2.0,
             steps_per_s: v,
             start_sd_s: late_s / 12.0_f64.sqrt(),
@@ -253,11 +261,23 @@ pub fn sweep(
                 .move_evenly(way.to, steps_per_s, &mut |at| {
                     let _gone = tell.send(at);
                 })
-                .map(Some)
+                .map(|arrived| Some((arrived, Instant::now())))
         });
         let frames = Frames::Before { first: None, go, begun };
-        let mut taker =
-            Taker { plan, settings, cancel, clock, rest_s, way, epoch: stands.epoch, frames, ledger: Ledger::default(), sink, ended: None };
+        let mut taker = Taker {
+            plan,
+            settings,
+            cancel,
+            clock,
+            rest_s,
+            way,
+            epoch: stands.epoch,
+            frames,
+            arrives_ns: None,
+            ledger: Ledger::default(),
+            sink,
+            ended: None,
+        };
         let stream = StreamPlan { rate_hz: plan.frame_rate_hz, buffers: plan.asd + 4 * FRAMES_BEFORE, silence: SILENCE };
         let streamed = camera
             .stream(&stream, &mut |frame| if axis.is_finished() && taker.is_before() { ControlFlow::Break(()) } else { taker.take(frame) });
@@ -273,10 +293,12 @@ pub fn sweep(
     });
     let moved = moved.unwrap_or_else(|panic| std::panic::resume_unwind(panic));
     match (taker.ended.take(), moved) {
-        (Some(Ok(())), Ok(arrived)) => {
-            if let Some(arrived) = arrived.filter(|arrived| arrived.epoch != stands.epoch) {
+        (Some(Ok(())), Ok(None)) => {}
+        (Some(Ok(())), Ok(Some((arrived, at)))) => {
+            if arrived.epoch != stands.epoch {
                 return Err(LedgerError::EpochChanged { view: plan.asd, expected: stands.epoch, found: arrived.epoch }.into());
             }
+            taker.check_arrival(at)?;
         }
         // An axis that ends early ends the stream too.
         (_, Err(source)) if !matches!(source, DeviceError::Stopped) => return Err(failed(source)),
@@ -316,6 +338,8 @@ struct Taker<'a, S> {
     way: Way,
     epoch: u32,
     frames: Frames,
+    /// The camera's time at which the axis has arrived if nobody held it, ns.
+    arrives_ns: Option<f64>,
     ledger: Ledger,
     sink: S,
     /// The closure view was taken, or the sweep has failed.
@@ -362,8 +386,15 @@ impl<S: FnMut(LedgerEntry, RawFrame) -> Result<(), SinkClosed>> Taker<'_, S> {
         // Without an answer the axis has ended, and says why. The camera has buffers for the time of the acknowledgement.
         let Some(begun) = go.send(steps_per_s).ok().and_then(|()| begun.recv().ok()) else { return ControlFlow::Continue(()) };
         let constant = Constant::of(self.way, begun, self.clock, self.rest_s);
+        self.arrives_ns = Some(constant.arrives_ns);
         self.frames = Frames::Turning { constant, zero: None, period_ms: period_s * 1e3 };
         ControlFlow::Continue(())
+    }
+
+    /// An axis that was held and went on has arrived late. Its views have other angles.
+    fn check_arrival(&self, at: Instant) -> Result<(), SweepError> {
+        let late_s = self.arrives_ns.map_or(0.0, |arrives_ns| (self.clock.camera_ns_at(at) - arrives_ns) * 1e-9 / self.clock.scale);
+        if late_s > ARRIVAL_SLACK_S { Err(SweepError::Held { late_ms: late_s * 1e3 }) } else { Ok(()) }
     }
 
     /// Hands on a frame of the part with constant speed.
@@ -427,7 +458,6 @@ mod tests {
     use carved_core::frame::PixelFormat;
     use carved_core::units::Sense;
     use std::sync::{Arc, Mutex};
-    use std::time::Instant;
 
     const CAN: EvenMotion = EvenMotion { fastest_steps_per_s: 1000.0, acceleration_steps_per_s2: 2000.0 };
     const ASD: u32 = 84;
