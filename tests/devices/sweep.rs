@@ -170,7 +170,10 @@ fn an_axis_that_was_held_and_went_on_has_not_swept() {
     let ended = bench.sweep(|emulated, entry| match entry.view {
         10 => emulated.faults().button(Button::FeedHold, true),
         // A second later.
-        40 => emulated.faults().button(Button::CycleStart, true),
+        40 => {
+            emulated.faults().button(Button::FeedHold, false);
+            emulated.faults().button(Button::CycleStart, true);
+        }
         _ => {}
     });
     assert!(matches!(ended, Err(AcquisitionError::Sweep(SweepError::Held { .. }))), "{ended:?}");
