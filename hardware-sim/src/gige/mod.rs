@@ -123,6 +123,12 @@ impl GigeCamera {
         self.memory.lock().unwrap_or_else(PoisonError::into_inner).values.write(register, raw)
     }
 
+    /// The register of a feature. `None` if the camera does not have it.
+    pub fn feature(&self, name: &str) -> Option<u32> {
+        let memory = self.memory.lock().unwrap_or_else(PoisonError::into_inner);
+        features::Register::named(name).map(|register| memory.values.read(register))
+    }
+
     /// Puts another camera of the same model, with this serial number, in the place of this one.
     pub fn exchange(&self, serial: &str) {
         self.memory.lock().unwrap_or_else(PoisonError::into_inner).exchange(serial);

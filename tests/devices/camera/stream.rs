@@ -97,6 +97,8 @@ fn frames_come_by_themselves_with_numbers_and_times_that_fit_the_rate() {
 
 /// After a stream the camera takes a picture for each trigger and none without.
 fn waits_for_triggers(bench: &mut Bench) {
+    // On, and by software.
+    assert_eq!(["TriggerMode", "TriggerSource"].map(|name| bench.rig.camera().feature(name)), [Some(1), Some(6)]);
     bench.take();
     let before = bench.rig.exposures().len();
     let attempts: u32 = (0..5).map(|_| bench.take().attempts).sum();

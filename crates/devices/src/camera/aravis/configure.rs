@@ -50,13 +50,22 @@ pub(super) fn configure(camera: &aravis::Camera, settings: &AravisSettings) -> R
     Ok(())
 }
 
-/// Sets what begins an exposure.
+/// Sets what begins an exposure, and reads it back.
 pub(super) fn set_trigger(camera: &aravis::Camera, trigger: &Trigger) -> Result<(), DeviceError> {
-    match trigger {
-        Trigger::Software => camera.set_trigger("Software").map_err(|e| refused("TriggerSource = Software", &e)),
-        Trigger::Line(line) => camera.set_trigger(line).map_err(|e| refused(&format!("TriggerSource = {line}"), &e)),
-        Trigger::FixedRateHz(rate) => set_free_run(camera, *rate).map(|_| ()),
+    let source = match trigger {
+        Trigger::Software => "Software",
+        Trigger::Line(line) => line,
+        Trigger::FixedRateHz(rate) => return set_free_run(camera, *rate).map(|_| ()),
+    };
+    let what = format!("TriggerSource = {source}");
+    camera.set_trigger(source).map_err(|e| refused(&what, &e))?;
+    for (name, expected) in [("TriggerMode", "On"), ("TriggerSource", source)] {
+        let found = camera.string(name).map_err(|e| refused(name, &e))?;
+        if found != expected {
+            return Err(DeviceError::Camera { what, why: format!("the camera has {name} = {found} instead of {expected}") });
+        }
     }
+    Ok(())
 }
 
 /// Lets the camera take frames by itself. Returns the rate that it reports, Hz.
