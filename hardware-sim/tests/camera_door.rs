@@ -215,6 +215,8 @@ fn free_run_needs_no_trigger_and_single_frame_mode_sends_one() {
     let camera = open(&rig);
     camera.set_string("TriggerSelector", "FrameStart").unwrap();
     camera.set_string("TriggerMode", "Off").unwrap();
+    // Of rig time: a hundred per second.
+    camera.set_float("AcquisitionFrameRateAbs", 2.0).unwrap();
     let live = stream(&camera, 8);
     camera.start_acquisition().unwrap();
     for _ in 0..20 {
