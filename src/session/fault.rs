@@ -71,6 +71,7 @@ fn code_of_device(error: &DeviceError) -> &'static FaultCode {
 pub fn of(seq: u64, error: &RunError) -> Fault {
     let code = match error {
         RunError::Device(e) | RunError::Acquisition(AcquisitionError::Device { source: e, .. }) => code_of_device(e),
+        RunError::Acquisition(AcquisitionError::Sweep(e)) if e.is_of_frames() => &fault_table::CAMERA_NO_FRAME,
         RunError::Acquisition(AcquisitionError::Sweep(e)) if !e.may_be_tried_again() => &fault_table::SETUP_UNUSABLE,
         RunError::Acquisition(_) => &fault_table::REVOLUTION_FAILED,
         RunError::Overrun(e) if matches!(e.phase, Phase::Load | Phase::Eject | Phase::Wash) => &fault_table::SAMPLER_OVERRUN,

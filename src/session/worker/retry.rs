@@ -3,8 +3,8 @@
 //! ```text
 //!                                       retried   if the retry fails too   the specimen
 //! a feature of the camera that changed     x       the run is held          stays: the run continues with it
-//! frames of a sweep that did not come      x       the run is held          is ejected
-//! a frame that did not come                x       the run is held          stays: the run continues with it
+//! a sweep that was held or began late      x       the run is held          is ejected
+//! frames that did not come                 x       the run is held          stays: the run continues with it
 //! any error of the second camera           frame   the run is held          stays: the run continues with it
 //! detect, revolve overran                  x       the well fails           is ejected
 //! reconstruct, measure overran                     the well fails           is ejected
@@ -80,6 +80,7 @@ fn is_camera(error: &RunError) -> bool {
         RunError::Device(e) | RunError::Acquisition(AcquisitionError::Device { source: e, .. }) => {
             e.is_of_frames() || matches!(e, DeviceError::Views(_))
         }
+        RunError::Acquisition(AcquisitionError::Sweep(e)) => e.is_of_frames(),
         _ => false,
     }
 }
@@ -94,6 +95,15 @@ pub fn is_intervention(error: &RunError) -> bool {
     }
 }
 
+/// Whether the rig cannot do the sweep of its method. Nothing has turned.
+fn is_unfit_for_sweep(error: &RunError) -> bool {
+    match error {
+        RunError::Acquisition(AcquisitionError::Sweep(e)) => !e.may_be_tried_again(),
+        RunError::Acquisition(AcquisitionError::Device { source, .. }) => matches!(source, DeviceError::Uneven { .. }),
+        _ => false,
+    }
+}
+
 /// Whether an output that the pictures need was not switched on. The specimen is not the cause.
 fn is_output(error: &RunError) -> bool {
     matches!(error, RunError::Device(DeviceError::Output { .. }))
@@ -101,7 +111,11 @@ fn is_output(error: &RunError) -> bool {
 
 /// Whether the specimen stays in the capillary, and the run continues with it once a person has removed the cause.
 pub fn keeps_specimen(error: &RunError) -> bool {
-    matches!(error, RunError::Optics { .. } | RunError::NotTurning { .. }) || is_camera(error) || is_output(error) || is_intervention(error)
+    matches!(error, RunError::Optics { .. } | RunError::NotTurning { .. })
+        || is_camera(error)
+        || is_output(error)
+        || is_unfit_for_sweep(error)
+        || is_intervention(error)
 }
 
 #[cfg(test)]
@@ -109,6 +123,7 @@ mod tests {
     use super::*;
     use crate::session::worker::OpticsFault;
     use carved_core::profile::ProfileError;
+    use carved_devices::acquisition::SweepError;
 
     fn no_frame() -> DeviceError {
         DeviceError::NoFrame { waited_ms: 3000, attempts: 3, last: "nothing".into() }
@@ -126,6 +141,14 @@ mod tests {
             assert!(may_be_tried_again(&lost) && !costs_its_well_only(&lost) && keeps_specimen(&lost), "{lost}");
         }
         assert!(keeps_specimen(&RunError::Second(DeviceError::ControlLost)));
+        let swept = |e: SweepError| RunError::from(AcquisitionError::from(e));
+        let missing = swept(SweepError::Missing { missing: 20, planned: 84, longest: 9, allowed: 8, allowed_in_a_row: 4 });
+        assert!(may_be_tried_again(&missing) && keeps_specimen(&missing));
+        let held = swept(SweepError::Held { late_ms: 900.0 });
+        assert!(may_be_tried_again(&held) && !keeps_specimen(&held), "its position is lost");
+        for unfit in [swept(SweepError::NoFreeRun), in_view(DeviceError::Uneven { steps_per_s: 179.0, fastest: None })] {
+            assert!(!may_be_tried_again(&unfit) && keeps_specimen(&unfit), "{unfit}");
+        }
         let suspect = || DeviceError::Suspect { why: "it was restarted".into() };
         assert!(may_be_tried_again(&in_view(suspect())) && !costs_its_well_only(&in_view(suspect())));
         for error in [
