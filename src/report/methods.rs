@@ -1,7 +1,7 @@
 //! The methods paragraph of runs: what was done, by which version, with every parameter.
 
 use crate::tables::method_hash;
-use carved_records::{Mode, SpecimenKind};
+use carved_records::{Method, Mode, SpecimenKind, ViewOrder};
 use carved_store::{Software, StoreError, StoredRun};
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
@@ -187,11 +187,9 @@ fn paragraph(run: &StoredRun, recorded: &Recorded, hash: &str) -> String {
         add(format_args!("The rig was {}.", joined(&recorded.rigs)));
     }
     add(format_args!(
-        "By the method {}{version} (SHA-256 of its settings {hash}), each specimen was turned about the axis of the capillary, and a frame was \
-         taken at each of {} evenly spaced angles{}.",
+        "By the method {}{version} (SHA-256 of its settings {hash}), each specimen was turned about the axis of the capillary, and {}.",
         record.plan.method,
-        method.asd,
-        if record.mode == Mode::Imported { "" } else { ", to the nearest step of the motor" },
+        taking(method, record.mode),
     ));
     let segmentation = serde_json::to_value(method.segment.method).ok().and_then(|m| m.as_str().map(str::to_owned)).unwrap_or_default();
     add(format_args!(
@@ -261,9 +259,31 @@ fn flatten(path: &str, value: &Value, found: &mut Vec<Parameter>) {
     }
 }
 
+/// How the frames of a turn were taken.
+fn taking(method: &Method, mode: Mode) -> String {
+    let asd = method.asd;
+    match (method.order, mode) {
+        (ViewOrder::Sweep, _) => format!(
+            "{asd} frames of the turn were taken at a constant speed, {:.1} per second; their angles follow from the clock of the camera",
+            method.sweep.rate_hz(asd)
+        ),
+        (_, Mode::Imported) => format!("a frame was taken at each of {asd} evenly spaced angles"),
+        _ => format!("a frame was taken at each of {asd} evenly spaced angles, to the nearest step of the motor"),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_sweep_is_not_described_as_stops() {
+        let text = "asd = 84\norder = \"sweep\"\nepsilon = 0.05\nvoxel_um = 6.93\nsweep = { turn_s = 1.4 }";
+        let said = taking(&toml::from_str(text).unwrap(), Mode::Hardware);
+        assert!(said.contains("84 frames") && said.contains("60.0 per second") && !said.contains("nearest step"), "{said}");
+        let stops = taking(&toml::from_str(&text.replace("\"sweep\"", "\"sequential\"")).unwrap(), Mode::Hardware);
+        assert!(stops.contains("nearest step of the motor"), "{stops}");
+    }
 
     #[test]
     fn every_value_of_a_document_has_its_path() {

@@ -262,6 +262,8 @@ pub fn sweep(
     let clock = rig.camera.clock().map_err(failed)?.ok_or(SweepError::NoClock)?;
     let Rig { rotation, camera } = rig;
     let (moved, mut taker) = std::thread::scope(|scope| {
+        // The scope waits for the axis, so a motion that is not wanted any more ends within it, also in a panic.
+        let moving = StopUnlessDone::of(stop.clone());
         let (go, may_go) = mpsc::channel::<f64>();
         let (tell, begun) = mpsc::channel::<Begun>();
         let axis = scope.spawn(move || {
@@ -294,8 +296,10 @@ pub fn sweep(
         if let Err(source) = streamed {
             taker.ended.get_or_insert(Err(failed(source)));
         }
-        if !matches!(taker.ended, Some(Ok(()))) {
-            stop.end_motion();
+        if matches!(taker.ended, Some(Ok(()))) {
+            moving.done();
+        } else {
+            drop(moving);
         }
         // An axis that waits for its speed ends here.
         taker.frames = Frames::Over;
