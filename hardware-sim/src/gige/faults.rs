@@ -6,6 +6,8 @@ use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
+/// Frames in free run that may wait: some minutes. A frame that waits takes no memory, because it is made when it is sent.
+const WAITING_FRAMES: u32 = 20_000;
 /// Bytes of the headers before the data of a datagram.
 const IP_AND_UDP: usize = 28;
 
@@ -44,6 +46,7 @@ pub struct CameraFaults {
     stale_packets: AtomicU32,
     keep_numbers: AtomicBool,
     first_number: AtomicU32,
+    waiting_frames: AtomicU32,
     mute: AtomicBool,
     stolen: AtomicBool,
     unplugged: AtomicBool,
@@ -72,6 +75,7 @@ impl CameraFaults {
             stale_packets: AtomicU32::default(),
             keep_numbers: AtomicBool::default(),
             first_number: AtomicU32::new(1),
+            waiting_frames: AtomicU32::new(WAITING_FRAMES),
             mute: AtomicBool::default(),
             stolen: AtomicBool::default(),
             unplugged: AtomicBool::default(),
@@ -178,6 +182,11 @@ impl CameraFaults {
         self.first_number.store(number.max(1).into(), Ordering::Relaxed);
     }
 
+    /// Lets at most this many frames in free run wait to be sent. The camera loses the others.
+    pub fn let_frames_wait(&self, most: u32) {
+        self.waiting_frames.store(most, Ordering::Relaxed);
+    }
+
     /// Unplugs the network cable (`true`) or plugs it in again. The camera itself continues.
     pub fn pull_cable(&self, out: bool) {
         self.unplugged.store(out, Ordering::Relaxed);
@@ -265,6 +274,10 @@ impl CameraFaults {
 
     pub(super) fn first_number(&self) -> u16 {
         self.first_number.load(Ordering::Relaxed) as u16
+    }
+
+    pub(super) fn most_waiting(&self) -> f64 {
+        self.waiting_frames.load(Ordering::Relaxed).into()
     }
 
     pub(super) fn is_unplugged(&self) -> bool {

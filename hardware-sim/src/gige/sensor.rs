@@ -8,8 +8,8 @@
 //! A trigger during an exposure is lost, as with the real camera. A trigger during readout is accepted.
 //!
 //! In free run the exposures are at the instants of rig time that the rate gives, also when this thread is late: the shaft knows where
-//! it stood. Their frames then come later, in order, with their true times. If more than [`WAITING_FRAMES`] wait, the camera loses
-//! frames: their numbers are missing.
+//! it stood. Their frames then come later, in order, with their true times. If too many wait, the camera loses frames: their numbers are
+//! missing.
 
 use super::faults::CameraFaults;
 use super::features::{CONTINUOUS, SINGLE_FRAME};
@@ -31,8 +31,6 @@ use std::time::{Duration, Instant};
 
 /// Frames that can still be sent again.
 const KEPT_FRAMES: usize = 8;
-/// Frames in free run that may wait to be made and sent: several turns.
-const WAITING_FRAMES: f64 = 512.0;
 /// Packets are sent in bursts of this length, and the thread sleeps between them. A scheduler cannot time shorter pauses.
 const BURST: Duration = Duration::from_micros(250);
 
@@ -199,7 +197,7 @@ impl Sensor {
     fn free_run(&mut self) {
         let (now_s, period_s) = (self.clock.now_s(), 1.0 / f64::from(self.lock().values.rate_hz()));
         let due_s = *self.state.due_s.get_or_insert(now_s);
-        if now_s - due_s > WAITING_FRAMES * period_s {
+        if now_s - due_s > self.faults.most_waiting() * period_s {
             if self.pause_until(Instant::now()) {
                 self.state.due_s = Some(due_s + period_s);
                 self.lose_frame(due_s);

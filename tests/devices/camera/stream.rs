@@ -151,6 +151,21 @@ fn frames_that_were_never_sent_or_came_cut_leave_gaps_and_shift_no_other() {
     assert!(end.incomplete.len() >= 2 && end.incomplete.iter().all(|id| cut.contains(id)), "{end:?} of {cut:?}");
 }
 
+/// A frame every 5 ms, each held back by 20 ms on average.
+#[test]
+fn frames_for_which_the_camera_has_no_room_are_missing_by_number() {
+    let mut bench = Bench::armed();
+    bench.faults().hold_frames_ms(40);
+    bench.faults().let_frames_wait(3);
+    let (frames, end) = bench.stream_frames(40, |_| ());
+    bench.hold_stream(&frames, 0);
+    fits_the_rate(&frames, RATE_HZ, 1e-5);
+    let (missing, exposures) = (missing(&frames), bench.rig.exposures());
+    assert!(missing.len() > 10, "{missing:?}");
+    let lost = |id: &u64| exposures.iter().any(|e| e.frame_id == *id && !e.sent);
+    assert!(missing.iter().all(|id| lost(id) || end.incomplete.contains(id)), "{missing:?}");
+}
+
 #[test]
 fn numbers_of_16_bits_count_on_where_they_wrap() {
     let mut bench = Bench::armed();
