@@ -16,7 +16,7 @@ WASM := wasm32-unknown-unknown
 
 NODE_MODULES := web/node_modules/.package-lock.json
 PAGE := web/dist/index.html.gz
-PAGE_SOURCES := $(wildcard web/src/*.* web/src/setup/* web/src/docs/* docs/*.md docs/*.png docs/*/*.svg *.md clients/python/*.md) web/build.mjs web/docs.mjs
+PAGE_SOURCES := $(wildcard web/src/*.* web/src/setup/* web/src/wall/* web/src/docs/* docs/*.md docs/*.png docs/*/*.svg *.md clients/python/*.md) web/build.mjs web/docs.mjs
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 22

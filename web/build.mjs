@@ -31,6 +31,7 @@ async function page(html, script, style, outdir) {
 async function pages() {
   await rm("dist", { recursive: true, force: true });
   await page("src/setup/index.html", { setup: "src/setup/main.ts" }, { setup: "src/setup/setup.css" }, "dist/setup");
+  await page("src/wall/index.html", { wall: "src/wall/main.ts" }, { wall: "src/wall/wall.css" }, "dist/wall");
   const count = await docs("..", "dist/docs");
   await build({ ...COMMON, entryPoints: { docs: "src/docs/main.ts" }, outdir: "dist/docs", format: "esm" });
   await build({ ...COMMON, entryPoints: { docs: "src/docs/docs.css" }, outdir: "dist/docs" });

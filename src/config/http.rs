@@ -22,6 +22,11 @@ pub struct HttpSettings {
     /// File with the bearer token that every client must send; readable by the daemon alone (mode 0600). Write the whole path: a
     /// relative one begins in the working directory of the daemon.
     pub token_file: Option<PathBuf>,
+    /// File with a second token, with which a client reads and commands nothing; as `token_file`. It is for displays on a wall.
+    pub read_token_file: Option<PathBuf>,
+    /// Origins of pages that may read the status of this instrument in a browser, as `"http://10.0.0.5:8420"`: the address at which the
+    /// page of several instruments is opened. They command nothing.
+    pub wall_origins: Vec<String>,
     /// Deadline for the head of a request, ms. A client that reads nothing of its answer for so long is cut too.
     #[schemars(extend("x-level" = "expert"))]
     pub head_timeout_ms: u64,
@@ -49,6 +54,8 @@ impl Default for HttpSettings {
             listen: SocketAddr::from(([127, 0, 0, 1], 8420)),
             allowed_hosts: Vec::new(),
             token_file: None,
+            read_token_file: None,
+            wall_origins: Vec::new(),
             // Schedulers back off to one poll in 5 s, and the same timer limits the pause between two requests of a connection. The value
             // is therefore above 5 s, and below the 10 s after which a slow client must be dropped.
             head_timeout_ms: 8_000,
@@ -84,6 +91,12 @@ pub enum HttpSettingsError {
     TokenWeak { path: PathBuf, found: usize },
     #[error("http: {name:?} in allowed_hosts is not a bare host name; write it without scheme, port or path")]
     AllowedHost { name: String },
+    #[error("http: read_token_file: without token_file everybody may command; make a token for commands first, and name it as token_file")]
+    ReadTokenAlone,
+    #[error("http: read_token_file: it has the token of token_file, with which everything can be commanded; make another one")]
+    SameTokens,
+    #[error("http: {found:?} in wall_origins is no origin; write scheme, host and port without a path, as \"http://10.0.0.5:8420\"")]
+    WallOrigin { found: String },
     #[error("http.{0}")]
     Number(OutOfRange),
 }
@@ -103,16 +116,22 @@ impl HttpSettings {
     /// All breaches except numbers out of range. The port is not opened.
     pub(super) fn check(&self) -> Vec<HttpSettingsError> {
         let hosts = self.allowed_hosts.iter().filter_map(|name| bare(name).err());
-        self.token(self.listen).err().into_iter().chain(hosts).collect()
+        let origins = self.wall_origins.iter().filter_map(|origin| bare_origin(origin).err());
+        self.tokens(self.listen).err().into_iter().chain(hosts).chain(origins).collect()
     }
 
-    /// The token that clients of a listener at `local` must send. `None` if no token is required.
-    fn token(&self, local: SocketAddr) -> Result<Option<String>, HttpSettingsError> {
+    /// The token that clients of a listener at `local` must send, and that with which they only read. `None` if no token is required.
+    fn tokens(&self, local: SocketAddr) -> Result<(Option<String>, Option<String>), HttpSettingsError> {
         let token = self.token_file.clone().map(read_token).transpose()?;
         if token.is_none() && !local.ip().is_loopback() {
             return Err(HttpSettingsError::TokenMandatory { listen: local });
         }
-        Ok(token)
+        let read = self.read_token_file.clone().map(read_token).transpose()?;
+        match (&token, &read) {
+            (None, Some(_)) => Err(HttpSettingsError::ReadTokenAlone),
+            (Some(token), Some(read)) if token == read => Err(HttpSettingsError::SameTokens),
+            _ => Ok((token, read)),
+        }
     }
 
     /// The access rules, checked for a listener at `local`.
@@ -123,7 +142,8 @@ impl HttpSettings {
         if let Some(breach) = self.outside().into_iter().next() {
             return Err(HttpSettingsError::Number(breach));
         }
-        let token = self.token(local)?;
+        let (token, read_token) = self.tokens(local)?;
+        self.wall_origins.iter().try_for_each(|origin| bare_origin(origin))?;
         let mut hosts: BTreeSet<String> = ["localhost", "127.0.0.1", "[::1]"].map(String::from).into();
         if !local.ip().is_unspecified() {
             hosts.insert(host_of(local.ip()));
@@ -132,7 +152,7 @@ impl HttpSettings {
             bare(name)?;
             hosts.insert(name.to_ascii_lowercase());
         }
-        Ok(Guard { hosts, token })
+        Ok(Guard { hosts, token, read_token })
     }
 
     /// Time that a client has to send a request's body.
@@ -146,6 +166,8 @@ impl HttpSettings {
 pub struct Guard {
     pub hosts: BTreeSet<String>,
     pub token: Option<String>,
+    /// The token of clients that only read.
+    pub read_token: Option<String>,
 }
 
 /// An address in the format of a `Host` header.
@@ -161,6 +183,16 @@ fn bare(name: &str) -> Result<(), HttpSettingsError> {
     let authority = name.parse::<axum::http::uri::Authority>();
     let bare = authority.is_ok_and(|a| a.host() == name && a.port().is_none() && !name.contains('*'));
     if bare { Ok(()) } else { Err(HttpSettingsError::AllowedHost { name: name.to_owned() }) }
+}
+
+/// Refuses an origin that no browser sends, and a wildcard.
+fn bare_origin(origin: &str) -> Result<(), HttpSettingsError> {
+    let host = origin.split_once("://").filter(|(scheme, _)| matches!(*scheme, "http" | "https")).map(|(_, rest)| rest);
+    let is_bare = host.is_some_and(|host| {
+        let authority = host.parse::<axum::http::uri::Authority>();
+        authority.is_ok_and(|a| a.as_str() == host && !host.contains(['*', '@']) && !host.chars().any(char::is_uppercase))
+    });
+    if is_bare { Ok(()) } else { Err(HttpSettingsError::WallOrigin { found: origin.to_owned() }) }
 }
 
 fn read_token(path: PathBuf) -> Result<String, HttpSettingsError> {
@@ -204,6 +236,20 @@ mod tests {
         for weak in ["", "short", &format!("{} {}", "k".repeat(20), "k".repeat(20))] {
             let file = token_file(weak, 0o600);
             assert!(matches!(with(&file).guard(local), Err(HttpSettingsError::TokenWeak { .. })), "{weak:?}");
+        }
+        let both = |read: &tempfile::NamedTempFile| {
+            let token = token_file(&"k".repeat(32), 0o600);
+            HttpSettings { token_file: Some(token.path().into()), read_token_file: Some(read.path().into()), ..HttpSettings::default() }
+                .guard(local)
+        };
+        assert!(matches!(both(&token_file(&"k".repeat(32), 0o600)), Err(HttpSettingsError::SameTokens)));
+        assert_eq!(both(&token_file(&"r".repeat(32), 0o600)).unwrap().read_token.unwrap(), "r".repeat(32));
+        let alone = token_file(&"r".repeat(32), 0o600);
+        let alone = HttpSettings { read_token_file: Some(alone.path().into()), ..HttpSettings::default() };
+        assert!(matches!(alone.guard(local), Err(HttpSettingsError::ReadTokenAlone)));
+        for wrong in ["*", "http://*", "10.0.0.5:8420", "http://wall/", "ftp://wall", "http://a@wall", "http://Wall"] {
+            let settings = HttpSettings { wall_origins: vec![wrong.into()], ..HttpSettings::default() };
+            assert!(matches!(settings.guard(local), Err(HttpSettingsError::WallOrigin { .. })), "{wrong}");
         }
         let gone = HttpSettings { token_file: Some("/nonexistent/token".into()), ..HttpSettings::default() };
         assert!(gone.guard(local).unwrap_err().to_string().contains("/nonexistent/token"));

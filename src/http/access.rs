@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! request ─> Host in the list? ─> changes something: same origin? ─> token, if one is set ─> route
-//!               403 wrong_host            403 wrong_origin                401 unauthorized
+//!               403 wrong_host            403 wrong_origin                401 unauthorized, 403 read_only
 //! ```
 //! The `Host` list stops DNS rebinding, in which the name of a hostile page resolves to this machine, so that `Origin` and `Host` agree.
 //! The origin check stops requests that a browser sends for pages of other sites.
@@ -30,8 +30,7 @@ pub(super) async fn check_guard(State(guard): State<Arc<Guard>>, request: Reques
 }
 
 async fn checked(guard: &Guard, request: Request, next: Next) -> Response {
-    let refused =
-        host(&guard.hosts, &request).and_then(|asked| origin(&request, &asked)).and_then(|()| token(guard.token.as_deref(), &request));
+    let refused = host(&guard.hosts, &request).and_then(|asked| origin(&request, &asked)).and_then(|()| token(guard, &request));
     match refused {
         Ok(()) => next.run(request).await,
         Err(problem) => problem.into_response(),
@@ -96,8 +95,8 @@ pub(super) fn is_open(path: &str) -> bool {
     !(path == "/metrics" || path == "/v1" || path.starts_with("/v1/"))
 }
 
-fn token(wanted: Option<&str>, request: &Request) -> Result<(), Problem> {
-    let Some(wanted) = wanted else { return Ok(()) };
+fn token(guard: &Guard, request: &Request) -> Result<(), Problem> {
+    let Some(wanted) = guard.token.as_deref() else { return Ok(()) };
     if is_open(request.uri().path()) && !changes_something(request.method()) {
         return Ok(());
     }
@@ -107,6 +106,13 @@ fn token(wanted: Option<&str>, request: &Request) -> Result<(), Problem> {
     });
     match shown {
         Some(shown) if same(shown, wanted) => Ok(()),
+        Some(shown) if guard.read_token.as_deref().is_some_and(|read| same(shown, read)) => {
+            if !changes_something(request.method()) {
+                return Ok(());
+            }
+            let detail = "this token only reads; use the instrument's token to command it";
+            Err(Problem::new(StatusCode::FORBIDDEN, "read_only", detail))
+        }
         Some(_) => Err(unauthorized("the bearer token is not this instrument's")),
         None => Err(unauthorized("send the instrument's token as `Authorization: Bearer TOKEN`")),
     }

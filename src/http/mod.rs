@@ -50,7 +50,7 @@ use crate::session::replays::Replays;
 use axum::body::Bytes;
 use axum::extract::Request;
 use axum::http::header::{self, HeaderName};
-use axum::http::{HeaderMap, HeaderValue, StatusCode};
+use axum::http::{HeaderMap, HeaderValue, Method, StatusCode};
 use axum::middleware::{Next, from_fn, from_fn_with_state};
 use axum::response::Response;
 use axum::routing::get;
@@ -61,6 +61,7 @@ use std::time::Duration;
 use tokio::sync::{Semaphore, watch};
 use tower_http::CompressionLevel;
 use tower_http::compression::CompressionLayer;
+use tower_http::cors::{AllowOrigin, CorsLayer};
 
 /// The state that all handlers share.
 struct App {
@@ -125,7 +126,7 @@ fn router(
         pace: pace::Pace::new(settings.commands_per_minute, settings.command_burst),
         closing,
     });
-    routes
+    let routes = routes
         .route("/docs/", get(page::docs))
         .fallback(page::asset)
         .method_not_allowed_fallback(method_not_allowed)
@@ -134,9 +135,18 @@ fn router(
         .layer(from_fn_with_state(app.clone(), pace::check))
         .layer(from_fn_with_state(app.clone(), access::check))
         .layer(from_fn(secure_headers))
-        .layer(from_fn_with_state(app.clone(), metrics::count))
-        .layer(CompressionLayer::new().quality(CompressionLevel::Fastest).compress_when(is_json))
-        .with_state(app)
+        .layer(from_fn_with_state(app.clone(), metrics::count));
+    let routes = if settings.wall_origins.is_empty() { routes } else { routes.layer(walls(&settings.wall_origins)) };
+    routes.layer(CompressionLayer::new().quality(CompressionLevel::Fastest).compress_when(is_json)).with_state(app)
+}
+
+/// The status may be read by the page of several instruments, which another daemon serves. A browser asks first, without a token.
+fn walls(origins: &[String]) -> CorsLayer {
+    let origins = origins.to_vec();
+    let may_read = move |origin: &HeaderValue, request: &axum::http::request::Parts| {
+        request.uri.path() == "/v1/status" && origins.iter().any(|listed| listed.as_bytes() == origin.as_bytes())
+    };
+    CorsLayer::new().allow_origin(AllowOrigin::predicate(may_read)).allow_methods([Method::GET]).allow_headers([header::AUTHORIZATION])
 }
 
 /// Whether an answer is compressed for a client that takes it: the status of a plate of 1536 wells has half a MB. Pictures and models are
@@ -150,7 +160,7 @@ pub fn guarded(routes: Router, guard: Guard) -> Router {
     routes.layer(from_fn_with_state(Arc::new(guard), access::check_guard)).layer(from_fn(secure_headers))
 }
 
-async fn method_not_allowed(method: axum::http::Method, uri: Uri) -> Problem {
+async fn method_not_allowed(method: Method, uri: Uri) -> Problem {
     let detail = format!("{} does not take {method}; the Allow header lists what it takes", uri.path());
     Problem::new(StatusCode::METHOD_NOT_ALLOWED, "method_not_allowed", detail)
 }

@@ -91,7 +91,7 @@ pub(super) fn complete(contract: &utoipa::openapi::OpenApi) -> Value {
     contract["components"]["securitySchemes"] = json!({ "token": { "type": "http", "scheme": "bearer" } });
     for (path, item) in contract["paths"].as_object_mut().into_iter().flatten() {
         for (method, operation) in item.as_object_mut().into_iter().flatten() {
-            let mut refusals = vec![("403", "The Host is not in the list, or a page of another origin sent it")];
+            let mut refusals = vec![("403", "The Host is not in the list, a page of another origin sent it, or the token only reads")];
             if !access::is_open(path) {
                 operation["security"] = json!([{}, { "token": [] }]);
                 refusals.push(("401", "The token that this instrument asks for is missing or wrong"));

@@ -27,6 +27,11 @@ const UNBUILT_SETUP: &str = "<!doctype html><html lang=\"en\"><meta charset=\"ut
 const POLICY: &str = "default-src 'self'; img-src 'self' blob: data:; connect-src 'self' blob:; style-src 'self' 'unsafe-inline'; \
                       object-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
+/// The page of several instruments reads the status of other daemons.
+const WALL: &str = "wall/";
+const WALL_POLICY: &str = "default-src 'self'; connect-src http: https:; img-src data:; object-src 'none'; base-uri 'none'; \
+                           form-action 'none'; frame-ancestors 'none'";
+
 /// The operator's page.
 #[utoipa::path(get, path = "/", tag = "page", responses((status = 200, description = "HTML", body = String, content_type = "text/html")))]
 pub(super) async fn index(headers: HeaderMap) -> Response {
@@ -94,6 +99,9 @@ fn file(asked: &HeaderMap, path: &str) -> Option<Response> {
         }
     };
     answer.headers_mut().insert(header::VARY, HeaderValue::from_static("accept-encoding"));
+    if path.starts_with(WALL) {
+        answer.headers_mut().insert(header::CONTENT_SECURITY_POLICY, HeaderValue::from_static(WALL_POLICY));
+    }
     Some(answer)
 }
 

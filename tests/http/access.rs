@@ -25,6 +25,52 @@ fn mutating(rig: &Rig) -> Vec<(String, String)> {
 
 const JSON: (&str, &str) = ("Content-Type", "application/json");
 
+/// A file that only this process reads.
+fn private(text: &str) -> tempfile::NamedTempFile {
+    let mut file = tempfile::NamedTempFile::new().unwrap();
+    file.as_file().set_permissions(std::fs::Permissions::from_mode(0o600)).unwrap();
+    file.write_all(text.as_bytes()).unwrap();
+    file
+}
+
+#[test]
+fn the_token_of_a_wall_reads_and_commands_nothing() {
+    let (token, read) = (private(&"k".repeat(32)), private(&"r".repeat(32)));
+    let tokens = HttpSettings { token_file: Some(token.path().into()), read_token_file: Some(read.path().into()), ..settings() };
+    let rig = Rig::with(tokens, Vec::new());
+    let bearer = format!("Bearer {}", "r".repeat(32));
+    assert_eq!(rig.send("GET", "/v1/status", &[("Authorization", &bearer)], "").status, 200);
+    assert_eq!(rig.send("GET", "/v1/status", &[("Authorization", "Bearer rrr")], "").status, 401);
+    for (method, path) in mutating(&rig) {
+        let answer = rig.send(&method, &path, &[JSON, ("Authorization", &bearer)], PLAN);
+        assert_eq!((answer.status, answer.problem().as_str()), (403, "read_only"), "{method} {path}");
+    }
+    assert_eq!(*rig.commands.lock().unwrap(), [""; 0]);
+}
+
+#[test]
+fn the_status_alone_is_read_by_pages_of_the_listed_origins_alone() {
+    let rig = Rig::with(HttpSettings { wall_origins: vec!["http://wall:8420".into()], ..settings() }, Vec::new());
+    let allowed = |method: &str, path: &str, origin: &str| {
+        let answer = crate::wire::exchange(
+            rig.address,
+            format!("{method} {path} HTTP/1.1\r\nHost: localhost\r\nOrigin: {origin}\r\nAccess-Control-Request-Method: GET\r\n\r\n")
+                .as_bytes(),
+        );
+        answer.header("access-control-allow-origin").map(str::to_owned)
+    };
+    for method in ["GET", "OPTIONS"] {
+        assert_eq!(allowed(method, "/v1/status", "http://wall:8420").as_deref(), Some("http://wall:8420"), "{method}");
+        assert_eq!(allowed(method, "/v1/status", "http://evil.example"), None, "{method}");
+        assert_eq!(allowed(method, "/v1/runs", "http://wall:8420"), None, "{method}");
+    }
+    let answer = rig.send("POST", "/v1/emergency-stop", &[("Origin", "http://wall:8420")], "");
+    assert_eq!((answer.status, answer.problem().as_str()), (403, "wrong_origin"), "it reads only");
+    let closed = Rig::start();
+    let answer = closed.send("GET", "/v1/status", &[("Origin", "http://wall:8420")], "");
+    assert_eq!(answer.header("access-control-allow-origin"), None);
+}
+
 #[test]
 fn no_attack_reaches_the_driver_on_any_mutating_route() {
     let rig = Rig::start();

@@ -9,7 +9,7 @@ export interface Call {
 }
 
 /** Whether a person has to do something now. */
-function needsSomebody(status: Status): boolean {
+export function needsSomebody(status: Status): boolean {
   const byHand = status.run !== null && (status.plate.take_out !== null || status.plate.bring !== null);
   return (
     status.faults.some((fault) => fault.operator_required) || (runsNow(status) && status.state === "Held") || byHand

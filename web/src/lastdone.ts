@@ -1,21 +1,9 @@
 // The well that was finished last, beside the one under way, so that its numbers do not flash by.
 
 import { element } from "./dom.ts";
-import { nanolitres, squareMillimetres } from "./format.ts";
-import { flagWords } from "./reasons.ts";
 import type { RunStatus, WellStatus } from "./status.ts";
 import { runKey } from "./stored.ts";
-import { conditionOf, conditionWords, isBound } from "./wells.ts";
-
-/** A finished well in one line: `245 ± 2 nL, 3.42 ± 0.02 mm², moved`. Pure. */
-export function doneWords(well: WellStatus): string {
-  if (well.volume_um3 === null) return conditionWords(well, conditionOf(well, null));
-  const bound = isBound(well);
-  const sd = (value: number | null) => (bound ? null : value);
-  const parts = [`${bound ? "at least " : ""}${nanolitres(well.volume_um3, sd(well.volume_sd_um3))}`];
-  if (well.area_um2 !== null) parts.push(squareMillimetres(well.area_um2, sd(well.area_sd_um2)));
-  return [...parts, ...well.flags.map(flagWords)].join(", ");
-}
+import { doneWords } from "./wells.ts";
 
 export class LastDone {
   readonly #line: HTMLElement;

@@ -32,6 +32,7 @@ import {
   count,
   diagnosis,
   finish,
+  plateName,
   Furthest,
   headline,
   nextStep,
@@ -351,14 +352,6 @@ async function recall(history: VolumeHistory, run: RunStatus, well: string): Pro
   if (kept === null) return;
   const volumes = { hulls_um3: kept.hull_volumes_um3, estimates: kept.estimates };
   if (history.recall(run, well, volumes)) redraw();
-}
-
-function plateName(status: Status): string {
-  const { barcode, needs, removable } = status.plate;
-  const parts = [barcode === null ? "no plate named" : barcode];
-  if (needs !== null) parts.push("waits for the loader");
-  else if (barcode !== null) parts.push(removable ? "may be taken out" : "leave it in place");
-  return parts.join(" · ");
 }
 
 function pictures(status: Status, detail: RunDetail | null): void {

@@ -149,6 +149,15 @@ export function count(status: Status): string {
   return status.run === null ? "" : `${grouped(done(status.run))} / ${grouped(status.run.wells.total)}`;
 }
 
+/** The plate, and whether it may be taken. */
+export function plateName(status: Status): string {
+  const { barcode, needs, removable } = status.plate;
+  const parts = [barcode === null ? "no plate named" : barcode];
+  if (needs !== null) parts.push("waits for the loader");
+  else if (barcode !== null) parts.push(removable ? "may be taken out" : "leave it in place");
+  return parts.join(" · ");
+}
+
 /** When the run ends or ended, in local time: `ready at 14:32`, `ended at 09:12`. Empty where nobody knows. */
 export function finish(status: Status): string {
   const { run } = status;

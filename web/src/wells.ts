@@ -1,7 +1,7 @@
 // The position of a well on its plate, and its condition.
 
-import { capitalised, counted } from "./format.ts";
-import { isBoundBy, reasonWords } from "./reasons.ts";
+import { capitalised, counted, nanolitres, squareMillimetres } from "./format.ts";
+import { flagWords, isBoundBy, reasonWords } from "./reasons.ts";
 import type { PlannedWell, SpecimenStatus, WellStatus } from "./status.ts";
 import { treatmentWords } from "./treatment.ts";
 
@@ -142,4 +142,14 @@ export function spoken(well: WellStatus, condition: Condition, planned?: Planned
   return [well.well, contents(well), treatment, `${conditionWords(well, condition)}${reason}`]
     .filter((part) => part !== "")
     .join(", ");
+}
+
+/** A finished well in one line: `245 ± 2 nL, 3.42 ± 0.02 mm², moved`. Pure. */
+export function doneWords(well: WellStatus): string {
+  if (well.volume_um3 === null) return conditionWords(well, conditionOf(well, null));
+  const bound = isBound(well);
+  const sd = (value: number | null) => (bound ? null : value);
+  const parts = [`${bound ? "at least " : ""}${nanolitres(well.volume_um3, sd(well.volume_sd_um3))}`];
+  if (well.area_um2 !== null) parts.push(squareMillimetres(well.area_um2, sd(well.area_sd_um2)));
+  return [...parts, ...well.flags.map(flagWords)].join(", ");
 }

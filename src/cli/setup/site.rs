@@ -42,6 +42,8 @@ struct View {
     revision: u64,
     /// The configuration that will be written.
     file: String,
+    /// What the person has to know of an emulated rig.
+    simulated: Option<String>,
     stages: [&'static str; STAGES.len()],
     /// Index of the current stage; the number of stages at the end.
     stage: usize,
@@ -325,6 +327,8 @@ fn talk(args: &Args, stopper: &Stopper, page: &mut Page) -> anyhow::Result<Strin
     };
     let mut work = Work::begin(args, stopper, Some(Box::new(show)))?;
     page.exists = work.bench.exists();
+    #[cfg(feature = "simulate")]
+    page.change(|view| view.simulated = work.emulated.as_ref().map(super::emulated::EmulatedRig::facts));
     let summary = work.converse(page)?;
     page.change(|view| Page::place(view, &work.machine, &Step::Finished));
     Ok(summary)

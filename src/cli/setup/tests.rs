@@ -420,6 +420,20 @@ fn an_older_file_is_replaced_only_after_a_question() {
     assert!(!person.asked().contains(&"replace"));
 }
 
+/// The file would state two scales: the measured one, and that of the example beside it.
+#[test]
+fn no_comment_beside_a_value_of_the_rig_states_another_value() {
+    for (driver, port) in [("grbl", "/dev/ttyUSB0"), ("tmcl", "/dev/ttyACM0"), ("zaber", "/dev/ttyUSB0"), ("relay", "10.0.0.3:5000")] {
+        let (machine, _) = set_up(FakeBench::new(driver), &[("controller", port)]);
+        let draft = machine.draft();
+        let of_the_rig = ["kx_px_per_um", "ky_px_per_um", "uy_px", "gamma_deg", "steps_per_revolution", "exposure_us", "width", "height"];
+        for line in draft.lines().filter(|line| of_the_rig.iter().any(|key| line.split(" = ").next() == Some(key))) {
+            let stated = line.split_once('#').map_or("", |(_, comment)| comment);
+            assert!(!stated.contains('.') && !stated.contains("um per px:"), "{driver}: {line}");
+        }
+    }
+}
+
 #[test]
 fn each_controller_gets_its_configuration() {
     for (driver, port, key) in [

@@ -94,7 +94,8 @@ fn words_of_specimens(s: &State, id: &str) -> (String, Kind, Option<String>) {
             "bore_um" => (
                 "Inner diameter of the capillary, by its data sheet.".into(),
                 Kind::Number { unit: "um", range: [100.0, 5000.0] },
-                Some("600".into()),
+                // No usual value: whoever takes it without reading the data sheet gets all volumes wrong.
+                None,
             ),
             "bead_um" => ("Certified diameter of the bead.".into(), Kind::Number { unit: "um", range: BEAD_UM }, Some("500".into())),
             "loaded" => ("Bring one bead into the middle of the picture. Is it there?".into(), Kind::Confirm, None),

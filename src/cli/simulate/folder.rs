@@ -42,7 +42,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         "--controller folder has no devices; expected neither --replay, --translation, --second-camera, --small, --camera-out nor --axis-out"
     );
     let mut config = Config::parse(CONFIG, Path::new(CONFIG_NAME))?;
-    config.http.listen = args.listen;
+    args.http(&mut config.http);
     config.store.data_dir.clone_from(&args.data);
     let listener = http::bind(&config.http)?;
     config.http.listen = listener.local_addr().context("the address that is served")?;

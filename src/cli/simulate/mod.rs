@@ -17,7 +17,7 @@ mod second;
 
 use super::daemon::Daemon;
 use super::serve;
-use crate::config::{CameraDriver, Config};
+use crate::config::{CameraDriver, Config, HttpSettings};
 use crate::http;
 use crate::session::Instrument;
 use anyhow::Context;
@@ -97,6 +97,31 @@ pub struct Args {
     /// Play a recording back through both emulated devices instead of the scene, and compare the numbers.
     #[arg(long, value_name = "RECORDING")]
     replay: Option<PathBuf>,
+    #[command(flatten)]
+    access: Access,
+}
+
+/// Who may read and command the emulated rig: as the keys of `[http]`.
+#[derive(Debug, clap::Args)]
+struct Access {
+    /// File with the token that clients must send.
+    #[arg(long, value_name = "FILE")]
+    token_file: Option<PathBuf>,
+    /// File with a token that only reads.
+    #[arg(long, value_name = "FILE", requires = "token_file")]
+    read_token_file: Option<PathBuf>,
+    /// Origin of a page that may read the status, such as <http://10.0.0.5:8420>.
+    #[arg(long, value_name = "ORIGIN")]
+    wall_origin: Vec<String>,
+}
+
+impl Args {
+    fn http(&self, settings: &mut HttpSettings) {
+        settings.listen = self.listen;
+        settings.token_file.clone_from(&self.access.token_file);
+        settings.read_token_file.clone_from(&self.access.read_token_file);
+        settings.wall_origins.clone_from(&self.access.wall_origin);
+    }
 }
 
 fn out_for(text: &str) -> Result<[Duration; 2], String> {
@@ -120,7 +145,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         return folder::run(&args);
     }
     let mut config = Config::parse(CONFIG, Path::new(CONFIG_NAME))?;
-    config.http.listen = args.listen;
+    args.http(&mut config.http);
     config.store.data_dir.clone_from(&args.data);
     config.acquisition.settle_ms = (f64::from(config.acquisition.settle_ms) / args.time_scale).ceil() as u32;
     args.controller.configure(&mut config, args.time_scale)?;

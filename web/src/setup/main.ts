@@ -159,6 +159,8 @@ async function showPicture(view: View): Promise<void> {
 function draw(view: View): void {
   ended = view.ended !== null;
   setText(byId("file"), view.file);
+  setText(byId("facts"), view.simulated ?? "");
+  for (const id of ["stamp", "facts"]) show(byId(id), view.simulated !== null);
   stages(view);
   setText(byId("title"), heading(view));
   const { question } = view;

@@ -23,6 +23,8 @@ export interface Question {
 export interface View {
   readonly revision: number;
   readonly file: string;
+  /** What the person has to know of an emulated rig. */
+  readonly simulated: string | null;
   readonly stages: readonly string[];
   readonly stage: number;
   readonly question: Question | null;

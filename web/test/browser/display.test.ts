@@ -550,6 +550,10 @@ test("the wall display shows state, count and plate, keeps the emergency stop an
   for (const id of ["abort", "acknowledge", "new-run", "runs", "rig", "groups", "beads"]) {
     assert.equal(await page.locator(`#${id}`).isVisible(), false, id);
   }
+  const buttons = page
+    .locator("button:visible")
+    .evaluateAll((found) => found.map((b) => b.id).filter((id) => id !== ""));
+  assert.deepEqual(await buttons, ["emergency-stop"]);
   await shoot(page, "wall");
   await page.locator("#emergency-stop").click();
   await until("emergency-answer", /the motors were stopped/);
@@ -557,6 +561,16 @@ test("the wall display shows state, count and plate, keeps the emergency stop an
     server.taken.map((t) => t.command),
     ["POST /v1/emergency-stop"],
   );
+  // From across the room: which instrument it is, the model, and the numbers of the well that was finished last.
+  server.publish(running);
+  await until("state", /^Running$/i);
+  await until("last-done", /Finished last: \w+ \d/);
+  for (const id of ["last-done", "model-box", "instrument"]) {
+    assert.equal(await page.locator(`#${id}`).isVisible(), true, id);
+  }
+  const px = await page.locator("#instrument").evaluate((e) => parseFloat(getComputedStyle(e).fontSize));
+  assert.ok(px >= 28, `the name has ${px} px`);
+  await shoot(page, "wall-running");
 });
 
 test("the wall display fits its screen with 6 to 1536 wells, running and held", async () => {

@@ -63,7 +63,11 @@ test("a rig is set up by clicks, and its bead is right", { timeout: 3 * WORK_MS 
   try {
     const { page, complaints } = await openPage(browser, { width: 1280, height: 900 });
     await page.goto(setUp.url);
+    assert.equal(await page.getByText("SIMULATED", { exact: true }).isVisible(), true);
     await toTheBore(page, setUp.folder);
+    // The bore is what the person is told, and nothing else is proposed.
+    await page.getByText("Its capillary has an inner diameter of 650 um").first().waitFor();
+    assert.equal(await page.locator("#input input[type=text]").inputValue(), "");
     await shoot(page, "setup-bore");
     await accessible(page);
     assert.ok(await page.locator("#picture").isVisible(), "the picture of the empty capillary");
@@ -89,6 +93,7 @@ test("a rig is set up by clicks, and its bead is right", { timeout: 3 * WORK_MS 
     const scale = number(config, "ky_px_per_um") * 5.2;
     assert.ok(Math.abs(scale - 1) < 0.01, `scale ${scale} of the true one`);
     assert.ok(Math.abs(number(config, "uy_px") - 498) < 0.2, config);
+    assert.doesNotMatch(config, /5\.5 um/, "the scale of the example, beside that of this rig");
     await page.getByRole("button", { name: "Close the set-up" }).click();
     assert.equal(await setUp.ended(), 0, setUp.log);
     assert.deepEqual(complaints, []);

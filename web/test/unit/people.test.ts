@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { doneWords } from "../../src/lastdone.ts";
+import { doneWords } from "../../src/wells.ts";
 import { choices, typedTags } from "../../src/remark.ts";
 import { noteWords } from "../../src/wellcard.ts";
 import { run, well } from "../support/statuses.ts";

@@ -1,0 +1,53 @@
+// What the page of several instruments says of one of them. Pure.
+
+import { needsSomebody } from "../calls.ts";
+import { duration } from "../format.ts";
+import { count, finish, headline, progressLine, plateName, STATES, toneOf, type Tone } from "../plain.ts";
+import type { Status } from "../status.ts";
+import { doneWords } from "../wells.ts";
+
+/** Age from which on a status is called old, s: four readings. */
+const OLD_S = 8;
+
+export interface Tile {
+  name: string;
+  isSimulated: boolean;
+  tone: Tone;
+  state: string;
+  /** What a person has to do now; null if nobody is needed. */
+  needed: string | null;
+  words: string;
+  plate: string;
+  count: string;
+  finish: string;
+  /** The numbers of the well that was finished last. */
+  last: string;
+  trouble: string | null;
+}
+
+/** `status` is `ageS` old, or null before the first one. An instrument that does not answer needs somebody. */
+export function tileOf(address: string, status: Status | null, trouble: string | null, ageS: number): Tile {
+  if (status === null) {
+    const words = trouble === null ? "Connecting …" : `No status: ${trouble}.`;
+    const needed = trouble === null ? null : words;
+    const none = { isSimulated: false, plate: "", count: "", finish: "", last: "", trouble: null };
+    return { ...none, name: address, tone: needed ? "alarm" : "calm", state: needed ? "Silent" : "", needed, words };
+  }
+  const { run } = status;
+  const isOld = trouble !== null && ageS > OLD_S;
+  const done = run?.results.filter((well) => well.outcome !== null).at(-1);
+  const silent = `No answer for ${duration(ageS)}: ${trouble ?? ""}. What is shown is that old.`;
+  return {
+    name: status.instrument.name,
+    isSimulated: status.mode === "simulated",
+    tone: isOld ? "alarm" : toneOf(status),
+    state: isOld ? "Silent" : STATES[status.state],
+    needed: isOld ? silent : needsSomebody(status) ? headline(status) : null,
+    words: run === null ? headline(status) : progressLine(status),
+    plate: plateName(status),
+    count: count(status),
+    finish: finish(status),
+    last: done === undefined ? "" : `Last: ${done.well} ${doneWords(done)}`,
+    trouble: isOld || trouble === null ? null : `${trouble}.`,
+  };
+}

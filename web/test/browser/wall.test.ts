@@ -1,0 +1,83 @@
+// Several instruments on one page: one daemon serves it, another one has a token and is read with the token that only reads.
+
+import assert from "node:assert/strict";
+import { mkdtemp, readFile, rm, writeFile } from "node:fs/promises";
+import { createRequire } from "node:module";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+import { test } from "node:test";
+import { shoot } from "../support/browser.ts";
+import { BINARY, Daemon, RUN_MS } from "../support/daemon.ts";
+import { larva, opened, plan, until } from "../support/opened.ts";
+
+const axe = await readFile(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
+
+test("two instruments on one page, one of which lets this page only read", { timeout: 2 * RUN_MS }, async (t) => {
+  const { daemon, page, complaints } = await opened(t, 5);
+  const folder = await mkdtemp(join(tmpdir(), "carved-wall-"));
+  t.after(() => rm(folder, { recursive: true }));
+  const [token, read] = ["k".repeat(32), "r".repeat(32)];
+  const tokens = [join(folder, "token"), join(folder, "read")] as const;
+  await writeFile(tokens[0], token, { mode: 0o600 });
+  await writeFile(tokens[1], read, { mode: 0o600 });
+  const more = ["--no-demo", "--small", "--token-file", tokens[0], "--read-token-file", tokens[1]];
+  const other = await Daemon.start(BINARY, 5, [...more, "--wall-origin", daemon.url]);
+  t.after(() => other.stop());
+
+  await page.getByText("Display", { exact: true }).click();
+  await page.getByRole("link", { name: "Several instruments" }).click();
+  await page.getByText("No instrument is named yet.").waitFor();
+  const add = async (address: string, word: string) => {
+    await page.getByLabel("Address").fill(address);
+    await page.getByLabel("Token that only reads").fill(word);
+    await page.getByRole("button", { name: "Add it" }).click();
+  };
+  await add(daemon.url, "");
+  await until(page, "needs", /^Nobody is needed\.$/);
+  await add(other.url, "wrong".repeat(8));
+  const tiles = page.locator("#tiles > li");
+  await tiles.nth(1).getByText("No status: the token is missing or wrong.").waitFor();
+  await add(other.url, read);
+  await tiles.nth(1).getByText("Idle", { exact: true }).waitFor();
+  assert.equal(await tiles.count(), 2, "the same address is named once");
+
+  // What happens at an instrument is seen on the page: a run, its numbers, and that somebody is needed.
+  await daemon.send("PUT", "/v1/runs/r1", plan([larva("A01")]));
+  await tiles
+    .nth(0)
+    .getByText(/^Last: A01 \d+\.\d ± .*nL/)
+    .waitFor({ timeout: RUN_MS });
+  await tiles.nth(0).getByText("1 / 1", { exact: true }).waitFor();
+  const stop = { method: "POST", headers: { Authorization: `Bearer ${read}` } };
+  assert.equal((await fetch(`${other.url}/v1/emergency-stop`, stop)).status, 403, "this token only reads");
+  await fetch(`${other.url}/v1/emergency-stop`, { method: "POST", headers: { Authorization: `Bearer ${token}` } });
+  await until(page, "needs", /^Somebody is needed at /);
+  assert.equal(await tiles.nth(1).getAttribute("data-tone"), "alarm");
+
+  await page.evaluate(axe);
+  for (const [width, height] of [
+    [390, 844],
+    [1920, 1080],
+  ] as const) {
+    await page.setViewportSize({ width, height });
+    assert.equal(await page.evaluate(() => document.documentElement.scrollWidth <= innerWidth), true, `${width} px`);
+    const found = (await page.evaluate("axe.run()")) as { violations: { id: string; nodes: { html: string }[] }[] };
+    assert.deepEqual(
+      found.violations.map((v) => `${v.id}: ${v.nodes.map((n) => n.html).join(" ")}`),
+      [],
+    );
+    await shoot(page, `instruments-${width}`);
+  }
+
+  // An instrument that does not answer needs somebody, too.
+  await daemon.stop();
+  await tiles
+    .nth(0)
+    .getByText(/^No answer for /)
+    .waitFor();
+  const away = /ERR_CONNECTION_REFUSED|401/;
+  assert.deepEqual(
+    complaints.filter((complaint) => !away.test(complaint)),
+    [],
+  );
+});
