@@ -90,10 +90,10 @@ impl Segmenter {
         }
         check_exposure(picture, settings)?;
         let walls = self.walls.find(picture, &settings.walls)?;
-        if empty.is_none() {
-            check_surroundings(&walls, width, height)?;
-        }
         let bore = Bore::of(picture, walls);
+        if empty.is_none() {
+            check_surroundings(&bore)?;
+        }
         self.background.take_away(&bore, picture, empty);
         self.coarse.fill(&bore, &self.background.contrast, settings.wall_margin_px);
         self.hybrid.find(&self.coarse, &bore, settings);
@@ -165,10 +165,11 @@ impl Segmenter {
 }
 
 /// Asks for a row of pixels along the capillary that the glass and its blur leave alone: the light's course is read there.
-fn check_surroundings(walls: &Walls, width: usize, height: usize) -> Result<(), ProfileError> {
-    let (last_u, last_v) = ((width - 1) as f64, (height - 1) as f64);
+fn check_surroundings(bore: &Bore) -> Result<(), ProfileError> {
+    let (walls, last_u) = (&bore.walls, (bore.width - 1) as f64);
+    let (first_v, last_v) = (bore.lit.start as f64, bore.lit.end as f64 - 1.0);
     let least = |of: &dyn Fn(f64) -> f64| [0.0, last_u / 2.0, last_u].into_iter().map(of).fold(f64::INFINITY, f64::min);
-    let beyond_px = least(&|u| walls.upper.outer.at(u)).max(least(&|u| last_v - walls.lower.outer.at(u))).max(0.0);
+    let beyond_px = least(&|u| walls.upper.outer.at(u) - first_v).max(least(&|u| last_v - walls.lower.outer.at(u))).max(0.0);
     if beyond_px.round() < MARGIN_PX as f64 {
         return Err(ProfileError::TooTight { beyond_px, needed_px: MARGIN_PX });
     }

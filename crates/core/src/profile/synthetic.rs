@@ -27,7 +27,7 @@ pub(super) fn bore(width: usize, height: usize) -> Bore {
     let line = |v_mid: f64| Line { u_mid: (width - 1) as f64 / 2.0, v_mid, slope: 0.0, bend: 0.0 };
     let wall = |v: f64| Wall { outer: line(v), inner: line(v) };
     let walls = Walls { upper: wall(0.0), lower: wall((height - 1) as f64) };
-    Bore { walls, width, top: 0, bottom: height, mean_px: (height - 1) as f64 }
+    Bore { walls, width, top: 0, bottom: height, lit: 0..height, mean_px: (height - 1) as f64 }
 }
 
 /// Share of a blurred half plane's height at a depth, by the error function of Abramowitz and Stegun 7.1.26.

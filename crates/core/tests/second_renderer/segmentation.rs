@@ -4,9 +4,10 @@ use crate::cases::{Kind, Size, scene};
 use crate::dust::Dirt;
 use crate::judge::{Judged, judge, raw_frame};
 use crate::pictures::write_profile;
+use crate::scene::Frame;
 use crate::truth::mask;
 use carved_core::frame::PixelFormat;
-use carved_core::profile::{Picture, SegmentSettings, segment};
+use carved_core::profile::{Mask, Picture, SegmentSettings, segment};
 use rayon::prelude::*;
 
 /// Frames of one kind, and what segmentation reaches on them at least.
@@ -179,6 +180,35 @@ fn two_lines(first_seed: u64) -> usize {
         segment(&Picture::from_frame(&frame), &SegmentSettings::default()).is_err()
     };
     (first_seed..first_seed + 12).into_par_iter().filter(|seed| is_refused(*seed)).count()
+}
+
+/// A program that was stopped while it wrote leaves zeros below what it has written. Rows of zeros are not of the picture: they count neither
+/// as the light beside the capillary nor as enough of it.
+#[test]
+fn rows_of_zeros_beside_the_capillary_change_no_outline() {
+    let of = |frame: &Frame| segment(&Picture::from_frame(&raw_frame(frame, PixelFormat::BayerRG8)), &SegmentSettings::default());
+    for seed in FIRST_SEED..FIRST_SEED + 4 {
+        let mut frame = scene(Kind::Finned, Size::Full, Dirt::MEASURED, seed).render(0.4 * seed as f64, 0);
+        let whole = of(&frame).unwrap();
+        let wall = [0.0, frame.width as f64].map(|u| whole.walls.lower.outer.at(u)).into_iter().fold(0.0, f64::max) as usize;
+        let pixels = || (0..frame.height).flat_map(|v| (0..frame.width).map(move |u| (u, v)));
+        let area = pixels().filter(|&(u, v)| whole.mask.get(u, v)).count();
+        let apart = |cut: &Mask| pixels().filter(|&(u, v)| whole.mask.get(u, v) != cut.get(u, v)).count();
+        let mut found = Vec::new();
+        for beyond_px in [150, 40] {
+            let mut cut = Frame { mosaic: frame.mosaic.clone(), covered: Vec::new(), body: Vec::new(), ..frame };
+            cut.mosaic[(wall + beyond_px) * frame.width..].fill(0);
+            found.push(apart(&of(&cut).unwrap().mask));
+        }
+        assert_eq!(found[0], 0, "{seed}: nothing is read so far from the wall");
+        // A third of the band tells the light less exactly. With the zeros in it, one of these larvae loses 1292 px of a fin.
+        assert!(200 * found[1] <= area, "{seed}: {} of {area} px", found[1]);
+        // Too little is left on both sides.
+        frame.mosaic[(wall + 4) * frame.width..].fill(0);
+        let first = whole.walls.upper.outer.at(0.0).min(whole.walls.upper.outer.at(frame.width as f64)) as usize;
+        frame.mosaic[..(first - 4) * frame.width].fill(0);
+        assert!(of(&frame).is_err(), "{seed}");
+    }
 }
 
 /// The table for other seeds: what the floors are taken from.

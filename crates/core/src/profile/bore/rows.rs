@@ -1,9 +1,23 @@
 //! The rows of a picture between the capillary's walls.
 
 use crate::profile::{Picture, Walls};
+use std::ops::Range;
 
 /// Rows of glass that the window contains on each side of the bore.
 pub(in crate::profile) const MARGIN_PX: usize = 6;
+
+/// Rows beside zeros whose missing colours were taken from these too.
+const MIXED_PX: usize = 2;
+
+/// The rows from the first to the last that are not zero throughout.
+fn lit_rows(plane: &[u8], width: usize) -> Range<usize> {
+    let is_lit = |row: &[u8]| row.iter().any(|grey| *grey > 0);
+    let (rows, height) = (|| plane.chunks_exact(width), plane.len() / width);
+    let (above, below) = (rows().position(is_lit).unwrap_or(0), rows().rev().position(is_lit).unwrap_or(0));
+    let mixed = |zeros: usize| if zeros > 0 { zeros + MIXED_PX } else { 0 };
+    let first = mixed(above).min(height);
+    first..height.saturating_sub(mixed(below)).max(first)
+}
 
 /// The rows of a picture between the walls, and the map to rows along the walls.
 #[derive(Debug, Clone)]
@@ -13,6 +27,9 @@ pub(in crate::profile) struct Bore {
     /// Rows `top .. bottom` of the picture.
     pub top: usize,
     pub bottom: usize,
+    /// The rows of the picture that have light. Those of zeros above and below are not of the picture: a program that was stopped while it wrote
+    /// leaves them, and no camera.
+    pub lit: Range<usize>,
     /// Mean height of the bore, px.
     pub mean_px: f64,
 }
@@ -26,7 +43,8 @@ impl Bore {
         let lowest = columns.map(|u| walls.lower.inner.at(u)).into_iter().fold(f64::NEG_INFINITY, f64::max) + MARGIN_PX as f64;
         let top = (highest.floor().max(0.0) as usize).min(height - 1);
         let bottom = (lowest.ceil().max(0.0) as usize + 1).min(height);
-        Self { walls, width: picture.width(), top, bottom: bottom.max(top + 1), mean_px: walls.bore_px(last / 2.0) }
+        let lit = lit_rows(&picture.planes()[1], picture.width());
+        Self { walls, width: picture.width(), lit, top, bottom: bottom.max(top + 1), mean_px: walls.bore_px(last / 2.0) }
     }
 
     pub fn height(&self) -> usize {

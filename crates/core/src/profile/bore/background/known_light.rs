@@ -44,7 +44,7 @@ impl Surroundings {
     const LEAST_SEEN: usize = 16;
 
     /// Reads the light of one colour from the picture.
-    pub fn read(&mut self, bore: &Bore, plane: &[u8], height: usize) {
+    pub fn read(&mut self, bore: &Bore, plane: &[u8]) {
         let w = bore.width;
         let band = (0.4 * bore.mean_px) as usize;
         let mut blocks = [[0.0f32; 2]; Self::BLOCKS];
@@ -53,9 +53,11 @@ impl Surroundings {
             let columns = block * w / Self::BLOCKS..((block + 1) * w / Self::BLOCKS).max(block * w / Self::BLOCKS + 1).min(w);
             let mid = (columns.start + columns.end) as f64 / 2.0;
             // Beyond the glass and its blur.
-            let above = (bore.walls.upper.outer.at(mid) - MARGIN_PX as f64).clamp(0.0, height as f64) as usize;
-            let below = (bore.walls.lower.outer.at(mid) + MARGIN_PX as f64).clamp(0.0, height as f64) as usize;
-            for (side, rows) in [above.saturating_sub(band)..above, below..(below + band).min(height)].into_iter().enumerate() {
+            let in_picture = |v: f64| v.clamp(bore.lit.start as f64, bore.lit.end as f64) as usize;
+            let above = in_picture(bore.walls.upper.outer.at(mid) - MARGIN_PX as f64);
+            let below = in_picture(bore.walls.lower.outer.at(mid) + MARGIN_PX as f64);
+            let bands = [above.saturating_sub(band).max(bore.lit.start)..above, below..(below + band).min(bore.lit.end)];
+            for (side, rows) in bands.into_iter().enumerate() {
                 self.greys.clear();
                 for v in rows.step_by(3) {
                     self.greys.extend(plane[v * w + columns.start..v * w + columns.end].iter().step_by(2));

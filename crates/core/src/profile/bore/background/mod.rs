@@ -114,7 +114,7 @@ impl Background {
                 KnownLight::EmptyCapillary { plane: r.plane(channel), bore: Bore { walls: r.walls(), ..bore.clone() } }
             } else {
                 let mut beside = std::mem::take(&mut self.beside);
-                beside.read(bore, &picture.planes()[channel], picture.height());
+                beside.read(bore, &picture.planes()[channel]);
                 KnownLight::Surroundings(beside)
             };
             self.table.fill(bore, &picture.planes()[channel], &known);
