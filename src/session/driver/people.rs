@@ -5,16 +5,16 @@
 //! redo ── held, has outcome ─► no outcome; its files become those of an earlier attempt
 //! note ── any run ───────────► run.json and the event; the numbers stay
 //! ```
-//! The record is written before its event. A crash between the two, or between the record and the move of the files, leaves a well that is
-//! finished as before, or a request that was carried out and has no event.
+//! The record is written before its event. A crash between the two leaves a request that was carried out and has no event. The event of a
+//! redo comes first: the next start writes the record and moves the files, if the process ended before that.
 
 use super::super::State;
 use super::super::handle::{Refusal, Said, Towards};
 use super::commands;
 use super::driver_state::DriverState;
 use super::snapshot::run_status;
-use carved_records::{EventData, SaidBy, SpecimenDone, SpecimenOutcome, WellNote, WellStatus};
-use carved_store::{RunRecord, set_aside};
+use carved_records::{EventData, PlannedWell, RunState, SaidBy, SpecimenDone, SpecimenOutcome, WellNote, WellStatus};
+use carved_store::{RunClaim, RunRecord, set_aside};
 
 pub(super) fn said(d: &mut DriverState, run: &str, well: &str, said: Said) -> Result<(), Refusal> {
     let mistakes = match &said {
@@ -86,23 +86,42 @@ fn redo(d: &mut DriverState, run: &str, well: &str, says: SaidBy) -> Result<(), 
     else {
         return Err(not_now(run, well, "the run has no such well"));
     };
-    let before = d.run.as_ref().map(|run| run.record().clone());
-    change(d, well, EventData::WellRedoRequested(says), |status| {
-        let note = status.note.take();
-        *status = WellStatus { note, ..WellStatus::pending(&planned) };
-    })?;
-    let folder = d.outbox.store().run_folder(run);
-    if let Err(error) = set_aside(&folder, well) {
-        // Its numbers are still those of the well.
-        if let (Some(current), Some(before)) = (&mut d.run, before) {
-            current.restore(before.clone());
-            d.save(before);
-            d.write();
-        }
-        return Err(error.into());
+    d.commit(Some(well), EventData::WellRedoRequested(says))?;
+    if let Some(current) = &mut d.run {
+        current.change(well, |status| forget(status, &planned));
+        let record = current.record().clone();
+        d.save(record);
     }
+    keep_files(d, run, well);
     show(d);
-    Ok(())
+    d.outbox.on_disk()
+}
+
+/// Makes a well that is to be measured again one without an outcome.
+fn forget(status: &mut WellStatus, planned: &PlannedWell) {
+    let note = status.note.take();
+    *status = WellStatus { note, ..WellStatus::pending(planned) };
+}
+
+/// Makes the files of a well those of an earlier attempt. If the disk refuses that, the next attempt does it.
+fn keep_files(d: &mut DriverState, run: &str, well: &str) {
+    let kept = set_aside(&d.outbox.store().run_folder(run), well);
+    d.handle_write_error(kept.map(drop));
+}
+
+/// Ends the redos of a run in which the previous process ended before their last step.
+pub(super) fn end_redos(d: &mut DriverState, known: &RunState, record: &mut RunRecord) {
+    let mut is_changed = false;
+    for planned in record.plan.plate_map.iter().filter(|planned| known.to_redo().contains(&planned.well)) {
+        if let Some(status) = record.wells.iter_mut().find(|status| status.well == planned.well && status.outcome.is_some()) {
+            forget(status, planned);
+            is_changed = true;
+        }
+        keep_files(d, &record.id, &planned.well);
+    }
+    if is_changed {
+        d.save(record.clone());
+    }
 }
 
 fn note(d: &mut DriverState, run: &str, well: &str, note: WellNote) -> Result<(), Refusal> {
@@ -113,6 +132,9 @@ fn note(d: &mut DriverState, run: &str, well: &str, note: WellNote) -> Result<()
         let newest = d.newest_run().map(|newest| newest.id.clone());
         d.outbox.store().run(run).map_err(Refusal::from)?.ok_or(Refusal::UnknownRun { id: run.to_owned(), newest })?
     };
+    // Nobody removes the run meanwhile, and a removed one does not come back as a folder with this file alone.
+    let folder = d.outbox.store().run_folder(run);
+    let _claim = if is_current { None } else { Some(RunClaim::shared(&folder)?) };
     let before = record.clone();
     let Some(status) = record.wells.iter_mut().find(|status| status.well == well) else {
         return Err(not_now(run, well, "the run has no such well"));

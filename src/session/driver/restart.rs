@@ -7,7 +7,7 @@ use super::interrupt::Fate;
 use super::run::RunInProgress;
 use super::sealing::seal_run;
 use super::snapshot::{run_status, show_left};
-use super::{Life, course, missing, resume, start};
+use super::{Life, course, missing, people, resume, start};
 use carved_records::{DaemonStarted, EndRequest, EventData, RunInterrupted, RunState};
 use carved_store::RunRecord;
 
@@ -63,6 +63,8 @@ fn open_runs(d: &mut DriverState) -> Option<RunRecord> {
     }
     let (newest, others) = start::newest_of(open, d.mode);
     for mut run in others {
+        let known = start::run_after(&run.id, &start::events_of(d.outbox.store(), &d.publisher, &run.id));
+        people::end_redos(d, &known, &mut run);
         seal_run(d.outbox.store(), &run.id);
         run.end_interrupted();
         let id = run.id.clone();
@@ -85,7 +87,8 @@ fn show_again(d: &mut DriverState, record: &RunRecord) {
 }
 
 /// Takes up a run that the previous process left open.
-fn take_up(d: &mut DriverState, record: RunRecord, run: RunState) {
+fn take_up(d: &mut DriverState, mut record: RunRecord, run: RunState) {
+    people::end_redos(d, &run, &mut record);
     let asd = record.method.asd;
     let status = run_status(&record);
     let end_request = run.end_request();

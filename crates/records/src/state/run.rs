@@ -63,6 +63,7 @@ pub struct RunState {
     /// The newest step of each well.
     steps: BTreeMap<String, Phase>,
     taken_out: BTreeSet<String>,
+    to_redo: BTreeSet<String>,
     /// The start of the computer in which a process was last at the run.
     kernel_boot_id: Option<String>,
 }
@@ -130,6 +131,12 @@ impl RunState {
         &self.taken_out
     }
 
+    /// The wells that are to be measured again, and were not begun since that was requested: they have no outcome, and their files are those
+    /// of an earlier attempt.
+    pub fn to_redo(&self) -> &BTreeSet<String> {
+        &self.to_redo
+    }
+
     /// The requested end.
     pub fn end_request(&self) -> Option<EndRequest> {
         self.end_request
@@ -180,9 +187,11 @@ impl RunState {
             }
             (EventData::SpecimenPhase(entered), Some(well)) => {
                 self.steps.insert(well.to_owned(), entered.phase);
+                self.to_redo.remove(well);
             }
             // It gets as many attempts as at first.
             (EventData::WellRedoRequested(_), Some(well)) => {
+                self.to_redo.insert(well.to_owned());
                 self.recoveries.remove(well);
                 self.ended_processes.retain(|(of, _), _| of != well);
             }
@@ -202,6 +211,7 @@ impl RunState {
                 self.resumed_by_itself = 0;
                 self.holds.clear();
                 self.recoveries.remove(well);
+                self.to_redo.remove(well);
             }
             _ => {}
         }

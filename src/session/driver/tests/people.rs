@@ -109,6 +109,45 @@ fn a_held_run_measures_a_well_again_and_keeps_the_first_attempt() {
     });
 }
 
+/// The process ends before each of the disk operations of a redo. After the next start the well is finished with its files, or it is not done
+/// and its files are those of an earlier attempt.
+#[test]
+fn a_redo_that_a_crash_cuts_short_is_ended_by_the_next_start() {
+    on_this_thread(async {
+        let mut was_both = [false; 2];
+        for at in 0.. {
+            let dir = scratch();
+            let mut b = started(dir.path(), true, &["A01", "A02"]);
+            b.done("A01");
+            let folder = dir.path().join("runs").join(RUN);
+            std::fs::create_dir_all(folder.join("A01")).unwrap();
+            std::fs::write(folder.join("A01/measurement.json"), "{}").unwrap();
+            b.steer(Towards::Hold).unwrap();
+            b.ends(RunEnd::Paused).await;
+            b.said("A01", note(false, "a bubble")).unwrap();
+            disk_trace::begin(None);
+            disk_trace::die(at);
+            let said = b.said("A01", Said::Redo(says("a bubble")));
+            let has_died = disk_trace::was_full();
+            assert!(has_died || said.is_ok(), "{said:?}");
+            drop(b);
+            disk_trace::begin(None);
+            let b = bench(dir.path(), true);
+            let (is_redone, attempt) = (outcome(&b, 0).is_none(), folder.join("A01.attempt-1/measurement.json").is_file());
+            assert_eq!((is_redone, attempt, folder.join("A01").exists()), (is_redone, is_redone, !is_redone), "operation {at}");
+            assert_eq!(b.status().run.unwrap().results[0].note.as_ref().unwrap().comment, "a bubble");
+            let stored = b.d.outbox.store().run(RUN).unwrap().unwrap();
+            assert_eq!(stored.wells[0].outcome.is_none(), is_redone, "operation {at}");
+            was_both[usize::from(is_redone)] = true;
+            disk_trace::end();
+            if !has_died {
+                break;
+            }
+        }
+        assert_eq!(was_both, [true; 2]);
+    });
+}
+
 #[test]
 fn a_remark_excludes_a_well_during_a_run_and_after_it_and_keeps_its_numbers() {
     on_this_thread(async {
