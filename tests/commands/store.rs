@@ -301,6 +301,51 @@ fn what_is_added_to_a_run_while_its_copy_is_read_is_not_removed() {
     assert!(!here.exists() && !data.join("runs/.r1.pruned").exists());
 }
 
+/// A remark about a well changes an archived run. Its copy gets the remark when the run is archived again to the same place, and nothing else.
+#[test]
+fn an_archived_run_that_got_a_remark_is_archived_again_and_pruned() {
+    use carved_store::{Packing, archive, archive_to_objects, prune};
+    let objects = std::sync::Mutex::default();
+    let dir = tempfile::tempdir().unwrap();
+    let copies = dir.path().join("copies");
+    for to_objects in [false, true] {
+        let data = dir.path().join(format!("data-{to_objects}"));
+        stored(&data, "r1", Some(RunOutcome::Failed));
+        let here = data.join("runs/r1");
+        let archived = || match to_objects {
+            true => archive_to_objects(&here, "s3://copies", Packing::Files, &Copies { objects: &objects, meanwhile: &|| () }),
+            false => archive(&here, &copies, Packing::Files),
+        };
+        let pruned = || prune(&data, "r1", true, true, &|address| Err(carved_store::StoreError::NeverArchived { path: address.into() }));
+        archived().unwrap();
+        let mut record: serde_json::Value = serde_json::from_slice(&std::fs::read(here.join("run.json")).unwrap()).unwrap();
+        record["wells"][0]["note"] =
+            serde_json::json!({"by": "kim", "time": "2026-03-05T09:30:00Z", "excluded": true, "comment": "a bubble", "tags": []});
+        std::fs::write(here.join("run.json"), record.to_string()).unwrap();
+        let error = pruned().unwrap_err().to_string();
+        assert!(error.contains("run.json") && error.contains("archive it again"), "{error}");
+        archived().unwrap();
+        let copy = |name: &str| match to_objects {
+            true => objects.lock().unwrap().get(&format!("s3://copies/r1/{name}")).cloned().unwrap(),
+            false => std::fs::read(copies.join("r1").join(name)).unwrap(),
+        };
+        assert_eq!(copy("run.json"), std::fs::read(here.join("run.json")).unwrap());
+        // A copy with another change is not one that carved made.
+        let good = copy("run.json");
+        let write = |bytes: &[u8]| match to_objects {
+            true => drop(objects.lock().unwrap().insert("s3://copies/r1/run.json".into(), bytes.to_vec())),
+            false => std::fs::write(copies.join("r1/run.json"), bytes).unwrap(),
+        };
+        write(b"{}");
+        assert!(matches!(archived(), Err(carved_store::StoreError::Exists { .. })));
+        write(&good);
+        if !to_objects {
+            pruned().unwrap();
+            assert!(!here.exists());
+        }
+    }
+}
+
 /// A script reads the exit code. For a whole data folder, too, a copy that cannot be trusted is a failure. A run that was never archived is
 /// not.
 #[test]

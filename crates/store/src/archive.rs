@@ -11,6 +11,7 @@
 //! rest.
 
 use super::index;
+use super::lines::EVENTS;
 use super::objects::{self, Objects, Reach};
 use super::pack::{self, Pack, RecordingFiles};
 use super::receipt::{RECEIPT, RECEIPTS, Receipt, SCHEMA, receipts};
@@ -22,6 +23,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::io::Read;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
+
+/// The files that a remark about a well changes after the end of its run.
+const REMARKED: [&str; 2] = [run::FILE, EVENTS];
 
 /// The metadata that make a run's folder an RO-Crate. They list single files, so a packed copy does not have them.
 pub const CRATE: &str = "ro-crate-metadata.json";
@@ -238,10 +242,13 @@ impl Receipt {
             let (path, copy) = (from.join(name), self.destination.join(name));
             if copy.exists() {
                 own.check_apart(&copy)?;
-                if hash_on_disk(&copy)? != *expected {
+                let found = hash_on_disk(&copy)?;
+                if found == *expected {
+                    continue;
+                }
+                if !self.is_from_before_a_remark(from, name, &found)? {
                     return Err(StoreError::Exists { path: copy });
                 }
-                continue;
             }
             let bytes = carved_files::read_below(from, name).map_err(StoreError::io("read", &path))?;
             sums::same(&path, expected, &sha256_hex(&bytes))?;
@@ -249,6 +256,14 @@ impl Receipt {
             durable::write(&copy, &bytes)?;
         }
         Ok(())
+    }
+
+    /// Whether the copy has a file as an earlier receipt says, and a remark about a well has changed it in the run since.
+    fn is_from_before_a_remark(&self, from: &Path, name: &Path, found: &str) -> Result<bool, StoreError> {
+        let is_of_this_copy =
+            |earlier: &Receipt| earlier.destination == self.destination && earlier.files.get(name).is_some_and(|h| h == found);
+        let is_changed = REMARKED.iter().any(|file| name == Path::new(file)) && self.files.get(name).is_some_and(|now| now != found);
+        Ok(is_changed && receipts(from)?.iter().any(is_of_this_copy))
     }
 
     /// Calls `with` for each object of a copy: with its address, and with what verifies its bytes.
@@ -305,7 +320,7 @@ impl Receipt {
 }
 
 /// Copies a run that has ended to `to/RUN`, its recordings as they are or packed. Verifies every file of the copy, then writes a receipt in
-/// both folders. Completes an interrupted copy.
+/// both folders. Completes an interrupted copy, and replaces what a remark about a well has changed since an earlier copy to the same place.
 ///
 /// # Errors
 /// The run has not ended, its files are altered, the destination has other files, or the copy reads back differently.
@@ -339,8 +354,11 @@ pub fn archive_to_objects(folder: &Path, to: &str, packing: Packing, objects: &d
     let _claim = RunClaim::shared(&from)?;
     let address = format!("{}/{}", to.trim_end_matches('/'), record.id);
     let receipt = Receipt::new(&from, record, address.clone().into(), packing)?;
-    receipt
-        .each_object(&address, |object, verify| objects::keep(objects, object, || receipt.object_of(&from, &address, object), verify))?;
+    receipt.each_object(&address, |object, verify| {
+        let name = Path::new(object.strip_prefix(&address).unwrap_or(object).trim_start_matches('/'));
+        let may_replace = |found: &[u8]| receipt.is_from_before_a_remark(&from, name, &sha256_hex(found));
+        objects::keep(objects, object, || receipt.object_of(&from, &address, object), verify, may_replace)
+    })?;
     objects.put(&format!("{address}/{RECEIPT}"), durable::json_text(Path::new(RECEIPT), &receipt)?)?;
     receipt.keep_in(&from)?;
     Ok(receipt)

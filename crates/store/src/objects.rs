@@ -28,7 +28,7 @@ pub fn is_address(destination: &str) -> bool {
     destination.starts_with(SCHEME)
 }
 
-/// Writes an object unless it is there, reads it back, and verifies what was read.
+/// Writes an object unless it is there, or where what is there may be replaced. Reads it back, and verifies what was read.
 ///
 /// # Errors
 /// The object is there with other bytes, or reads back differently.
@@ -37,8 +37,11 @@ pub(super) fn keep(
     address: &str,
     bytes: impl FnOnce() -> Result<Vec<u8>, StoreError>,
     verify: impl Fn(Vec<u8>) -> Result<(), StoreError>,
+    may_replace: impl Fn(&[u8]) -> Result<bool, StoreError>,
 ) -> Result<(), StoreError> {
-    if let Some(found) = objects.get(address)? {
+    if let Some(found) = objects.get(address)?
+        && !may_replace(&found)?
+    {
         return verify(found).map_err(|error| match error {
             StoreError::Altered { .. } | StoreError::Vanished { .. } | StoreError::Format { .. } => {
                 StoreError::Exists { path: address.into() }
