@@ -280,8 +280,13 @@ fn wells_with_the_same_pictures_give_no_number() {
         shoot_from(first, &bead, 4, 4, |i| plate.join(format!("{well}/VAST_1_{}.tiff", i + 1)));
     }
     let common = ["--plate", "P-4", "--specimen", "bead", "--voxel", "14", "--data", text(&data), "--even"];
-    let (code, _, said) = import(&[&[text(&plate)][..], &common].concat());
+    let (code, lines, said) = import(&[&[text(&plate)][..], &common].concat());
     assert_eq!(code, Some(4), "{said}");
+    // The last line of a well counts.
+    for well in ["A01", "A03"] {
+        let last = lines.iter().rev().find(|line| line["well"] == well).unwrap();
+        assert_eq!((&last["outcome"], &last["volume_um3"]), (&Value::from("failed"), &Value::Null), "{last}");
+    }
     assert!(said.contains("wells A01 and A03 have the same pictures"), "{said}");
     let wells = json(&data.join("runs/P-4/run.json"))["wells"].clone();
     let outcomes: Vec<&Value> = wells.as_array().unwrap().iter().map(|well| &well["outcome"]).collect();

@@ -7,6 +7,7 @@
 //!  a column       0                   degrees, one per line
 //!                 17,14
 //!  a film         file,time_s         times of a turn at a constant speed
+//!  JSON           [0, 17.14, ...]     degrees
 //! ```
 //! Degrees are angles of the axis, which the rig's sense converts to omega. Radians are omega.
 
@@ -68,7 +69,12 @@ type Row = (usize, Vec<String>);
 
 /// The angles in the text of such a file.
 pub(in crate::cli) fn parse(text: &str, pictures: &[String], plate: Option<&PlatePictures>) -> anyhow::Result<Angles> {
-    let lines = (1..).zip(text.trim_start_matches('\u{feff}').lines());
+    let text = text.trim_start_matches('\u{feff}');
+    if text.trim_start().starts_with(['[', '{']) {
+        let expected = "found JSON that is no list of numbers, expected the degrees of the pictures, as in [0, 120, 240]";
+        return of_all(serde_json::from_str(text).context(expected)?, pictures).map(Angles::Degrees);
+    }
+    let lines = (1..).zip(text.lines());
     let lines: Vec<(usize, &str)> = lines.filter(|(_, l)| !l.trim().is_empty() && !l.trim_start().starts_with('#')).collect();
     let Some((_, first)) = lines.first() else { bail!("found no line, expected one angle per picture") };
     if number(first).is_some() {
@@ -285,6 +291,7 @@ mod tests {
             "0;0;0.00;1;1;0;1\n0;0;3.60;1;1;0;1\n0;0;7.20;1;1;0;1\n",
             "no,0,0.00,1,1,no,off\nno,0,3.60,1,1,no,off\nno,0,7.20,1,1,no,off\n",
             "0\n3,6\n7.2\n",
+            "\u{feff} [0,\n 3.6, 7.2]\n",
             "# turn\nfile,angle_deg\nv2.png,7.2\nv0.png,0\nv1,3.6\n",
             "file;angle_deg\nC:\\x\\v1.png;3,6\nv0.png;0\nv2.png;7,2\n",
             "view,angle_deg\n3,7.2\n1,0\n2,\"3,6\"\n",
@@ -304,6 +311,9 @@ mod tests {
             ("0\nx\n2\n", "line 2: found \"x\""),
             ("0\nnan\n2\n", "line 2: found \"nan\""),
             ("0,1,2\n", "no header"),
+            ("[0, 1]", "found 2 angles for 3 pictures"),
+            ("[0, null, 1]", "found JSON that is no list of numbers"),
+            ("{\"omega\": [0, 1, 2]}", "found JSON that is no list of numbers, expected the degrees"),
             ("0\t1\t2\n", "found 3 columns, expected the 7"),
             ("no 0 0,00 1 1 no off\nno 0 x 1 1 no off\nno 0 2 1 1 no off\n", "line 2: found \"x\""),
             ("no 0 0,00 1 1 no off\nno 0 3,60 1 1 no\nno 0 2 1 1 no off\n", "line 2: found 6 columns, expected the 7"),

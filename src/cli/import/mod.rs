@@ -48,7 +48,7 @@ pub struct Args {
     /// camera.json: f, kx, ky, ux, uy, width, height, and the angles omega in rad (omit omega with --angles or --even)
     #[arg(long, value_name = "FILE")]
     cameras: Option<PathBuf>,
-    /// Angles of the frames: VAST's external.txt, a CSV with a header (`view` or `file`; `angle_deg` or `omega_rad`), or degrees, one per line
+    /// Angles of the frames: VAST's external.txt, a CSV with a header (`view` or `file`; `angle_deg` or `omega_rad`), or degrees, one per line or as a JSON list
     #[arg(long, value_name = "FILE", conflicts_with = "even")]
     angles: Option<PathBuf>,
     /// The degrees of --angles are turns since the previous view, made before its frame, not positions of the axis

@@ -184,7 +184,10 @@ fn one_run(args: &super::Args, barcode: &str, id: &str, fish: Option<u32>) -> an
         say!("{}", line(&status));
         wells.push(status);
     }
-    fail_same(&pairs, &mut wells, &mut warn);
+    for failed in fail_same(&pairs, &mut wells, &mut warn) {
+        // Its first line has numbers.
+        say!("{}", line(failed));
+    }
     if !wells.iter().any(|w| part.path().join(&w.well).is_dir()) {
         let why = wells.iter().find_map(|w| w.reason.as_deref()).unwrap_or("it has no well");
         part.remove();
@@ -220,13 +223,15 @@ fn one_run(args: &super::Args, barcode: &str, id: &str, fish: Option<u32>) -> an
     Ok(code_of(outcome))
 }
 
-/// Fails both wells of each pair: nothing says which of them the pictures show.
-fn fail_same(pairs: &[SamePictures], wells: &mut [WellStatus], warn: &mut dyn FnMut(String)) {
+/// Fails both wells of each pair: nothing says which of them the pictures show. Returns the wells that have failed.
+fn fail_same<'a>(pairs: &[SamePictures], wells: &'a mut [WellStatus], warn: &mut dyn FnMut(String)) -> Vec<&'a WellStatus> {
     for pair in pairs {
         let why = format!("{pair}. Import each well with its own pictures");
         wells.iter_mut().filter(|status| [&pair.well, &pair.earlier].contains(&&status.well)).for_each(|status| status.fail_measured(&why));
         warn(why);
     }
+    let is_of_pair = |status: &&WellStatus| pairs.iter().any(|pair| [&pair.well, &pair.earlier].contains(&&status.well));
+    wells.iter().filter(is_of_pair).collect()
 }
 
 /// Refuses the pictures of several wells or fish where those of one specimen are expected.
