@@ -312,9 +312,12 @@ fn an_archived_run_that_got_a_remark_is_archived_again_and_pruned() {
         let data = dir.path().join(format!("data-{to_objects}"));
         stored(&data, "r1", Some(RunOutcome::Failed));
         let here = data.join("runs/r1");
-        let archived = || match to_objects {
-            true => archive_to_objects(&here, "s3://copies", Packing::Files, &Copies { objects: &objects, meanwhile: &|| () }),
-            false => archive(&here, &copies, Packing::Files),
+        let archived = || {
+            if to_objects {
+                archive_to_objects(&here, "s3://copies", Packing::Files, &Copies { objects: &objects, meanwhile: &|| () })
+            } else {
+                archive(&here, &copies, Packing::Files)
+            }
         };
         let pruned = || prune(&data, "r1", true, true, &|address| Err(carved_store::StoreError::NeverArchived { path: address.into() }));
         archived().unwrap();
@@ -325,16 +328,19 @@ fn an_archived_run_that_got_a_remark_is_archived_again_and_pruned() {
         let error = pruned().unwrap_err().to_string();
         assert!(error.contains("run.json") && error.contains("archive it again"), "{error}");
         archived().unwrap();
-        let copy = |name: &str| match to_objects {
-            true => objects.lock().unwrap().get(&format!("s3://copies/r1/{name}")).cloned().unwrap(),
-            false => std::fs::read(copies.join("r1").join(name)).unwrap(),
+        let copy = |name: &str| {
+            let object = || objects.lock().unwrap().get(&format!("s3://copies/r1/{name}")).cloned().unwrap();
+            if to_objects { object() } else { std::fs::read(copies.join("r1").join(name)).unwrap() }
         };
         assert_eq!(copy("run.json"), std::fs::read(here.join("run.json")).unwrap());
         // A copy with another change is not one that carved made.
         let good = copy("run.json");
-        let write = |bytes: &[u8]| match to_objects {
-            true => drop(objects.lock().unwrap().insert("s3://copies/r1/run.json".into(), bytes.to_vec())),
-            false => std::fs::write(copies.join("r1/run.json"), bytes).unwrap(),
+        let write = |bytes: &[u8]| {
+            if to_objects {
+                objects.lock().unwrap().insert("s3://copies/r1/run.json".into(), bytes.to_vec());
+            } else {
+                std::fs::write(copies.join("r1/run.json"), bytes).unwrap();
+            }
         };
         write(b"{}");
         assert!(matches!(archived(), Err(carved_store::StoreError::Exists { .. })));
