@@ -32,11 +32,14 @@ function item(fault: Fault, headline: NextStep | null): HTMLElement {
   const head = element("p", "fault-head", element("strong", "", headline ? meaning : fault.what_to_do));
   if (fault.operator_required) head.append(element("span", "tag tag-alarm", "Needs you"));
   // The details are for the person who repairs the instrument.
-  const found = fault.meaning && fault.meaning !== fault.message ? ` Found: ${fault.message}` : "";
-  const small = `Fault ${fault.seq}, ${words(fault.code)}, since ${clockTime(fault.since)}.${found}`;
+  const small = `Fault ${fault.seq}, ${words(fault.code)}, since ${clockTime(fault.since)}.`;
   const made = element("li", "fault", head);
   if (!headline) made.append(element("p", "", meaning));
   made.append(element("p", "fault-code", small));
+  if (fault.meaning && fault.meaning !== fault.message) {
+    const found = element("p", "", `Found: ${fault.message}`);
+    made.append(element("details", "fault-code", element("summary", "", "Details for support"), found));
+  }
   if (headline?.button !== "acknowledge" && !fault.ends_by_itself) made.append(actions(fault));
   made.dataset["code"] = fault.code;
   return made;

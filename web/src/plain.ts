@@ -82,14 +82,15 @@ export function tally(run: RunStatus): string {
   // The counts of the daemon have these in one number.
   const aborted = run.results.filter(({ outcome }) => outcome === "aborted");
   const cut = aborted.filter(({ views }) => (views ?? 0) > 0).length;
+  const isOver = run.outcome !== null;
   const parts: [number, string][] = [
     [w.succeeded + w.flagged, w.flagged === 0 ? "measured" : `measured (${grouped(w.flagged)} of them flagged)`],
     [w.skipped, "skipped"],
     [w.failed, "failed"],
     [w.interrupted - aborted.length, "interrupted"],
     [cut, "interrupted by the end of the run"],
-    [aborted.length - cut, "left out"],
-    [w.pending, run.outcome === null ? "waiting" : "not measured"],
+    [aborted.length - cut + (isOver ? w.pending : 0), "not measured"],
+    [isOver ? 0 : w.pending, "waiting"],
   ];
   return parts
     .filter(([count]) => count > 0)

@@ -80,7 +80,7 @@ export const CONDITIONS: Record<Condition, { sign: string; label: string }> = {
 export function conditionWords(well: WellStatus, condition: Condition): string {
   const views = well.views ?? 0;
   if (condition === "cut") return `interrupted after ${counted(views, "view")}`;
-  if (condition === "aborted" && well.views === 0) return "left out before its first view";
+  if (condition === "aborted" && well.views === 0) return "not measured: the run was ended before its first view";
   if (condition === "interrupted" && views > 0) return `interrupted and given up after ${counted(views, "view")}`;
   return CONDITIONS[condition].label;
 }

@@ -616,6 +616,26 @@ test("the wall display fits its screen with 6 to 1536 wells, running and held", 
   }
 });
 
+test("the left column of a full plate on which every well has flags is not longer than the page beside it needs", async () => {
+  const flags = ["fin_detail", "moved", "fins_unseen", "blurred", "few_views"];
+  for (const rows of [8, 16]) {
+    const wells = Array.from({ length: rows }, (_, row) =>
+      Array.from(
+        { length: rows * 1.5 },
+        (_, column) => `${"ABCDEFGHIJKLMNOP"[row]}${String(column + 1).padStart(2, "0")}`,
+      ),
+    ).flat();
+    server.publish(status({ state: "Complete", run: run(wells.map((name) => ({ ...larva(name, 240e6, 0), flags }))) }));
+    await page.setViewportSize({ width: 1440, height: 900 });
+    await page.goto(server.url);
+    await page.locator("#attention-list > li").nth(4).waitFor();
+    const column = (await page.locator(".columns > .column").first().boundingBox())!;
+    await shoot(page, `left-${wells.length}`);
+    assert.ok(column.height < 2 * 900, `${wells.length} wells: ${column.height} px`);
+    assert.deepEqual(await breaches(), []);
+  }
+});
+
 test("notices and sound are off by default, and come once for each need", async () => {
   await page.addInitScript(() => {
     const said: string[] = [];

@@ -50,7 +50,10 @@ test("a well that was cut short shows its views, and one without a view says so"
   const over = { ...half, state: "Aborted" as const, run: run(wells, { outcome: "aborted" }), specimen: null };
   const kinds = wells.map((w) => subjectOf(over, w.well).kind);
   assert.deepEqual(kinds, ["stored", "stored", "none", "stored", "stored"], "early versions counted no views");
-  assert.deepEqual(subjectOf(over, "A03"), { kind: "none", words: "Well A03: left out before its first view." });
+  assert.deepEqual(subjectOf(over, "A03"), {
+    kind: "none",
+    words: "Well A03: not measured: the run was ended before its first view.",
+  });
   // With hand exchange the specimen stays inside: the pictures are those of the well in the ring.
   const left = { ...over, specimen: specimen("A02", [1]) };
   assert.equal(chosenWell(left, null), "A02");

@@ -83,7 +83,10 @@ test("a well that was cut short and one that was never begun have another sign a
   const cut = well("B02", { outcome: "aborted", views: 13 });
   assert.equal(spoken(cut, conditionOf(cut, null)), "B02, larva, 3 dpf, interrupted after 13 views");
   const left = well("B02", { outcome: "aborted", views: 0 });
-  assert.equal(spoken(left, conditionOf(left, null)), "B02, larva, 3 dpf, left out before its first view");
+  assert.equal(
+    spoken(left, conditionOf(left, null)),
+    "B02, larva, 3 dpf, not measured: the run was ended before its first view",
+  );
   assert.notEqual(CONDITIONS[conditionOf(cut, null)].sign, CONDITIONS[conditionOf(left, null)].sign);
   const old = well("B02", { outcome: "aborted" });
   assert.equal(spoken(old, conditionOf(old, null)), "B02, larva, 3 dpf, not measured: the run was ended");
