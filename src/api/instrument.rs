@@ -101,7 +101,7 @@ pub struct MethodOffer {
     pub version: Option<String>,
     /// ASD: axial views in one revolution.
     pub asd: u32,
-    /// `sequential` or `coarse_to_fine`.
+    /// `sequential`, `coarse_to_fine` or `sweep`.
     #[schema(value_type = String)]
     pub order: ViewOrder,
     /// Share of the views that may miss a voxel that still counts.
