@@ -134,19 +134,7 @@ impl Config {
             }
         }
         breaches.extend(too_near(&raw.methods, "optics", &optics));
-        if let CameraDriver::Aravis(camera) = &drivers.camera
-            && ["rig", "optics", "camera", "methods"].into_iter().all(&in_range)
-        {
-            breaches.extend(raw.methods.iter().filter_map(|(name, method)| blurred_sweep(name, method, &raw, camera.exposure_us)));
-        }
-        if drivers.camera_second.is_some() {
-            let swept = raw.methods.iter().filter(|(_, method)| method.order == ViewOrder::Sweep);
-            breaches.extend(swept.map(|(name, _)| {
-                format!(
-                    "  methods.{name}.order = \"sweep\"; expected an order with stops: [camera_second] is triggered while the axis stands"
-                )
-            }));
-        }
+        sweeps(&raw, &drivers, in_range, &mut breaches);
         for (name, method) in &raw.methods {
             let retired = method.segment.retired_keys();
             breaches
@@ -224,6 +212,21 @@ impl Config {
 
 fn sweep_of(method: &Method, steps_per_revolution: StepsPerRevolution) -> Option<Result<SweepPlan, PlanError>> {
     (method.order == ViewOrder::Sweep).then(|| SweepPlan::new(method.asd, steps_per_revolution, method.sweep.rate_hz(method.asd)))
+}
+
+/// Checks the methods with a sweep against the camera's exposure and against the second camera.
+fn sweeps(raw: &Raw, drivers: &Drivers, in_range: impl Fn(&str) -> bool, breaches: &mut Vec<String>) {
+    if let CameraDriver::Aravis(camera) = &drivers.camera
+        && ["rig", "optics", "camera", "methods"].into_iter().all(in_range)
+    {
+        breaches.extend(raw.methods.iter().filter_map(|(name, method)| blurred_sweep(name, method, raw, camera.exposure_us)));
+    }
+    if drivers.camera_second.is_some() {
+        let swept = raw.methods.iter().filter(|(_, method)| method.order == ViewOrder::Sweep);
+        breaches.extend(swept.map(|(name, _)| {
+            format!("  methods.{name}.order = \"sweep\"; expected an order with stops: [camera_second] is triggered while the axis stands")
+        }));
+    }
 }
 
 /// Why the pictures of a sweep cannot be used, if so.

@@ -31,7 +31,7 @@ pub struct DeviceReport {
     outputs: Option<Result<(), DeviceError>>,
     /// `None` if another program takes the pictures.
     light: Result<Option<Light>, DeviceError>,
-    /// Whether axis and camera can do the sweep of the method. `None` for a method with stops.
+    /// Whether axis and camera can do the sweep of the method. `None` for a method with stops, or if one of them does not answer.
     sweep: Option<Result<SweepPlan, AcquisitionError>>,
     /// The frame that the light was judged by.
     frame: Option<RawFrame>,
@@ -76,7 +76,8 @@ pub fn look(mut instrument: Instrument, sweep: Option<SweepPlan>, deadline: Dura
         Ok(frame) => (Ok(Some(Light::of(&frame))), Some(frame)),
         Err(error) => (Err(error), None),
     };
-    let sweep = sweep.map(|plan| plan.check(rig.rotation.as_ref(), camera).map(|()| plan));
+    // A device that is lost cannot say what it can do.
+    let sweep = sweep.filter(|_| axis.is_ok() && light.is_ok()).map(|plan| plan.check(rig.rotation.as_ref(), camera).map(|()| plan));
     if !camera.is_lost()
         && let Err(error) = camera.disarm()
     {

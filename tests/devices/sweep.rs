@@ -58,7 +58,7 @@ impl Bench {
         for _ in 0..5 {
             match self.sweep(&mut seen) {
                 Ok(ledger) => return ledger,
-                Err(AcquisitionError::Sweep(error)) if error.may_be_tried_again() => println!("{error}"),
+                Err(AcquisitionError::Sweep(error)) if error.is_of_frames() => println!("{error}"),
                 Err(error) => panic!("{error}"),
             }
             self.devices.rotation.reference(&CancelToken::new()).unwrap();
@@ -188,5 +188,5 @@ fn an_axis_that_was_held_and_went_on_has_not_swept() {
         }
         _ => {}
     });
-    assert!(matches!(ended, Err(AcquisitionError::Sweep(SweepError::Held { .. }))), "{ended:?}");
+    assert!(matches!(ended, Err(AcquisitionError::Sweep(SweepError::Pace { .. }))), "{ended:?}");
 }

@@ -25,7 +25,7 @@ pub struct LedgerEntry {
     /// The time of a frame that was taken while the axis turned at a constant speed. `None` for a view at a stop.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub swept: Option<Swept>,
-    /// Time from the command to the axis' arrival, ms.
+    /// Time from the command to the axis' arrival, ms. In a sweep: the camera's period.
     pub moved_ms: f64,
     /// Settling time between arrival and trigger, ms.
     pub settle_ms: f64,

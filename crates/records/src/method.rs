@@ -220,6 +220,10 @@ impl Method {
         if let SweepSettings { frame_rate_hz: Some(rate), turn_s: Some(turn), .. } = self.sweep {
             breaches.push(format!("sweep.frame_rate_hz = {rate} and sweep.turn_s = {turn}; expected one of them: each sets the speed"));
         }
+        let rate = self.sweep.rate_hz(self.asd);
+        if self.order == ViewOrder::Sweep && !(1.0..=1000.0).contains(&rate) {
+            breaches.push(format!("sweep.turn_s: {} views in this time are {rate:.2} frames/s; expected 1 to 1000 frames/s", self.asd));
+        }
         breaches
     }
 

@@ -29,7 +29,7 @@ use carved_core::surface::Mesh;
 use carved_core::units::{Sense, StepsPerRevolution};
 use carved_records::{InstrumentIdentity, Ledger, LedgerEntry, Method, Mode, PlannedWell, is_plain_name, is_well, sha256_hex};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 pub(super) const SCHEMA: &str = "carved.recording/1";
@@ -82,7 +82,8 @@ impl MeasurementFile {
             let trusted = record.measurement.estimator.name();
             record.compare_with_references(standing.z(trusted), recording.method.quality.reference_z);
         }
-        if !recording.missing_views.is_empty() {
+        // A few frames of a sweep may be lost; an imported turn was complete once.
+        if !recording.missing_views.is_empty() && recording.mode == Mode::Imported {
             record.flags.push(Flag::MissingViews.into());
         }
         Self { mode: recording.mode, record, fluorescence: None, reference, method_version: recording.method.version.clone() }
@@ -166,7 +167,7 @@ pub struct Recording {
     /// The method's rule ended the turn after this number of views.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ended_after_views: Option<u32>,
-    /// Numbers of the views of an imported turn that have no picture, as the names of the pictures count.
+    /// Numbers of the views without a picture: of an imported turn as the names of the pictures count, of a sweep around the turn.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub missing_views: Vec<u32>,
     /// The turn was accepted before the specimen was released. The numbers are computed from these frames only.
@@ -318,6 +319,16 @@ impl RecordingWriter {
     /// Marks the turn as complete with fewer views than planned.
     pub fn end_after(&mut self, views: u32) -> Result<(), StoreError> {
         self.recording.ended_after_views = Some(views);
+        self.save()
+    }
+
+    /// Names the planned views that did not arrive in a sweep.
+    ///
+    /// # Errors
+    /// The record cannot be written.
+    pub fn name_missing(&mut self) -> Result<(), StoreError> {
+        let taken: BTreeSet<u32> = self.recording.ledger.carved().map(|entry| entry.view).collect();
+        self.recording.missing_views = (0..self.recording.method.asd).filter(|view| !taken.contains(view)).collect();
         self.save()
     }
 

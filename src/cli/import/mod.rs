@@ -239,6 +239,10 @@ fn omega_deg(
         ensure!(!args.relative, "--relative: {from} has omega, which are positions; leave --relative out");
         Ok((rad.into_iter().map(f64::to_degrees).collect(), from))
     };
+    let of_rad = |rad: Vec<f64>, from: String| {
+        ensure!(args.turn_s.is_none(), "--turn-s: {from} has angles; leave --turn-s out, or give the time of each picture (time_s)");
+        of_rad(rad, from)
+    };
     match (sources.omega(), &args.angles, args.even) {
         (Some(_), Some(_), _) | (Some(_), _, true) => {
             bail!("--cameras gives omega and {} other angles; leave one of them out", if args.even { "--even" } else { "--angles" })

@@ -22,6 +22,7 @@ use crate::http;
 use crate::session::Instrument;
 use anyhow::Context;
 use cables::Cables;
+use carved_devices::acquisition::RevolutionPlan;
 use carved_devices::camera::CameraSelect;
 use carved_devices::sampler::{LoaderInterlock, Sampler};
 use carved_records::{Mode, ViewOrder, is_well};
@@ -161,6 +162,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
             (method.order, method.asd) = (ViewOrder::Sweep, SWEEP_VIEWS);
         }
         method.asd = args.views.unwrap_or(method.asd);
+        RevolutionPlan::new(method.asd, config.steps_per_revolution, method.order).context("--views")?;
     }
     let listener = http::bind(&config.http)?;
     let listen = listener.local_addr().context("the address that is served")?;

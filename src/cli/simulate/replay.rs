@@ -11,7 +11,7 @@ use carved_devices::cancel::CancelToken;
 use carved_devices::rotation::RotationDriver;
 use carved_devices::sampler::{Expected, Loaded, Sampler};
 use carved_devices::{DeviceError, RotationAxis};
-use carved_records::RunPlan;
+use carved_records::{RunPlan, ViewOrder};
 use carved_store::{MEASUREMENT, MeasurementFile, Recording, RecordingReader, durable};
 use hardware_sim::{Pixels, Replay};
 use std::path::Path;
@@ -78,6 +78,10 @@ fn reference(rotation: &RotationDriver) -> Steps {
 
 /// Checks that the recording has an even turn from step 0. The emulated axis makes such a turn, so only frames of its stops can be shown.
 fn stands_as_planned(recording: &Recording) -> anyhow::Result<()> {
+    anyhow::ensure!(
+        recording.method.order != ViewOrder::Sweep,
+        "its views were taken in a sweep, and a replay has stops: `carved measure` measures it"
+    );
     let plan = RevolutionPlan::new(recording.method.asd, recording.rig.steps_per_revolution, recording.method.order)?;
     for entry in recording.ledger.counted() {
         let stop = plan.stops().iter().find(|s| s.view == entry.view).context("a view that its method does not have")?;

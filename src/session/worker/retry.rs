@@ -144,7 +144,7 @@ mod tests {
         let swept = |e: SweepError| RunError::from(AcquisitionError::from(e));
         let missing = swept(SweepError::Missing { missing: 20, planned: 84, longest: 9, allowed: 8, allowed_in_a_row: 4 });
         assert!(may_be_tried_again(&missing) && keeps_specimen(&missing));
-        let held = swept(SweepError::Held { late_ms: 900.0 });
+        let held = swept(SweepError::Pace { late_ms: 900.0 });
         assert!(may_be_tried_again(&held) && !keeps_specimen(&held), "its position is lost");
         for unfit in [swept(SweepError::NoFreeRun), in_view(DeviceError::Uneven { steps_per_s: 179.0, fastest: None })] {
             assert!(!may_be_tried_again(&unfit) && keeps_specimen(&unfit), "{unfit}");

@@ -18,7 +18,7 @@ use carved_core::pipeline::{Pipeline, PipelineError, SpecimenRecord, TurnVerdict
 use carved_core::reconstruction::is_seen_around;
 use carved_core::surface::Mesh;
 use carved_devices::rotation::RotationDriver;
-use carved_records::{LedgerEntry, Light, Phase, PlannedWell, SpecimenOutcome, WellStatus, WellTimes};
+use carved_records::{LedgerEntry, Light, Phase, PlannedWell, SpecimenOutcome, ViewOrder, WellStatus, WellTimes};
 use carved_store::{self, MeasurementFile, RecordingWriter};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
@@ -152,6 +152,9 @@ impl Specimen {
                 Some(Work::Turned) => {
                     if let Some(fault) = self.blind.at_end(self.writer.recording().ledger.carved().count()) {
                         return Err(optics_fault(&self.planned, fault));
+                    }
+                    if self.context.method.order == ViewOrder::Sweep {
+                        self.writer.name_missing()?;
                     }
                     if self.enough.load(Ordering::Acquire)
                         && let Err(e) = self.ended_early()?

@@ -149,7 +149,7 @@ impl Worker {
         let mut second_failed = None;
         let taken = within(Phase::Revolve, context.allowed(Phase::Revolve), &context.cancel, &stop, |cancel| {
             let mut hand_on = |mut entry: LedgerEntry, frame: RawFrame| {
-                // The axis stands still until this returns.
+                // At a stop the axis stands still until this returns. A sweep has no second camera.
                 let second = second.as_deref_mut().map(|camera| acquisition::grab_second(camera, context.deadline(), cancel));
                 let second = second.transpose().map_err(|e| {
                     second_failed = Some(e);

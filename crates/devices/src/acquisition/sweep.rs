@@ -19,6 +19,7 @@ use carved_core::frame::RawFrame;
 use carved_core::units::{Steps, StepsPerRevolution};
 use carved_records::{Ledger, LedgerEntry, LedgerError, Light, Method, Swept, sha256_hex};
 use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
@@ -27,11 +28,18 @@ const FRAMES_BEFORE: u32 = 6;
 /// Time by which the sweep is longer than needed, for an acknowledgement that comes late, s.
 const RUN_OUT_S: f64 = 0.3;
 /// Delay with which the arrival may be reported, s. A person needs longer to hold and release an axis.
-const ARRIVAL_SLACK_S: f64 = 0.5;
+const LATE_SLACK_S: f64 = 0.3;
+/// Time by which the arrival may come early, s: a controller rounds its ramps.
+const EARLY_SLACK_S: f64 = 0.05;
+/// How long an axis may say why it stands, before it is stopped because nobody receives the views.
+const LAST_WORD: Duration = Duration::from_millis(300);
+const LOOK_AGAIN: Duration = Duration::from_millis(5);
+/// Largest difference between the closure view and a whole turn, deg. A frame beyond it is not compared with view 0.
+const CLOSURE_OFF_DEG: f64 = 0.5;
 /// Largest difference between the measured period and the one that was asked for, as a ratio.
 const PERIOD_OFF: f64 = 0.03;
-/// Longest time without a frame.
-const SILENCE: Duration = Duration::from_secs(2);
+/// Shortest time without a frame after which the camera counts as silent.
+const SILENCE_S: f64 = 2.0;
 /// Uncertainty of the step rate against the camera's clock, as a ratio: two quartz clocks.
 const RATE_SD: f64 = 1e-4;
 /// Uncertainty of a frame's timestamp, s.
@@ -59,9 +67,12 @@ pub enum SweepError {
          what keeps this computer busy"
     )]
     Late { late_ms: f64 },
-    /// The axis arrived too late for its speed.
-    #[error("the axis arrived {late_ms:.0} ms later than its speed says: it was held during the sweep, or this computer was busy")]
-    Held { late_ms: f64 },
+    /// The axis arrived too late or too early for its speed.
+    #[error(
+        "the axis arrived {late_ms:.0} ms after the time that its speed gives: somebody held it, its speed is not that of the configuration, or \
+         this computer was busy"
+    )]
+    Pace { late_ms: f64 },
     /// Too many frames did not arrive.
     #[error(
         "{missing} of {planned} views of the sweep did not arrive, up to {longest} in a row; at most {allowed} and {allowed_in_a_row} in a row \
@@ -81,7 +92,7 @@ impl SweepError {
 
     /// Whether another sweep may succeed: the cause was a busy computer or network.
     pub fn may_be_tried_again(&self) -> bool {
-        matches!(self, Self::Late { .. } | Self::Held { .. } | Self::Missing { .. })
+        matches!(self, Self::Late { .. } | Self::Pace { .. } | Self::Missing { .. })
     }
 }
 
@@ -145,7 +156,8 @@ impl SweepPlan {
     pub fn check(&self, axis: &dyn RotationAxis, camera: &mut dyn Camera) -> Result<(), AcquisitionError> {
         let device = |source| AcquisitionError::Device { view: 0, source };
         self.even_motion(axis).map_err(device)?;
-        let needed_hz = self.frame_rate_hz;
+        // A camera rounds its rate.
+        let needed_hz = 0.99 * self.frame_rate_hz;
         match camera.highest_rate_hz().map_err(device)? {
             None => Err(SweepError::NoFreeRun.into()),
             Some(fastest_hz) if fastest_hz < needed_hz => Err(SweepError::FrameRate { needed_hz, fastest_hz }.into()),
@@ -154,7 +166,8 @@ impl SweepPlan {
     }
 
     fn even_motion(&self, axis: &dyn RotationAxis) -> Result<EvenMotion, DeviceError> {
-        let steps_per_s = self.steps_per_s();
+        // The measured period may be shorter than the one that was asked for.
+        let steps_per_s = self.steps_per_s() / (1.0 - PERIOD_OFF);
         match axis.even_motion() {
             Some(can) if can.fastest_steps_per_s >= steps_per_s => Ok(can),
             can => Err(DeviceError::Uneven { steps_per_s, fastest: can.map(|can| can.fastest_steps_per_s) }),
@@ -192,8 +205,8 @@ struct Constant {
     /// Times between which all frames count, ns.
     since_ns: f64,
     until_ns: f64,
-    /// Time at which the axis has arrived, at the latest, ns.
-    arrives_ns: f64,
+    /// Times between which the axis arrives, ns.
+    arrives_ns: [f64; 2],
     /// Position at `since_ns` if the axis began in the middle of its bracket, steps.
     at_since: f64,
     steps_per_s: f64,
@@ -211,11 +224,11 @@ impl Constant {
         // From the beginning of the first ramp to the beginning of the last one.
         let constant_s = ((way.to.0 - way.from.0) as f64 / v).max(ramp_s);
         let since_ns = taken + (ramp_s + rest_s) * 1e9;
-        let start_ns = (sent + taken) / 2.0;
+        let start_ns = f64::midpoint(sent, taken);
         Self {
             since_ns,
             until_ns: sent + constant_s * 1e9,
-            arrives_ns: taken + (constant_s + ramp_s) * 1e9,
+            arrives_ns: [sent, taken].map(|began| began + (constant_s + ramp_s) * 1e9),
             at_since: way.from.0 as f64 + v * (since_ns - start_ns) * 1e-9 - v * ramp_s / 2.0,
             steps_per_s: v,
             start_sd_s: late_s / 12.0_f64.sqrt(),
@@ -261,6 +274,7 @@ pub fn sweep(
     }
     let clock = rig.camera.clock().map_err(failed)?.ok_or(SweepError::NoClock)?;
     let Rig { rotation, camera } = rig;
+    let has_failed = &AtomicBool::new(false);
     let (moved, mut taker) = std::thread::scope(|scope| {
         // The scope waits for the axis, so a motion that is not wanted any more ends within it, also in a panic.
         let moving = StopUnlessDone::of(stop.clone());
@@ -269,11 +283,11 @@ pub fn sweep(
         let axis = scope.spawn(move || {
             // Without frames nothing turns.
             let Ok(steps_per_s) = may_go.recv() else { return Ok(None) };
-            rotation
-                .move_evenly(way.to, steps_per_s, &mut |at| {
-                    let _gone = tell.send(at);
-                })
-                .map(|arrived| Some((arrived, Instant::now())))
+            let moved = rotation.move_evenly(way.to, steps_per_s, &mut |at| {
+                let _gone = tell.send(at);
+            });
+            has_failed.store(moved.is_err(), Ordering::Release);
+            moved.map(|arrived| Some((arrived, Instant::now())))
         });
         let frames = Frames::Before { first: None, go, begun };
         let mut taker = Taker {
@@ -290,11 +304,23 @@ pub fn sweep(
             sink,
             ended: None,
         };
-        let stream = StreamPlan { rate_hz: plan.frame_rate_hz, buffers: plan.asd + 4 * FRAMES_BEFORE, silence: SILENCE };
+        let stream = StreamPlan {
+            rate_hz: plan.frame_rate_hz,
+            buffers: plan.asd + 4 * FRAMES_BEFORE,
+            silence: Duration::from_secs_f64(SILENCE_S.max(4.0 / plan.frame_rate_hz)),
+        };
         let streamed = camera
-            .stream(&stream, &mut |frame| if axis.is_finished() && taker.is_before() { ControlFlow::Break(()) } else { taker.take(frame) });
-        if let Err(source) = streamed {
-            taker.ended.get_or_insert(Err(failed(source)));
+            .stream(&stream, &mut |frame| if has_failed.load(Ordering::Acquire) { ControlFlow::Break(()) } else { taker.take(frame) });
+        // The stream ends with checks of the camera, which come after the last view.
+        if let Err(source) = streamed
+            && !matches!(taker.ended, Some(Err(_)))
+        {
+            taker.ended = Some(Err(failed(source)));
+        }
+        // A person at the controller is the cause to report, and a held controller gets no stop.
+        if matches!(taker.ended, Some(Err(AcquisitionError::SinkClosed { .. }))) {
+            let until = Instant::now() + LAST_WORD;
+            while Instant::now() < until && !axis.is_finished() && !cancel.rest(LOOK_AGAIN) {}
         }
         if matches!(taker.ended, Some(Ok(()))) {
             moving.done();
@@ -314,7 +340,7 @@ pub fn sweep(
             }
             taker.check_arrival(at)?;
         }
-        // An axis that ends early ends the stream too.
+        // An axis that fails ends the stream too.
         (_, Err(source)) if !matches!(source, DeviceError::Stopped) => return Err(failed(source)),
         (Some(Err(error)), _) => return Err(error),
         (_, Err(source)) => return Err(failed(source)),
@@ -352,8 +378,8 @@ struct Taker<'a, S> {
     way: Way,
     epoch: u32,
     frames: Frames,
-    /// The camera's time at which the axis has arrived if nobody held it, ns.
-    arrives_ns: Option<f64>,
+    /// The camera's times between which the axis arrives at its speed, ns.
+    arrives_ns: Option<[f64; 2]>,
     ledger: Ledger,
     sink: S,
     /// The closure view was taken, or the sweep has failed.
@@ -361,10 +387,6 @@ struct Taker<'a, S> {
 }
 
 impl<S: FnMut(LedgerEntry, RawFrame) -> Result<(), SinkClosed>> Taker<'_, S> {
-    fn is_before(&self) -> bool {
-        matches!(self.frames, Frames::Before { .. })
-    }
-
     fn take(&mut self, frame: StreamedFrame) -> ControlFlow<()> {
         if self.cancel.is_cancelled() {
             self.ended = Some(Err(AcquisitionError::Cancelled { view: self.next_view() }));
@@ -400,15 +422,22 @@ impl<S: FnMut(LedgerEntry, RawFrame) -> Result<(), SinkClosed>> Taker<'_, S> {
         // Without an answer the axis has ended, and says why. The camera has buffers for the time of the acknowledgement.
         let Some(begun) = go.send(steps_per_s).ok().and_then(|()| begun.recv().ok()) else { return ControlFlow::Continue(()) };
         let constant = Constant::of(self.way, begun, self.clock, self.rest_s);
+        if !constant.has_room(self.plan.turn()) {
+            return ControlFlow::Break(Err(SweepError::Late { late_ms: constant.late_s * 1e3 }.into()));
+        }
         self.arrives_ns = Some(constant.arrives_ns);
         self.frames = Frames::Turning { constant, zero: None, period_ms: period_s * 1e3 };
         ControlFlow::Continue(())
     }
 
-    /// An axis that was held and went on has arrived late. Its views have other angles.
+    /// An axis that was held and went on has arrived late, and one that was told another speed than it has, late or early. The views then
+    /// have other angles.
     fn check_arrival(&self, at: Instant) -> Result<(), SweepError> {
-        let late_s = self.arrives_ns.map_or(0.0, |arrives_ns| (self.clock.camera_ns_at(at) - arrives_ns) * 1e-9 / self.clock.scale);
-        if late_s > ARRIVAL_SLACK_S { Err(SweepError::Held { late_ms: late_s * 1e3 }) } else { Ok(()) }
+        let Some([earliest_ns, latest_ns]) = self.arrives_ns else { return Ok(()) };
+        let seconds = |ns: f64| ns * 1e-9 / self.clock.scale;
+        let at_ns = self.clock.camera_ns_at(at);
+        let (early_s, late_s) = (seconds(earliest_ns - at_ns), seconds(at_ns - latest_ns));
+        if early_s > EARLY_SLACK_S || late_s > LATE_SLACK_S { Err(SweepError::Pace { late_ms: late_s * 1e3 }) } else { Ok(()) }
     }
 
     /// Hands on a frame of the part with constant speed.
@@ -419,9 +448,8 @@ impl<S: FnMut(LedgerEntry, RawFrame) -> Result<(), SinkClosed>> Taker<'_, S> {
             return ControlFlow::Continue(());
         }
         if camera_ns as f64 > constant.until_ns {
-            // The frames of the turn did not arrive, or the turn had no room.
-            let ended = if constant.has_room(turn) { Ok(()) } else { Err(SweepError::Late { late_ms: constant.late_s * 1e3 }.into()) };
-            return ControlFlow::Break(ended);
+            // The frames of the turn did not arrive.
+            return ControlFlow::Break(Ok(()));
         }
         let at = constant.at(camera_ns);
         let since_zero = at - *zero.get_or_insert(at);
@@ -430,11 +458,11 @@ impl<S: FnMut(LedgerEntry, RawFrame) -> Result<(), SinkClosed>> Taker<'_, S> {
         if view < self.next_view() {
             return ControlFlow::Continue(());
         }
-        // The closure view did not arrive.
-        if view > asd {
+        let rad = std::f64::consts::TAU / turn;
+        // The closure view did not arrive, or lies beside the whole turn, because the controller has rounded its speed.
+        if view > asd || (view == asd && ((since_zero - turn) * rad).to_degrees().abs() > CLOSURE_OFF_DEG) {
             return ControlFlow::Break(Ok(()));
         }
-        let rad = std::f64::consts::TAU / turn;
         let sd_steps = (steps_per_s * start_sd_s).hypot(steps_per_s * STAMP_SD_S).hypot(RATE_SD * since_zero);
         let entry = LedgerEntry {
             view,

@@ -199,11 +199,19 @@ impl Grbl {
 
     /// Moves an axis from one machine step to another and returns once it has arrived.
     fn travel(&mut self, axis: &Geometry, from: i64, to: i64, origin: i64) -> Result<(), DeviceError> {
-        self.travel_begun(axis, from, to, origin, &mut |_| ())
+        self.travel_begun(axis, from, to, origin, None)
     }
 
-    /// As `travel`. `begun` is called once the controller has taken the line.
-    fn travel_begun(&mut self, axis: &Geometry, from: i64, to: i64, origin: i64, begun: &mut dyn FnMut(Begun)) -> Result<(), DeviceError> {
+    /// As `travel`. With `begun` the speed has to stay as it is: `begun` is called once the controller has taken the line, and the controller
+    /// is then asked again and again whether somebody holds it.
+    fn travel_begun(
+        &mut self,
+        axis: &Geometry,
+        from: i64,
+        to: i64,
+        origin: i64,
+        begun: Option<&mut dyn FnMut(Begun)>,
+    ) -> Result<(), DeviceError> {
         self.catch_up()?;
         self.confirm_left(axis, from, origin)?;
         if from == to {
@@ -213,13 +221,13 @@ impl Grbl {
         self.link.set_moving(true);
         let sent = Instant::now();
         self.send_off(axis, from, to)?;
-        begun(Begun {
-            sent,
-            taken: Instant::now(),
-            steps_per_s: axis.steps_per_s(),
-            acceleration_steps_per_s2: axis.acceleration_units_per_s2 * axis.steps_per_unit(),
-        });
-        let until = Instant::now() + wait;
+        let taken = Instant::now();
+        let until = taken + wait;
+        if let Some(begun) = begun {
+            let acceleration_steps_per_s2 = axis.acceleration_units_per_s2 * axis.steps_per_unit();
+            begun(Begun { sent, taken, steps_per_s: axis.steps_per_s(), acceleration_steps_per_s2 });
+            self.watch(axis, to, until)?;
+        }
         // Its `ok` ends the wait. The report proves the arrival.
         self.exchange(BARRIER, wait, |_| {})?;
         self.confirm(axis, to, origin, until)?;
@@ -392,7 +400,7 @@ impl RotationAxis for Grbl {
         let (origin, from) = (self.origin, self.knowledge.known_steps()?);
         let axis = self.rotation_as_it_is();
         let slow = axis.slowed(steps_per_s).ok_or(DeviceError::Uneven { steps_per_s, fastest: Some(axis.steps_per_s()) })?;
-        match self.travel_begun(&slow, origin + from.0, origin + target.0, origin, begun) {
+        match self.travel_begun(&slow, origin + from.0, origin + target.0, origin, Some(begun)) {
             Ok(()) => Ok(self.knowledge.arrived(target)),
             Err(error) => {
                 self.doubt(&error);

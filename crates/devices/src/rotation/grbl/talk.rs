@@ -29,6 +29,8 @@ const SILENCE: Duration = Duration::from_millis(20);
 const ATTEMPTS: u32 = 3;
 /// The same if resets were sent before: the greeting of each may come before the report.
 const GLANCES: u32 = 16;
+/// Pause between two reports of an axis that turns at a constant speed: shorter than the specimen needs to show that it stands.
+const LOOK_AFTER_HANDS: Duration = Duration::from_millis(30);
 /// Pause between two reports of a turning axis.
 const LOOK_AGAIN: Duration = Duration::from_millis(5);
 /// Its number was lost, or it follows a reset whose greeting was lost.
@@ -374,6 +376,18 @@ impl Grbl {
                 _ if Instant::now() < until => std::thread::sleep(LOOK_AGAIN),
                 _ => return unexpected("an axis at rest by now".into(), status),
             }
+        }
+    }
+
+    /// Waits until the axis rests at `to`, or until the deadline, and is an error as soon as a person holds the controller.
+    pub(super) fn watch(&mut self, axis: &Geometry, to: i64, until: Instant) -> Result<(), DeviceError> {
+        loop {
+            let status = self.free_status()?;
+            let stands_at = axis.units_of(&status).and_then(|units| axis.machine_steps(units));
+            if (status.state == State::Idle && stands_at == Some(to)) || Instant::now() > until {
+                return Ok(());
+            }
+            std::thread::sleep(LOOK_AFTER_HANDS);
         }
     }
 

@@ -238,7 +238,16 @@ impl RotationAxis for Tmcl {
         let fastest = Some(self.settings.rates().0);
         let speed = self.settings.speed(steps_per_s).ok_or(DeviceError::Uneven { steps_per_s, fastest })?;
         let moved = self.sweep(from.0, target.0, speed, begun);
-        self.ended(target, moved)
+        let ended = self.ended(target, moved);
+        if ended.is_err() {
+            // The pair is stopped. Without an answer the next reference restores the speed.
+            self.wire.pass_latch(true);
+            if let Err(error) = self.end_slowing() {
+                tracing::debug!(%error, "the speed of the sweep stays until the next reference");
+            }
+            self.wire.pass_latch(false);
+        }
+        ended
     }
 
     fn check(&mut self) -> Result<(), DeviceError> {
