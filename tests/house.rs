@@ -156,7 +156,7 @@ fn what_carries_out_the_decisions_of_the_driver_calls_in_one_direction() {
         ("checks", &["driver_state", "course"]),
         ("people", &["driver_state"]),
         ("requests", &["driver_state", "course", "people"]),
-        ("restart", &["driver_state", "missing", "course"]),
+        ("restart", &["driver_state", "missing", "course", "people"]),
     ];
     for (file, may_call) in calls {
         let code = code(&driver.join(format!("{file}.rs")));

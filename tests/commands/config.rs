@@ -37,7 +37,7 @@ fn an_unknown_driver_and_a_missing_table_are_named() {
     let said = refused("[rig]", "[riig]");
     assert!(said.contains("riig") && !said.contains(".: "), "{said}");
     let said = refused(
-        "[rig]\nname = \"vast-1\"                # stamped into every recording\nsteps_per_revolution = [500, 1]   # motor steps per turn of the capillary, an exact ratio: 0.72 deg per step\n",
+        "[rig]\nname = \"vast-1\"                # stamped into every recording\nsteps_per_revolution = [500, 1]   # motor steps per turn of the capillary, an exact ratio\n",
         "",
     );
     assert!(said.contains("missing field `rig`") && !said.contains(".: "), "{said}");

@@ -4,7 +4,7 @@ use crate::common::{controllers, until};
 use crate::motion_zaber;
 use carved_core::frame::PixelFormat;
 use carved_core::units::{Sense, StepsPerRevolution};
-use carved_devices::acquisition::{AcquisitionError, AcquisitionSettings, SinkClosed, SweepError, SweepPlan, sweep};
+use carved_devices::acquisition::{AcquisitionError, AcquisitionSettings, SinkClosed, SweepPlan, sweep};
 use carved_devices::camera::{self, AravisSettings, CameraSelect};
 use carved_devices::cancel::CancelToken;
 use carved_devices::rotation::{Grbl, GrblSettings, Reference, Tmcl, Zaber};
@@ -175,7 +175,7 @@ fn a_stop_a_feed_hold_and_a_pulled_cable_end_a_sweep_and_the_axis_stands() {
     assert!(matches!(ended, Err(AcquisitionError::Device { source: DeviceError::Gone { .. }, .. })), "{ended:?}");
 }
 
-/// A person holds the axis and lets it go on: the views after that have other angles, so the sweep is not one.
+/// A person holds the axis and lets it go on: the views after that have other angles, so the sweep is not one. The hold itself is the cause.
 #[test]
 fn an_axis_that_was_held_and_went_on_has_not_swept() {
     let mut bench = Bench::grbl();
@@ -188,5 +188,5 @@ fn an_axis_that_was_held_and_went_on_has_not_swept() {
         }
         _ => {}
     });
-    assert!(matches!(ended, Err(AcquisitionError::Sweep(SweepError::Pace { .. }))), "{ended:?}");
+    assert!(matches!(ended, Err(AcquisitionError::Device { source: DeviceError::Intervention { .. }, .. })), "{ended:?}");
 }

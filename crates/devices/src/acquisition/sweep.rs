@@ -156,11 +156,11 @@ impl SweepPlan {
     pub fn check(&self, axis: &dyn RotationAxis, camera: &mut dyn Camera) -> Result<(), AcquisitionError> {
         let device = |source| AcquisitionError::Device { view: 0, source };
         self.even_motion(axis).map_err(device)?;
-        // A camera rounds its rate.
-        let needed_hz = 0.99 * self.frame_rate_hz;
+        let needed_hz = self.frame_rate_hz;
         match camera.highest_rate_hz().map_err(device)? {
             None => Err(SweepError::NoFreeRun.into()),
-            Some(fastest_hz) if fastest_hz < needed_hz => Err(SweepError::FrameRate { needed_hz, fastest_hz }.into()),
+            // A camera rounds its rate.
+            Some(fastest_hz) if fastest_hz < 0.99 * needed_hz => Err(SweepError::FrameRate { needed_hz, fastest_hz }.into()),
             Some(_) => Ok(()),
         }
     }
@@ -514,12 +514,15 @@ mod tests {
         AcquisitionSettings { settle_ms: 50, grab_deadline_ms: 100, sense: Sense::Negative }
     }
 
+    /// Time before the reading of the camera's clock at which the frames begin, s: longer than the move of the fake axis.
+    const BEFORE_S: f64 = 5.0;
+
     /// Frames of a camera with this period, long enough for any delay of the test. Those that `lost` names do not arrive.
     fn frames(period_ms: f64, lost: impl Fn(u64) -> bool) -> Vec<Scripted> {
         let frame = |id: u64| RawFrame::new(2, 1, PixelFormat::Mono8, vec![(id % 251) as u8; 2]).unwrap();
         let scripted = |id: u64| Scripted {
             frame_id: id,
-            camera_ns: FakeCamera::CLOCK_NS + (id as f64 * period_ms * 1e6) as u64,
+            camera_ns: FakeCamera::CLOCK_NS - (BEFORE_S * 1e9) as u64 + (id as f64 * period_ms * 1e6) as u64,
             frame: (!lost(id)).then(|| frame(id)),
         };
         (1..4000).map(scripted).collect()
@@ -564,10 +567,14 @@ mod tests {
             let [from, to] = log.targets()[..] else { panic!("{:?}", log.targets()) };
             assert!(from.0 < 0 && to.0 > 500);
             // Nobody knows here when the clock was read, except that it was between the two instants.
-            let uncertain = (begun.taken - began).as_secs_f64() * begun.steps_per_s;
+            let took_s = (to.0 - from.0) as f64 / begun.steps_per_s + begun.steps_per_s / CAN.acceleration_steps_per_s2;
+            let ended = began.elapsed().as_secs_f64();
+            let uncertain = ended * begun.steps_per_s;
             for entry in &seen {
-                let camera_s = (entry.swept.unwrap().camera_ns - FakeCamera::CLOCK_NS) as f64 * 1e-9;
-                let latest = from.0 as f64 + travelled(camera_s, begun.steps_per_s, CAN.acceleration_steps_per_s2);
+                let camera_s = (entry.swept.unwrap().camera_ns as f64 - FakeCamera::CLOCK_NS as f64) * 1e-9;
+                // The move began this long before the earliest reading.
+                let since_s = camera_s + took_s;
+                let latest = from.0 as f64 + travelled(since_s, begun.steps_per_s, CAN.acceleration_steps_per_s2);
                 let steps = -entry.omega / std::f64::consts::TAU * 500.0;
                 assert!(steps <= latest + 0.01 && steps >= latest - uncertain - 0.01, "view {}: {steps} of {latest}", entry.view);
                 assert_eq!(entry.achieved_steps, Steps(steps.round() as i64));
@@ -619,6 +626,31 @@ mod tests {
         assert_eq!((log.targets().len(), log.begun()), (1, None), "nothing was swept");
     }
 
+    #[test]
+    fn an_axis_that_arrives_at_another_time_than_its_speed_says_has_not_swept() {
+        for (late_s, is_one) in [(0.0, true), (0.1, true), (1.0, false), (-0.3, false)] {
+            let (mut rig, _) = rig(FakeAxis::new().even(CAN).late_by(late_s), || frames(1e3 / HZ, |_| false));
+            match taken(&mut rig) {
+                Ok(_) => assert!(is_one, "{late_s}"),
+                Err(AcquisitionError::Sweep(SweepError::Pace { late_ms })) => {
+                    assert!(!is_one && (late_ms * 1e-3 - late_s).abs() < 0.3, "{late_s}: {late_ms} ms");
+                }
+                other => panic!("{other:?}"),
+            }
+        }
+    }
+
+    /// The camera finds its fault after the last view.
+    #[test]
+    fn an_error_at_the_end_of_the_stream_is_an_error_of_the_sweep() {
+        let (mut rig, log) = rig(FakeAxis::new().even(CAN), || frames(1e3 / HZ, |_| false));
+        rig.camera = Box::new(
+            FakeCamera::default().streaming(59.0, |_, _| Ok(frames(1e3 / HZ, |_| false))).ending_with(|| DeviceError::ControlLost),
+        );
+        assert!(matches!(taken(&mut rig), Err(AcquisitionError::Device { source: DeviceError::ControlLost, .. })));
+        assert!(log.stops() > 0);
+    }
+
     /// The frames of the last second do not arrive, and then one after the turn.
     #[test]
     fn frames_that_are_lost_to_the_end_of_the_turn_are_missing_views() {
@@ -654,7 +686,7 @@ mod tests {
         assert!(matches!(uneven, DeviceError::Uneven { fastest: None, .. }));
         let slow = FakeAxis::new().even(EvenMotion { fastest_steps_per_s: 100.0, ..CAN });
         let said = device(plan().check(&slow, &mut camera())).to_string();
-        assert!(said.contains("178.6 steps/s") && said.contains("at most 100.0"), "{said}");
+        assert!(said.contains("184.1 steps/s") && said.contains("at most 100.0"), "{said}");
         let axis = FakeAxis::new().even(CAN);
         assert!(matches!(plan().check(&axis, &mut FakeCamera::default()), Err(AcquisitionError::Sweep(SweepError::NoFreeRun))));
         let fast = SweepPlan::new(ASD, StepsPerRevolution::new(500, 1).unwrap(), 70.0).unwrap();

@@ -5,6 +5,7 @@ use crate::cancel::CancelToken;
 use crate::{Achieved, Begun, Capabilities, DeviceError, EvenMotion, Link, Position, RotationAxis, SpecimenInput, StopHandle};
 use carved_core::units::Steps;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
 #[derive(Default)]
 struct Record {
@@ -63,6 +64,8 @@ pub struct FakeAxis {
     epoch: u32,
     trigger_only: bool,
     even: Option<EvenMotion>,
+    /// By how much later than its speed says it arrives, s.
+    late_s: f64,
     input: Option<FakeInput>,
     answer: Answer,
     arrive: Arrive,
@@ -83,6 +86,7 @@ impl FakeAxis {
             epoch: 0,
             trigger_only: false,
             even: None,
+            late_s: 0.0,
             input: None,
             answer: Box::new(|| Ok(())),
             arrive: Box::new(|achieved| achieved),
@@ -104,10 +108,17 @@ impl FakeAxis {
         self
     }
 
-    /// The axis can turn at a constant speed. It takes such a move at once, and has arrived when it has taken it.
+    /// The axis can turn at a constant speed. Such a move has begun so long ago that it ends at once.
     #[must_use]
     pub fn even(mut self, can: EvenMotion) -> Self {
         self.even = Some(can);
+        self
+    }
+
+    /// A move at a constant speed ends so much later than its speed says, or earlier if it is negative, s.
+    #[must_use]
+    pub fn late_by(mut self, late_s: f64) -> Self {
+        self.late_s = late_s;
         self
     }
 
@@ -210,8 +221,11 @@ impl RotationAxis for FakeAxis {
     fn move_evenly(&mut self, target: Steps, steps_per_s: f64, begun: &mut dyn FnMut(Begun)) -> Result<Achieved, DeviceError> {
         let can = self.even.ok_or(DeviceError::Uneven { steps_per_s, fastest: None })?;
         (self.answer)()?;
-        let now = std::time::Instant::now();
-        let at = Begun { sent: now, taken: now, steps_per_s, acceleration_steps_per_s2: can.acceleration_steps_per_s2 };
+        let acceleration_steps_per_s2 = can.acceleration_steps_per_s2;
+        let way = (target.0 - self.log.steps().0) as f64;
+        let took_s = way / steps_per_s + steps_per_s / acceleration_steps_per_s2;
+        let began = std::time::Instant::now() - Duration::from_secs_f64(took_s + self.late_s);
+        let at = Begun { sent: began, taken: began, steps_per_s, acceleration_steps_per_s2 };
         self.log.lock().begun = Some(at);
         begun(at);
         self.move_to(target)

@@ -27,6 +27,8 @@ pub struct FakeCamera {
     expose: Expose,
     /// The highest rate, Hz, and the frames of each stream.
     streams: Option<(f64, Script)>,
+    /// The error of a stream whose sink has enough.
+    end: Option<Box<dyn Fn() -> DeviceError + Send>>,
     /// Calls of `stream` while the camera was there.
     streamed: u32,
     /// Calls of `arm`.
@@ -57,6 +59,7 @@ impl FakeCamera {
             arm: Box::new(|_| Ok(())),
             expose: Box::new(expose),
             streams: None,
+            end: None,
             streamed: 0,
             armed: 0,
             triggers: 0,
@@ -81,6 +84,13 @@ impl FakeCamera {
         script: impl FnMut(u32, &StreamPlan) -> Result<Vec<Scripted>, DeviceError> + Send + 'static,
     ) -> Self {
         self.streams = Some((highest_rate_hz, Box::new(script)));
+        self
+    }
+
+    /// Each stream ends with this error, although its sink has enough.
+    #[must_use]
+    pub fn ending_with(mut self, end: impl Fn() -> DeviceError + Send + 'static) -> Self {
+        self.end = Some(Box::new(end));
         self
     }
 
@@ -125,7 +135,7 @@ impl Camera for FakeCamera {
             };
             frames += 1;
             if sink(StreamedFrame { frame, frame_id, camera_ns, received: Instant::now() }).is_break() {
-                return Ok(end);
+                return self.end.as_ref().map_or(Ok(end), |error| Err(error()));
             }
         }
         Err(DeviceError::StreamSilent { waited_ms: plan.silence.as_millis(), frames, last: "the script is at its end".into() })
