@@ -98,9 +98,9 @@ pub(super) async fn mesh(State(app): State<AppState>, headers: HeaderMap) -> Res
     (status = 503, description = "The camera sends none, another command came first, or too many clients wait", body = Problem, content_type = "application/problem+json"),
 ))]
 pub(super) async fn picture(State(app): State<AppState>) -> Result<Response, Problem> {
-    let _slot = app.staying.take()?;
-    // One at a time, so that a command has one picture before it at most.
+    // One at a time, so that a command has one picture before it at most. Who waits takes no place from the event streams.
     let _turn = app.picturing.lock().await;
+    let _slot = app.staying.take()?;
     let taken = app.session.picture().await.map_err(|refusal| refused(&app, refusal))?;
     Ok(([(header::CONTENT_TYPE, "image/jpeg")], Body::from(Bytes::from_owner(Shared(taken)))).into_response())
 }

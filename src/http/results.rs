@@ -60,7 +60,7 @@ pub(super) struct ListParameters {
     method: Option<String>,
     operator: Option<String>,
     external_id: Option<String>,
-    /// A part of the name of a compound: runs with a well of it. Upper and lower case are alike.
+    /// A part of the name of a compound: runs with a well of it. Upper and lower case of A to Z are alike.
     compound: Option<String>,
     /// `hardware`, `simulated` or `imported`.
     mode: Option<String>,

@@ -21,6 +21,8 @@ export class LiveAtRest {
   readonly #shown: (picture: Blob) => Promise<void>;
   readonly #ended: (why: string | null) => void;
   #runs = false;
+  /** When the pictures end by themselves, ms. */
+  #until = 0;
 
   /** `ended` is told why no more pictures come; null if nobody asks for them any more. */
   constructor(parts: Parts, shown: (picture: Blob) => Promise<void>, ended: (why: string | null) => void) {
@@ -28,6 +30,7 @@ export class LiveAtRest {
     this.#shown = shown;
     this.#ended = ended;
     parts.choice.addEventListener("change", () => {
+      this.#until = performance.now() + LONGEST_MS;
       if (parts.choice.checked) void this.#follow();
     });
     document.addEventListener("visibilitychange", () => {
@@ -54,18 +57,18 @@ export class LiveAtRest {
   async #follow(): Promise<void> {
     if (this.#runs) return;
     this.#runs = true;
-    const until = performance.now() + LONGEST_MS;
     let why: string | null = null;
     try {
-      while (this.isOn && performance.now() < until) {
+      while (this.isOn && performance.now() < this.#until) {
         const picture = await takePicture();
         if (this.isOn) await this.#shown(picture);
         await new Promise((resolve) => setTimeout(resolve, PAUSE_MS));
       }
     } catch (error) {
-      if (!(error instanceof Refused)) throw error;
+      const isLate = error instanceof DOMException;
+      if (!(error instanceof Refused) && !isLate) throw error;
       // A run that begins ends the wait for a picture.
-      if (this.isOn) why = error.message;
+      if (this.isOn) why = isLate ? "no picture came in time" : error.message;
     } finally {
       this.#runs = false;
       this.end();
