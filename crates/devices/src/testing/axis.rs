@@ -224,7 +224,8 @@ impl RotationAxis for FakeAxis {
         let acceleration_steps_per_s2 = can.acceleration_steps_per_s2;
         let way = (target.0 - self.log.steps().0) as f64;
         let took_s = way / steps_per_s + steps_per_s / acceleration_steps_per_s2;
-        let began = std::time::Instant::now() - Duration::from_secs_f64(took_s + self.late_s);
+        let now = std::time::Instant::now();
+        let began = now.checked_sub(Duration::from_secs_f64((took_s + self.late_s).max(0.0))).unwrap_or(now);
         let at = Begun { sent: began, taken: began, steps_per_s, acceleration_steps_per_s2 };
         self.log.lock().begun = Some(at);
         begun(at);
