@@ -38,7 +38,7 @@ pub enum RunUnderFault {
 impl FaultCode {
     /// As [`Fault::is_tried_again`].
     pub fn is_tried_again(&self) -> bool {
-        [table::CAMERA_NO_FRAME.code, table::CAMERA_CHANGED.code].contains(&self.code)
+        [table::CAMERA_NO_FRAME.code, table::CAMERA_CLOCK.code, table::CAMERA_CHANGED.code].contains(&self.code)
     }
 
     /// What the operator does, if the method continues the run by itself where possible.
