@@ -232,7 +232,7 @@ fn sweeps(raw: &Raw, drivers: &Drivers, in_range: impl Fn(&str) -> bool, breache
 /// Why the pictures of a sweep cannot be used, if so.
 fn blurred_sweep(name: &str, method: &Method, raw: &Raw, exposure_us: f64) -> Option<String> {
     let plan = sweep_of(method, raw.rig.steps_per_revolution)?.ok()?;
-    let radius_um = raw.optics.bore_um.unwrap_or(method.box_um.max[1] - method.box_um.min[1]) / 2.0;
+    let radius_um = raw.optics.bore_um.map_or(GlassTube::THIN.bore_radius_um, |bore_um| bore_um / 2.0);
     let way_px = plan.speed_um_per_s(radius_um) * exposure_us * 1e-6 * raw.optics.ky_px_per_um;
     let limit_px = method.sweep.blur_px;
     (way_px > limit_px).then(|| {

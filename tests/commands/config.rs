@@ -23,6 +23,30 @@ fn every_shipped_configuration_is_sound() {
     assert!(seen >= 6, "config/ has a file for the emulated rig and one for each make of controller; found {seen}");
 }
 
+/// The method of docs/sweep.md fits the shipped rig.
+#[test]
+fn a_sweep_is_checked_against_exposure_rate_and_second_camera() {
+    let text = std::fs::read_to_string(folder().join("vast-grbl.toml")).unwrap();
+    let page = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/sweep.md")).unwrap();
+    let method = page.split("```toml\n").nth(1).unwrap().split("```").next().unwrap();
+    let parse = |exposure: &str, method: &str| {
+        assert!(text.contains("exposure_us = 5000.0"));
+        Config::parse(&format!("{}\n{method}", text.replace("exposure_us = 5000.0", exposure)), Path::new("x.toml"))
+    };
+    let refused = |exposure: &str, method: &str| parse(exposure, method).map(|_| ()).unwrap_err().to_string();
+    parse("exposure_us = 5000.0", method).unwrap();
+    let said = refused("exposure_us = 9000.0", method);
+    assert!(said.contains("moves 1.10 px during an exposure of 9000 us at 30.0 frames/s and 84 views"), "{said}");
+    parse("exposure_us = 9000.0", &method.replace("blur_px = 1.0", "blur_px = 1.2")).unwrap();
+    let said = refused("exposure_us = 5000.0", &method.replace("frame_rate_hz = 30", "frame_rate_hz = 30\nturn_s = 2.8"));
+    assert!(said.contains("sweep.frame_rate_hz = 30 and sweep.turn_s = 2.8; expected one of them"), "{said}");
+    let said = refused("exposure_us = 5000.0", &method.replace("frame_rate_hz = 30", "turn_s = 500"));
+    assert!(said.contains("84 views in this time are 0.17 frames/s"), "{said}");
+    let said =
+        refused("exposure_us = 5000.0", &method.replace("[methods.sweep.sweep]", "early_stop = { enabled = true }\n[methods.sweep.sweep]"));
+    assert!(said.contains("order = \"sweep\"; expected order = \"coarse_to_fine\""), "{said}");
+}
+
 #[test]
 fn an_unknown_driver_and_a_missing_table_are_named() {
     let text = std::fs::read_to_string(folder().join("vast-grbl.toml")).unwrap();
