@@ -55,11 +55,11 @@ pub enum SweepError {
          sweep.frame_rate_hz, or shorten the exposure"
     )]
     FrameRate { needed_hz: f64, fastest_hz: f64 },
-    /// The camera waits for triggers only.
-    #[error("this camera does not run freely, so it cannot take a sweep. Choose an order with stops")]
+    /// The camera waits for triggers only, or has no clock.
+    #[error("this camera cannot run freely by its own clock, so it cannot take a sweep. Choose an order with stops")]
     NoFreeRun,
     /// The camera has no clock that can be read.
-    #[error("this camera does not tell its clock, so the angles of a sweep are not known. Choose an order with stops")]
+    #[error("this camera does not report its clock, so the angles of a sweep are not known. Choose an order with stops")]
     NoClock,
     /// The frames at the constant speed were not all taken before the axis braked.
     #[error(
@@ -115,7 +115,7 @@ impl SweepPlan {
     /// Plans `asd` views in one turn, at `frame_rate_hz`.
     ///
     /// # Errors
-    /// As [`super::RevolutionPlan::new`].
+    /// Fewer than three views.
     pub fn new(asd: u32, steps_per_revolution: StepsPerRevolution, frame_rate_hz: f64) -> Result<Self, super::PlanError> {
         if asd < Method::LEAST_ASD {
             return Err(super::PlanError::TooFew { asd, least: Method::LEAST_ASD });
