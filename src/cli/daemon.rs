@@ -127,7 +127,12 @@ impl Daemon {
                 () = ended(&driving) => tracing::error!("the driver ended: stopping"),
                 result = &mut serving => served = Some(result),
             }
-            // The driver stops the motors at the first signal. A second signal ends the process without waiting for the driver.
+            // All receivers are gone only if the server has failed, and its own result reports that.
+            let _nobody = stop_in.send(Some(departure));
+            // The driver may be within a write to a slow disk. The motors do not wait for it.
+            let at_once = last.clone();
+            tokio::task::spawn_blocking(move || at_once.stop_motors());
+            // A second signal ends the process without waiting for the driver.
             tokio::spawn(async move {
                 let name = signals.next().await;
                 last.stop_motors();
@@ -135,15 +140,12 @@ impl Daemon {
                 tracing::warn!("{name}, a second signal: ending at once");
                 std::process::exit(1);
             });
-            let ends = end_with_systemd(&informs, heartbeat);
-            // All receivers are gone only if the server has failed, and its own result reports that.
-            let _nobody = stop_in.send(Some(departure));
+            end_with_systemd(&informs, heartbeat);
             client.abort();
             let served = match served {
                 Some(early) => early,
                 None => serving.await,
             };
-            ends.abort();
             drop(close);
             served.context("the server's task")?.context("the server")?;
             anyhow::Ok(departure)
@@ -181,13 +183,12 @@ async fn tell_systemd(session: SessionHandle, heartbeat: Heartbeat) {
     tokio::join!(sentences, systemd::watchdog(alive));
 }
 
-/// Lets systemd wait for an end on a slow disk. The watchdog still runs where the daemon ends by itself, as at SIGUSR1.
-fn end_with_systemd(informs: &JoinHandle<()>, heartbeat: Heartbeat) -> JoinHandle<()> {
+/// Lets systemd wait for an end on a slow disk, until the driver has closed its files. The watchdog still runs where the daemon ends by
+/// itself, as at SIGUSR1.
+fn end_with_systemd(informs: &JoinHandle<()>, heartbeat: Heartbeat) {
     systemd::stopping();
     informs.abort();
-    tokio::spawn(async move {
-        tokio::join!(systemd::extend_end(|| heartbeat.is_at_disk()), systemd::watchdog(|| heartbeat.is_alive()));
-    })
+    tokio::spawn(async move { tokio::join!(systemd::extend_end(), systemd::watchdog(|| heartbeat.is_alive())) });
 }
 
 /// Sends the notices that wait.

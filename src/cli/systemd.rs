@@ -4,8 +4,8 @@
 //! serve: ready ─> status ... status ─> stopping
 //! driver alive? ── every half WatchdogSec ── yes: ping
 //!                                            no: no ping, and systemd kills and restarts the daemon
-//! ending, and the driver writes to the disk? ── every 2 s ── yes: more time, for two minutes at most
-//!                                                            no: systemd kills the daemon after TimeoutStopSec
+//! ending, and a thread writes to the disk? ── every 2 s ── yes: more time, for ten minutes at most
+//!                                                          no: systemd kills the daemon after TimeoutStopSec
 //! ```
 //! Without systemd (no `NOTIFY_SOCKET`) these functions do nothing.
 
@@ -14,10 +14,16 @@ use std::io;
 use std::time::Duration;
 use tokio::time::{MissedTickBehavior, interval};
 
-/// Pause between two requests for more time to end, the time that each asks for, and their number: two minutes.
+/// Pause between two requests for more time to end, the time that each asks for, and their number: ten minutes. An end in mid-turn takes
+/// about twenty syncs one after another.
 const ASK_AGAIN: Duration = Duration::from_secs(2);
 const MORE_US: u32 = 10_000_000;
-const MOST_ASKED: u32 = 60;
+const MOST_ASKED: u32 = 300;
+/// How long after its last operation a thread still counts as one that writes: between two of them it computes.
+const BETWEEN: Duration = Duration::from_secs(5);
+/// Time of one operation from which the disk keeps the daemon from ending, and time from which it hangs and is waited for no longer.
+const SLOW: Duration = Duration::from_secs(2);
+const HANGS: Duration = Duration::from_secs(120);
 
 /// A lost notification is no reason to stop an instrument. The watchdog judges by the notifications that arrive.
 fn send(states: &[NotifyState]) {
@@ -46,19 +52,37 @@ pub fn stopping() {
     send(&[NotifyState::Stopping]);
 }
 
-/// Asks for more time to end while `at_disk` returns true: a slow disk is no reason to kill the daemon before it has written that it was
-/// asked to end, because the next start would take the end for a crash.
-pub async fn extend_end(at_disk: impl Fn() -> bool) {
-    extend_while(ASK_AGAIN, MOST_ASKED, at_disk, || send(&[NotifyState::ExtendTimeoutUsec(MORE_US)])).await;
+/// Asks for more time to end while the disk is busy, and says so: a slow disk is no reason to kill the daemon before it has written that it
+/// was asked to end, because the next start would take the end for a crash.
+pub async fn extend_end() {
+    extend_while(
+        ASK_AGAIN,
+        MOST_ASKED,
+        || carved_store::busy_for(BETWEEN),
+        |why| {
+            send(&[NotifyState::ExtendTimeoutUsec(MORE_US), NotifyState::Status(why)]);
+        },
+    )
+    .await;
+    tracing::error!("the disk has kept the daemon from ending for ten minutes; no more time is asked for");
 }
 
-async fn extend_while(again: Duration, most: u32, at_disk: impl Fn() -> bool, extend: impl Fn()) {
+async fn extend_while(again: Duration, most: u32, busy_for: impl Fn() -> Option<Duration>, extend: impl Fn(&str)) {
     let mut beat = interval(again);
     beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
     for _ in 0..most {
         beat.tick().await;
-        if at_disk() {
-            extend();
+        match busy_for() {
+            None => {}
+            Some(takes) if takes >= HANGS => {
+                tracing::error!(takes_s = takes.as_secs(), "one write to the data folder does not end; no more time is asked for");
+            }
+            Some(takes) if takes >= SLOW => {
+                let takes_s = takes.as_secs();
+                tracing::warn!(takes_s, "the motors were stopped; ending waits for a write to the data folder");
+                extend(&format!("Ending. The motors were stopped. A write to the data folder has taken {takes_s} s so far."));
+            }
+            Some(_) => extend("Ending. The motors were stopped."),
         }
     }
 }
@@ -91,6 +115,7 @@ async fn ping_while(within: Duration, alive: impl Fn() -> bool, ping: impl Fn() 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::sync::Mutex;
     use std::sync::atomic::{AtomicBool, AtomicU32, Ordering::SeqCst};
     use tokio::sync::mpsc;
 
@@ -132,14 +157,18 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn an_end_gets_more_time_while_the_driver_writes_and_not_for_ever() {
-        let (asked, given) = (AtomicU32::new(0), AtomicU32::new(0));
-        let at_disk = || !(5..8).contains(&asked.fetch_add(1, SeqCst));
-        let extend = || {
-            given.fetch_add(1, SeqCst);
+    async fn an_end_gets_more_time_while_the_disk_is_busy_and_not_for_ever() {
+        let (asked, given) = (AtomicU32::new(0), Mutex::new(Vec::new()));
+        let busy_for = || match asked.fetch_add(1, SeqCst) {
+            0..5 => Some(Duration::ZERO),
+            5..8 => None,
+            8..10 => Some(HANGS),
+            _ => Some(Duration::from_secs(15)),
         };
-        extend_while(Duration::from_millis(1), 20, at_disk, extend).await;
-        assert_eq!((asked.load(SeqCst), given.load(SeqCst)), (20, 17));
+        extend_while(Duration::from_millis(1), 20, busy_for, |why| given.lock().unwrap().push(why.to_owned())).await;
+        let given = given.into_inner().unwrap();
+        assert_eq!((asked.load(SeqCst), given.len()), (20, 15));
+        assert!(!given[4].contains("15 s") && given[5..].iter().all(|why| why.contains("has taken 15 s")), "{given:?}");
     }
 
     #[test]

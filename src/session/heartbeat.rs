@@ -43,12 +43,7 @@ impl Heartbeat {
     }
 
     fn lives(&self, age: Duration) -> bool {
-        age < SILENCE || self.is_at_disk()
-    }
-
-    /// Whether the driver waits for the disk, or did so recently.
-    pub fn is_at_disk(&self) -> bool {
-        self.disk.takes().is_some() || self.disk.idle().is_some_and(|idle| idle < SILENCE)
+        age < SILENCE || self.disk.takes().is_some() || self.disk.idle().is_some_and(|idle| idle < SILENCE)
     }
 
     /// How long the driver has waited for one operation of the disk, if that is long.

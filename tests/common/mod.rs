@@ -13,6 +13,7 @@ pub mod controllers;
 pub mod crash;
 pub mod gates;
 pub mod generated;
+pub mod held_disk;
 mod instrument;
 pub mod receiver;
 mod shared;
@@ -95,6 +96,11 @@ impl Daemon {
     /// Starts `carved serve` with a configuration file whose `data_dir` is `data`.
     pub fn serve(config: &Path, data: &Path) -> Self {
         Self::spawn(carved().args(["serve", "--config"]).arg(config), data)
+    }
+
+    /// As `serve`, with further variables of the environment.
+    pub fn serve_in(config: &Path, data: &Path, environment: &[(&str, &Path)]) -> Self {
+        Self::spawn(carved().envs(environment.iter().copied()).args(["serve", "--config"]).arg(config), data)
     }
 
     /// Starts `carved simulate` with its full log, which is not read. Of standard output only the address is read.

@@ -7,12 +7,16 @@
 //! ```
 #![cfg(feature = "aravis")]
 
+use crate::common::held_disk::HeldDisk;
 use crate::common::receiver::{Receiver, Reply};
-use crate::common::{Daemon, Instrument, QUICK, Rate, SLOW, SLOW_REFERENCE, json, run, standing, stderr, until};
+use crate::common::{Daemon, Instrument, PATIENCE, QUICK, Rate, SLOW, SLOW_REFERENCE, json, run, standing, stderr, until};
 use hardware_sim::scene::Specimen;
 use serde_json::{Value, json};
 use std::f64::consts::TAU;
 use std::io::{Read, Write};
+use std::os::unix::net::UnixDatagram;
+use std::path::Path;
+use std::process::Command;
 
 /// Steps per revolution of the rig and of the configuration.
 const STEPS: f64 = 500.0;
@@ -51,6 +55,11 @@ impl Instrument {
     fn in_mid_move(&self, run: &str) -> (f64, f64) {
         self.awaited(run);
         self.load(run, "A01", Specimen::larva(4, 1).unwrap());
+        self.moving()
+    }
+
+    /// As `in_mid_move`, of a larva that is loaded already.
+    fn moving(&self) -> (f64, f64) {
         // The frame that judges the well, and the first view.
         until("the first view", || self.rig.exposures().len() >= 2);
         let from = self.rig.exposures()[1].angle_rad;
@@ -231,6 +240,82 @@ fn a_signal_in_the_middle_of_a_move_leaves_the_shaft_standing_short_of_its_targe
     let status = started(&instrument.daemon);
     assert_eq!((&status["run"]["id"], &status["specimen"]), (&json!("r1"), &Value::Null), "{status}");
     assert_eq!((&status["ready"], &status["plate"]["removable"]), (&json!(true), &json!(true)), "{status}");
+}
+
+/// Reads what the daemon tells systemd until a message `is_meant`.
+fn told(systemd: &UnixDatagram, what: &str, is_meant: impl Fn(&str) -> bool) -> String {
+    let mut bytes = [0; 4096];
+    loop {
+        let length = systemd.recv(&mut bytes).unwrap_or_else(|why| panic!("systemd was not told {what}: {why}"));
+        let message = String::from_utf8_lossy(&bytes[..length]).into_owned();
+        if is_meant(&message) {
+            return message;
+        }
+    }
+}
+
+/// The seconds that a write has taken, of a message that asks for more time.
+fn write_takes_s(message: &str) -> Option<u64> {
+    message.split_once("has taken ")?.1.split_once(" s ")?.0.parse().ok()
+}
+
+/// systemd kills a daemon that asks for no more time for ten seconds, and one that is not pinged. Three writes take long here: one of the
+/// driver while the axis moves, one of the thread that closes the recording, and the one that closes the index.
+#[test]
+fn a_slow_disk_keeps_no_motor_turning_at_a_signal_and_the_daemon_ends_in_order_however_long_it_takes() {
+    let (disk, dir) = (HeldDisk::new(), tempfile::tempdir().unwrap());
+    let socket = dir.path().join("notify");
+    let systemd = UnixDatagram::bind(&socket).unwrap();
+    systemd.set_read_timeout(Some(PATIENCE)).unwrap();
+    let Instrument { mut daemon, rig, scene, config, data, dir } = start(&SLOW, POLICY);
+    daemon.kill();
+    let [shim, held] = disk.paths();
+    let environment = [("LD_PRELOAD", &*shim), ("SHIM_HELD", &held), ("NOTIFY_SOCKET", &socket), ("WATCHDOG_USEC", Path::new("5000000"))];
+    let daemon = Daemon::serve_in(&config, &data, &environment);
+    let instrument = Instrument { daemon, rig, scene, config, data, dir };
+    instrument.awaited("r1");
+    instrument.load("r1", "A01", Specimen::larva(4, 1).unwrap());
+    disk.hold("events.jsonl");
+    let way = instrument.moving();
+    disk.wait_for("events.jsonl");
+    disk.hold("SHA256SUMS.part");
+    instrument.daemon.signal("TERM");
+    told(&systemd, "the end", |message| message.contains("STOPPING=1"));
+    // The driver still waits for its write.
+    instrument.short_of(way);
+    let waits_on = |name: &str| {
+        disk.wait_for(name);
+        systemd.set_nonblocking(true).unwrap();
+        while systemd.recv(&mut [0; 4096]).is_ok() {}
+        systemd.set_nonblocking(false).unwrap();
+        // For longer than the 5 s after the end of an operation that count as work.
+        let first = write_takes_s(&told(&systemd, name, |message| write_takes_s(message).is_some())).unwrap();
+        let message = told(&systemd, name, |message| write_takes_s(message).is_some_and(|takes_s| takes_s >= first + 6));
+        assert!(message.contains("EXTEND_TIMEOUT_USEC=10000000") && message.contains("The motors were stopped."), "{message}");
+        told(&systemd, "that the driver lives", |message| message.contains("WATCHDOG=1"));
+    };
+    waits_on("events.jsonl");
+    disk.let_go("events.jsonl");
+    waits_on("SHA256SUMS.part");
+    disk.hold("index.sqlite-wal");
+    disk.let_go("SHA256SUMS.part");
+    waits_on("index.sqlite-wal");
+    disk.let_go("index.sqlite-wal");
+    let Instrument { daemon, rig, scene, config, data, dir } = instrument;
+    assert_eq!(daemon.ended(), Some(0));
+
+    // Nothing is lost, and the next start finds an end in order.
+    let a01 = data.join("runs/r1/A01");
+    assert!(Command::new("sha256sum").args(["--check", "--strict", "--quiet", "SHA256SUMS"]).current_dir(&a01).status().unwrap().success());
+    assert!(!json(&a01.join("recording.json"))["ledger"].as_array().unwrap().is_empty());
+    let daemon = Daemon::serve(&config, &data);
+    let instrument = Instrument { daemon, rig, scene, config, data, dir };
+    let status = started(&instrument.daemon);
+    assert_eq!((&status["state"], &status["run"]["outcome"]), (&json!("Stopped"), &json!("interrupted")), "{status}");
+    assert_eq!((&status["faults"], &status["specimen"]["in_capillary"]), (&json!([]), &json!(true)), "{status}");
+    let events = events(&instrument.data);
+    assert!(events.iter().zip(1..).all(|(event, id)| event["id"] == id), "no event is lost");
+    assert!(events.iter().any(|event| event["kind"] == "run.ended"));
 }
 
 /// `systemctl reload` and an upgrade of the package: the next daemon continues the run by itself.

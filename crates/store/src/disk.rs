@@ -1,5 +1,5 @@
 //! The file operations behind durable writes. The tests hook in here: they simulate a power loss after each operation, and a failure of
-//! each operation (`power_loss`). A watch tells how long an operation of its thread takes.
+//! each operation (`power_loss`). A watch tells how long an operation of its thread takes, and [`busy_for`] that of any thread.
 
 use std::cell::RefCell;
 use std::fs::{self, File, OpenOptions};
@@ -80,9 +80,47 @@ impl DiskWatch {
     }
 }
 
+/// The operations of all threads.
+struct UnderWay {
+    began: Vec<Instant>,
+    ended: Option<Instant>,
+}
+
+static UNDER_WAY: Mutex<UnderWay> = Mutex::new(UnderWay { began: Vec::new(), ended: None });
+
+/// An operation of any thread, until it is dropped.
+struct Operation(Instant);
+
+impl Operation {
+    fn begin() -> Self {
+        let began = Instant::now();
+        UNDER_WAY.lock().unwrap_or_else(PoisonError::into_inner).began.push(began);
+        Self(began)
+    }
+}
+
+impl Drop for Operation {
+    fn drop(&mut self) {
+        let mut all = UNDER_WAY.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(at) = all.began.iter().position(|began| *began == self.0) {
+            all.began.swap_remove(at);
+        }
+        all.ended = Some(Instant::now());
+    }
+}
+
+/// How long the longest operation in progress of any thread has taken so far. Zero if there is none, but one ended within `recent`. `None`
+/// if no thread works on the disk.
+pub fn busy_for(recent: Duration) -> Option<Duration> {
+    let all = UNDER_WAY.lock().unwrap_or_else(PoisonError::into_inner);
+    let longest = all.began.iter().min().map(Instant::elapsed);
+    longest.or_else(|| all.ended.filter(|ended| ended.elapsed() < recent).map(|_| Duration::ZERO))
+}
+
 /// Does an operation under the watch of this thread, if it has one. An operation within another one belongs to it. `is_write`: its time
 /// tells how fast the disk is.
 pub(super) fn watched<T>(is_write: bool, work: impl FnOnce() -> T) -> T {
+    let _operation = Operation::begin();
     let watch = WATCH.with_borrow(Option::clone).filter(|watch| watch.takes().is_none());
     let Some(watch) = watch else { return work() };
     watch.begin();
@@ -173,5 +211,23 @@ mod tests {
         .unwrap();
         create(&dir.path().join("file"), b"x").unwrap();
         assert_eq!(other.take_slowest(), Duration::ZERO);
+    }
+
+    #[test]
+    fn the_disk_is_busy_while_any_thread_works_on_it() {
+        let (begin, begun) = std::sync::mpsc::channel();
+        let (end, ended) = std::sync::mpsc::channel::<()>();
+        let at_work = std::thread::spawn(move || {
+            watched(true, || {
+                begin.send(()).unwrap();
+                ended.recv().unwrap();
+            });
+        });
+        begun.recv().unwrap();
+        let first = busy_for(Duration::ZERO).unwrap();
+        assert!(busy_for(Duration::ZERO).unwrap() >= first, "another thread's operation");
+        end.send(()).unwrap();
+        at_work.join().unwrap();
+        assert!(busy_for(Duration::MAX).is_some(), "it has just ended");
     }
 }

@@ -47,7 +47,7 @@ pub mod testing;
 pub use archive::{CRATE, Packing, Pruned, RunContents, archive, archive_to_objects, cut_short, end_prune, prune, run_names};
 pub use attempts::{seal_run, set_aside};
 pub use budget::{Budget, bytes_per_specimen, size};
-pub use disk::DiskWatch;
+pub use disk::{DiskWatch, busy_for};
 pub use error::StoreError;
 pub use index::{Cursor, EventsAfter, RunRow, RunScan, RunsQuery, Unreadable, follow_run};
 pub use instrument::instrument_uuid;

@@ -10,6 +10,8 @@
  *                 6  number of changes that have failed
  *                 7  CLOCK_MONOTONIC of the first failure, ns
  *   SHIM_UNDER    the folder whose files are concerned: write, pwrite, fsync, fdatasync, rename, open for writing
+ *   SHIM_HELD     a folder. While it has a file of this name, a sync of a file or folder of the same name waits. It first
+ *                 creates the file NAME.waits there.
  *   SHIM_TTY      a log, to which "ns byte" (CLOCK_MONOTONIC) is appended for each write to a terminal that is a stop or a
  *                 move of Grbl: up to 4 bytes that begin with feed hold '!', jog cancel 0x85 or reset 0x18, or a line of
  *                 G-code, which begins with 'G'
@@ -117,12 +119,30 @@ ssize_t pwrite(int fd, const void *bytes, size_t count, off_t at) {
     return REAL(pwrite)(fd, bytes, count, at);
 }
 
+/* Waits while the test holds syncs of files of this name. */
+static void wait_if_held(int fd) {
+    const char *folder = getenv("SHIM_HELD");
+    if (!folder) return;
+    char link[64], path[PATH_MAX] = "", held[2 * PATH_MAX], waits[2 * PATH_MAX + 8];
+    snprintf(link, sizeof link, "/proc/self/fd/%d", fd);
+    if (readlink(link, path, sizeof path - 1) < 0) return;
+    const char *name = strrchr(path, '/');
+    snprintf(held, sizeof held, "%s%s", folder, name ? name : "/");
+    snprintf(waits, sizeof waits, "%s.waits", held);
+    while (!access(held, F_OK)) {
+        close(open(waits, O_WRONLY | O_CREAT | O_CLOEXEC, 0600));
+        usleep(5000);
+    }
+}
+
 int fsync(int fd) {
+    wait_if_held(fd);
     if (concerns_file(fd) && fails()) return -1;
     return REAL(fsync)(fd);
 }
 
 int fdatasync(int fd) {
+    wait_if_held(fd);
     if (concerns_file(fd) && fails()) return -1;
     return REAL(fdatasync)(fd);
 }

@@ -148,6 +148,14 @@ impl Index {
     }
 }
 
+impl Drop for Index {
+    /// The database syncs when it is closed, which can take as long as any other write.
+    fn drop(&mut self) {
+        let state = self.state.get_mut().unwrap_or_else(PoisonError::into_inner);
+        disk::watched(false, || drop(state.connection.take()));
+    }
+}
+
 fn in_one<T>(connection: &mut Connection, work: impl FnOnce(&Transaction) -> rusqlite::Result<T>) -> rusqlite::Result<T> {
     let tx = connection.transaction_with_behavior(TransactionBehavior::Immediate)?;
     let done = work(&tx)?;
