@@ -55,6 +55,7 @@ pub(super) fn routes() -> OpenApiRouter<AppState> {
         .routes(routes!(results::mesh))
         .routes(routes!(results::model))
         .routes(routes!(results::coloured))
+        .routes(routes!(results::standard))
         .routes(routes!(results::view))
         .routes(routes!(results::profile))
         .routes(routes!(results::tables::of_run))

@@ -16,7 +16,10 @@ pub(super) mod tables;
 
 pub(super) use download::{__path_events, __path_run_files, DOWNLOADS, events, run_files};
 use files::DETECTION;
-pub(super) use files::{__path_coloured, __path_mesh, __path_model, __path_profile, __path_view, coloured, mesh, model, profile, view};
+pub(super) use files::{
+    __path_coloured, __path_mesh, __path_model, __path_profile, __path_standard, __path_view, coloured, mesh, model, profile, standard,
+    view,
+};
 pub(super) use gates::{__path_bead_gates, bead_gates};
 pub(super) use replays::{__path_replay, __path_replays, replay, replays};
 pub(super) use report::{__path_report_of_run, report_of_run};
@@ -31,6 +34,7 @@ use axum::extract::rejection::{PathRejection, QueryRejection};
 use axum::extract::{Path, Query, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use carved_core::pipeline::standard::Aspect;
 use carved_store::{Cursor, RunsQuery, SpecimenFile, StoreError, StoreReader};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -208,6 +212,15 @@ pub(super) struct Links {
     mesh_glb: Option<String>,
     /// The model with the colours of the frames; `null` where surface, numbers or frames are missing.
     coloured_glb: Option<String>,
+    /// The standard pictures of a larva: its left side, head to the left, with a scale bar; `null` where head or back are not decided, and
+    /// of runs of earlier versions.
+    lateral_png: Option<String>,
+    /// The same without a bar.
+    lateral_tif: Option<String>,
+    /// Its back, head to the left, with a scale bar.
+    dorsal_png: Option<String>,
+    /// The same without a bar.
+    dorsal_tif: Option<String>,
     /// The frame on which the well was judged.
     detection: Option<String>,
     views: Vec<String>,
@@ -364,6 +377,15 @@ pub(super) async fn specimen(
             SpecimenFile::Detection => links.detection = Some(format!("{base}/views/{DETECTION}{which}")),
             SpecimenFile::View(i) => links.views.push(format!("{base}/views/{i}.png{which}")),
             SpecimenFile::Profile(i) => links.profiles.push(format!("{base}/profiles/{i}.png{which}")),
+            SpecimenFile::Standard { aspect, is_tiff } => {
+                let link = match (aspect, is_tiff) {
+                    (Aspect::Lateral, false) => &mut links.lateral_png,
+                    (Aspect::Lateral, true) => &mut links.lateral_tif,
+                    (Aspect::Dorsal, false) => &mut links.dorsal_png,
+                    (Aspect::Dorsal, true) => &mut links.dorsal_tif,
+                };
+                *link = Some(format!("{base}/{}{which}", SpecimenFile::standard_name(aspect, is_tiff)));
+            }
         }
     }
     if attempt == 0 && links.mesh_ply.is_some() && stored.measurement.is_some() && !links.views.is_empty() {

@@ -1,12 +1,13 @@
-//! The pictures of a specimen for a report: the frame from its side, and from above, each cut to the specimen, with the outline drawn in, and
-//! the model from three sides.
+//! The pictures of a specimen for a report: the standard pictures of a larva, the frame from its side, and from above, each cut to the
+//! specimen, with the outline drawn in, and the model from three sides.
 
 use crate::export::read_ply;
 use carved_core::frame::PixelFormat;
+use carved_core::pipeline::standard::Aspect;
 use carved_core::profile::Picture;
 use carved_pictures::decode;
 use carved_pictures::model::from_three_sides;
-use carved_store::{StoreError, StoredWell, frames};
+use carved_store::{SpecimenFile, StoreError, StoredWell, frames};
 use image::codecs::jpeg::JpegEncoder;
 use image::{ImageFormat, RgbImage, imageops};
 use serde_json::Value;
@@ -16,7 +17,7 @@ use std::io::Cursor;
 const OUTLINE: [u8; 3] = [255, 64, 160];
 /// Room around the specimen, px of the frame.
 const ROOM: u32 = 24;
-/// Largest width, px. A plate of 96 wells with two pictures each stays below some MB.
+/// Largest width, px. A plate of 96 wells with four pictures each stays below some MB.
 const WIDTH: u32 = 360;
 const QUALITY: u8 = 78;
 
@@ -26,7 +27,7 @@ const MODEL: &str = "model from the side, from the front and from above";
 /// A picture as it stands in the report.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Shown {
-    /// `from the side`, `from above`, `view 0`, or that nothing was outlined.
+    /// `left side`, `back`, `from the side`, `from above`, `view 0`, or that nothing was outlined.
     pub words: String,
     pub jpeg: Vec<u8>,
 }
@@ -62,6 +63,9 @@ pub fn of(well: &StoredWell) -> Pictures {
         add("nothing was measured".to_owned(), frame(well, "frames/detect.png", format));
         return pictures;
     };
+    for (aspect, words) in [(Aspect::Lateral, "left side"), (Aspect::Dorsal, "back")] {
+        add(words.to_owned(), standard(well, &SpecimenFile::standard_name(aspect, false)));
+    }
     for (view, words) in views(measurement) {
         add(words, outlined(well, &frame_of(recording, view), &format!("profiles/view_{view:03}.png"), format));
     }
@@ -87,6 +91,11 @@ fn outlined(well: &StoredWell, frame_name: &str, mask_name: &str, format: PixelF
     let picture = frame(well, frame_name, format)?;
     let mask = decode::decode(&verified(well, mask_name)?, decode::PNG).map_err(|_| unreadable(mask_name))?.to_luma8();
     cut(picture, &mask).ok_or(NotShown::Nothing)
+}
+
+/// A standard picture with its scale bar. It needs no frames.
+fn standard(well: &StoredWell, name: &str) -> Result<RgbImage, NotShown> {
+    Ok(decode::decode(&verified(well, name)?, decode::PNG).map_err(|_| unreadable(name))?.to_rgb8())
 }
 
 /// The model from three sides. It needs no frames.

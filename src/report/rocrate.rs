@@ -5,7 +5,7 @@
 //!                └─ mentions ── #measure-A01 (CreateAction) ──┬─ object ──── the frames of A01, the method
 //!                                                             ├─ instrument ─ carved, with version and commit
 //!                                                             ├─ agent ────── the operator
-//!                                                             └─ result ───── measurement.json, mesh.ply, model.glb
+//!                                                             └─ result ───── measurement.json, mesh.ply, model.glb, pictures
 //! ```
 //! Every file that is there is listed, except the receipts of copies: a copy of the run has others. Raw frames may have been pruned. Of a
 //! packed copy `A01.tar` stands for the files of A01: it is object and result of the action.
@@ -18,6 +18,9 @@ use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
+
+/// What a measurement makes of the frames, beside the profiles.
+const RESULTS: [&str; 7] = ["measurement.json", "mesh.ply", "model.glb", "lateral.png", "lateral.tif", "dorsal.png", "dorsal.tif"];
 
 const PROFILE: &str = "https://w3id.org/ro/wfrun/process/0.5";
 const CRATE: &str = "https://w3id.org/ro/crate/1.1";
@@ -153,9 +156,7 @@ impl<'r> Graph<'r> {
             let file = id(&address(name));
             if own.starts_with("frames") || own.starts_with("second") {
                 frames.push(file);
-            } else if own.starts_with("profiles")
-                || ["measurement.json", "mesh.ply", "model.glb"].iter().any(|result| own == Path::new(result))
-            {
+            } else if own.starts_with("profiles") || RESULTS.iter().any(|result| own == Path::new(result)) {
                 results.push(file);
             }
         }
@@ -247,6 +248,7 @@ fn media_type(name: &Path) -> &'static str {
         "json" => "application/json",
         "jsonl" => "application/jsonl",
         "png" => "image/png",
+        "tif" => "image/tiff",
         "glb" => "model/gltf-binary",
         "tar" => "application/x-tar",
         "ply" => "application/octet-stream",

@@ -21,6 +21,7 @@ mod preflight;
 pub mod replays;
 mod search;
 mod sentence;
+pub mod standard;
 mod state;
 mod tally;
 mod worker;

@@ -2,10 +2,11 @@
 //!
 //! ```text
 //! surface, numbers (of the live run, or of `carved_offline::recording`) ──┬─> mesh.ply, model.glb, measurement.json
+//!                                                                         ├─> lateral.png, dorsal.png, also .tif, of a larva
 //!                                                                         └─> the well's line of the status
 //! ```
 
-use super::live;
+use super::{live, standard};
 use crate::export;
 use carved_core::measure::Estimator;
 use carved_core::profile::Picture;
@@ -29,6 +30,7 @@ pub fn write(writer: &mut RecordingWriter, mesh: &Mesh, file: &MeasurementFile) 
         writer.add_file("model.glb", glb)?;
     }
     writer.add_json(MEASUREMENT, file)?;
+    standard::add(writer, file);
     Ok(model)
 }
 

@@ -296,6 +296,15 @@ fn a_report_leaves_out_a_picture_of_a_file_that_was_altered_and_says_so() {
         assert!(pictures(&text) == 2 && text.contains(&format!("{name} was altered after it was recorded. It is not shown.")), "{name}");
         std::fs::write(larva.join(&name), good).unwrap();
     }
+    // A standard picture is shown beside them.
+    let picture = std::fs::read(larva.join("frames/detect.png")).unwrap();
+    let sums = std::fs::read_to_string(larva.join("SHA256SUMS")).unwrap();
+    std::fs::write(larva.join("SHA256SUMS"), format!("{sums}{}  lateral.png\n", sha256_hex(&picture))).unwrap();
+    std::fs::write(larva.join("lateral.png"), picture).unwrap();
+    let text = report();
+    assert!(pictures(&text) == 4 && text.contains("left side"), "the standard picture is missing");
+    std::fs::remove_file(larva.join("lateral.png")).unwrap();
+    std::fs::write(larva.join("SHA256SUMS"), sums).unwrap();
     // Of a pruned run there is nothing to show, and nothing wrong.
     std::fs::remove_dir_all(larva.join("frames")).unwrap();
     let text = report();

@@ -60,6 +60,7 @@ fn the_demo_plate_is_measured_stored_and_reproduced() {
     events_tell_the_run(&daemon, &dir.path().join("data/events.jsonl"));
     assert!(daemon.line_with("A02").contains("Succeeded"));
 
+    larvae_have_their_standard_pictures(&daemon, &folder, dir.path());
     altered_recordings_are_refused(&folder.join("A03"), dir.path());
     replay_gives_the_same_numbers(&folder.join("A03"), dir.path());
 }
@@ -79,6 +80,55 @@ fn larvae_have_their_place(status: &Value, folder: &Path) {
     }
     assert!(well(status, "A03")["reference"].is_null());
     assert!(json(&folder.join("A03/measurement.json")).get("reference").is_none());
+}
+
+/// The left side and the back of each larva in its folder, by the links of its record, and the same again from the frames. A bead has none.
+fn larvae_have_their_standard_pictures(daemon: &Daemon, folder: &Path, scratch: &Path) {
+    let run_id = folder.file_name().unwrap().to_str().unwrap();
+    let out = scratch.join("pictures");
+    let exported = run(&["export", "pictures", folder.to_str().unwrap(), "--out", out.to_str().unwrap()]);
+    assert!(exported.status.success(), "{}", stderr(&exported));
+    let mut sizes = Vec::new();
+    for well in ["A01", "A02"] {
+        let links = &daemon.get(&format!("/v1/runs/{run_id}/specimens/{well}"))["links"];
+        for (link, file) in
+            [("lateral_png", "lateral.png"), ("lateral_tif", "lateral.tif"), ("dorsal_png", "dorsal.png"), ("dorsal_tif", "dorsal.tif")]
+        {
+            let path = links[link].as_str().unwrap_or_else(|| panic!("{well} has no {link}: {links}"));
+            let mut answer = ureq::get(format!("{}{path}", daemon.url)).call().unwrap();
+            let kind = answer.headers()["content-type"].to_str().unwrap().to_owned();
+            assert_eq!(kind, if file.ends_with("png") { "image/png" } else { "image/tiff" });
+            let stored = std::fs::read(folder.join(well).join(file)).unwrap();
+            assert!(answer.body_mut().read_to_vec().unwrap() == stored, "{well} {file}: another file is served");
+            let again = std::fs::read(out.join(format!("{run_id}_{well}_{file}"))).unwrap();
+            assert!(again == stored, "{well} {file}: the export differs");
+            if let Some(name) = file.strip_suffix(".tif") {
+                let picture = image::load_from_memory(&stored).unwrap().to_luma8();
+                sizes.push(picture.dimensions());
+                head_is_left(&picture, &format!("{well} {name}"));
+            }
+        }
+    }
+    assert!(sizes.iter().all(|size| *size == sizes[0]), "cropped alike: {sizes:?}");
+    assert!(daemon.get(&format!("/v1/runs/{run_id}/specimens/A03"))["links"]["lateral_png"].is_null(), "a bead has no sides");
+    let unknown = ureq::get(format!("{}/v1/runs/{run_id}/specimens/A01/ventral.png", daemon.url)).call();
+    assert!(matches!(unknown, Err(ureq::Error::StatusCode(404))), "{unknown:?}");
+    let index = std::fs::read_to_string(out.join("pictures.csv")).unwrap();
+    let lines: Vec<&str> = index.lines().collect();
+    assert_eq!(lines[0], "run,well,picture,file,view,off_deg,confidence,um_per_px,reason");
+    assert_eq!(lines.iter().filter(|line| line.ends_with(',')).count(), 4, "two pictures of two larvae: {index}");
+    assert!(lines.iter().any(|line| line.contains(",A03,") && line.contains("is not decided")), "{index}");
+    assert!(lines.iter().any(|line| line.contains(",A04,") && line.contains("no numbers")), "{index}");
+}
+
+/// The eyes are the darkest compact part of a larva.
+fn head_is_left(picture: &image::GrayImage, name: &str) {
+    let (width, height) = picture.dimensions();
+    // The middle half of the height: the walls are beyond it.
+    let dark = picture.enumerate_pixels().filter(|(_, v, pixel)| (height / 4..3 * height / 4).contains(v) && pixel.0[0] < 60);
+    let columns: Vec<u32> = dark.map(|(u, _, _)| u).collect();
+    let left = columns.iter().filter(|u| **u < width / 2).count();
+    assert!(columns.len() > 50 && left * 10 > columns.len() * 7, "{name}: {left} of {} dark pixels are at the left", columns.len());
 }
 
 /// `carved measure` computes the same bytes, and the last live volume is the measured one.

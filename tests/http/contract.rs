@@ -57,6 +57,7 @@ fn the_contract_names_every_route_and_leads_nowhere_into_the_void() {
         "get /v1/runs/{run_id}/specimens/{well}/mesh.glb",
         "get /v1/runs/{run_id}/specimens/{well}/mesh.ply",
         "get /v1/runs/{run_id}/specimens/{well}/profiles/{view}",
+        "get /v1/runs/{run_id}/specimens/{well}/{picture}",
         "get /v1/runs/{run_id}/specimens/{well}/views/{view}",
         "get /v1/status",
         "get /v1/table.csv",

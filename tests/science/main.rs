@@ -18,6 +18,7 @@ mod profile_truth;
 mod quality;
 mod refine;
 mod shape;
+mod standard;
 mod truth;
 mod turning;
 mod vrv;

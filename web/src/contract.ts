@@ -267,6 +267,10 @@ export interface Light {
 export interface Links {
   coloured_glb: string | null;
   detection: string | null;
+  dorsal_png: string | null;
+  dorsal_tif: string | null;
+  lateral_png: string | null;
+  lateral_tif: string | null;
   mesh_glb: string | null;
   mesh_ply: string | null;
   profiles: string[];

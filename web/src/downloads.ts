@@ -80,6 +80,10 @@ export class WellFiles {
       [links.mesh_ply, `${of}.ply`, "Surface (PLY)"],
       [links.mesh_glb, `${of}.glb`, "Model (GLB)"],
       [links.coloured_glb, `${of}-coloured.glb`, "Model with the colours of the frames (GLB)"],
+      [links.lateral_png, `${of}-lateral.png`, "Left side (PNG)"],
+      [links.lateral_tif, `${of}-lateral.tif`, "Left side (TIFF)"],
+      [links.dorsal_png, `${of}-dorsal.png`, "Back (PNG)"],
+      [links.dorsal_tif, `${of}-dorsal.tif`, "Back (TIFF)"],
       [`/v1/runs/${encodeURIComponent(run)}/specimens/${well}`, `${of}.json`, "Record and numbers (JSON)"],
       [raw, `${of}-view-${this.#view}.png`, `Raw frame of view ${(this.#view ?? 0) + 1} (PNG)`],
     ];

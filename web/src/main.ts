@@ -95,7 +95,7 @@ const colouredModels = new StoredModels(stored, (links) => links.coloured_glb);
 const standing = new StandingView(byId("standing"));
 const groups = new GroupsView(byId, lookAt);
 const again = new AgainView(byId);
-const sheet = new ContactSheet(byId("sheet"), byId("sheet-list"), lookAt);
+const sheet = new ContactSheet(byId("sheet"), byId("sheet-list"), byId("sheet-aspect"), lookAt);
 const lastDone = new LastDone(byId("last-done"), choose);
 const remark = new Remark(byId, async (run, well) => newRun.offer(await fetchRest(run, [well]), run));
 const files = new WellFiles(byId("well-files"));

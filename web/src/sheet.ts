@@ -1,5 +1,5 @@
-// The contact sheet of a plate: of each well the view that shows its larva from the side, back up where that is known. Pictures are read only
-// for wells that are in the window, a few at a time.
+// The contact sheet of a plate: of each well the standard picture of its larva, from the left side or from above, head to the left. Where there
+// is none, the frame of the view that is nearest to it. Pictures are read only for wells that are in the window, a few at a time.
 
 import { fetchFile, fetchSpecimen, Refused } from "./api.ts";
 import { element, show } from "./dom.ts";
@@ -15,30 +15,53 @@ const PICTURE_PX = 480;
 /** Requests at a time. The daemon reads the disk for four clients. */
 const AT_A_TIME = 2;
 
+/** What the sheet shows of each larva. */
+export type Aspect = "lateral" | "dorsal";
+
 /**
- * The place in a list of angles (rad) of the view from the side. `dorsal` is the direction to the back; in a view at `omega` the direction
- * at `pi - omega` about the capillary points up. Pure.
+ * The place in a list of angles (rad) of the view from the side, back up, or from above. `dorsal` is the direction to the back; in a view at
+ * `omega` the direction at `pi - omega` about the capillary points up, and that at `-pi / 2 - omega` to the camera. Pure.
  */
-export function lateral(omegas: readonly number[], dorsal: readonly number[] | null): number {
+export function nearest(omegas: readonly number[], dorsal: readonly number[] | null, aspect: Aspect): number {
   if (dorsal === null || omegas.length === 0) return 0;
-  const wanted = Math.PI - Math.atan2(dorsal[2] ?? 0, dorsal[1] ?? 0);
+  const wanted = (aspect === "lateral" ? Math.PI : -Math.PI / 2) - Math.atan2(dorsal[2] ?? 0, dorsal[1] ?? 0);
   const off = omegas.map((omega) => 1 - Math.cos(omega - wanted));
   return off.indexOf(Math.min(...off));
 }
 
-/** The link to the picture of a well from the side; null where none is kept. Pure. */
-export function lateralLink({ links, measurement }: Pick<Specimen, "links" | "measurement">): string | null {
+type Pictured = Pick<Specimen, "links" | "measurement">;
+
+/** The link to the standard picture of a larva; null where there is none. Pure. */
+export function standardLink({ links }: Pick<Specimen, "links">, aspect: Aspect): string | null {
+  return (aspect === "lateral" ? links.lateral_png : links.dorsal_png) ?? null;
+}
+
+/** The link to the frame of a well nearest to that picture; null where none is kept. Pure. */
+export function frameLink({ links, measurement }: Pictured, aspect: Aspect): string | null {
   const views = measurement?.views.filter((view) => view.used) ?? [];
   const direction = measurement?.shape?.body?.dorsal.direction ?? null;
-  const number =
-    views[
-      lateral(
-        views.map((view) => view.omega),
-        direction,
-      )
-    ]?.index ?? 0;
+  const omegas = views.map((view) => view.omega);
+  const number = views[nearest(omegas, direction, aspect)]?.index ?? 0;
   const link = links.views.find((link) => viewNumber(link) === number) ?? links.views[0] ?? links.detection ?? null;
   return link === null ? null : pictureOf(link, PICTURE_PX);
+}
+
+/** Less of it, and a larva has no standard pictures. */
+const LEAST_CONFIDENCE = 0.1;
+
+/** How sure it is that a picture shows what it should, or why there is no such picture. Pure. */
+export function sureness(specimen: Pictured, aspect: Aspect): string {
+  const facing = specimen.measurement?.facing;
+  const confidence = facing ? Math.min(facing.confidence, facing.head_confidence) : 0;
+  if (standardLink(specimen, aspect) !== null)
+    return `Head and back were found with confidence ${confidence.toFixed(2)} of 1.`;
+  const why =
+    specimen.measurement === null
+      ? "there are no numbers"
+      : confidence < LEAST_CONFIDENCE
+        ? "head or back are not decided"
+        : "the run has no standard pictures; carved export pictures makes them";
+  return `A frame as it was taken: ${why}.`;
 }
 
 interface Cell {
@@ -53,6 +76,7 @@ interface Cell {
 export class ContactSheet {
   readonly #panel: HTMLDetailsElement;
   readonly #list: HTMLElement;
+  readonly #aspect: HTMLSelectElement;
   readonly #choose: (well: string) => void;
   #run: RunStatus | null = null;
   #of = "";
@@ -62,11 +86,13 @@ export class ContactSheet {
   #waiting: Cell[] = [];
   #workers = 0;
 
-  constructor(panel: HTMLDetailsElement, list: HTMLElement, choose: (well: string) => void) {
+  constructor(panel: HTMLDetailsElement, list: HTMLElement, aspect: HTMLSelectElement, choose: (well: string) => void) {
     this.#panel = panel;
     this.#list = list;
+    this.#aspect = aspect;
     this.#choose = choose;
     panel.addEventListener("toggle", () => this.#fill());
+    aspect.addEventListener("change", () => this.#fill());
   }
 
   update(run: RunStatus | null): void {
@@ -78,7 +104,8 @@ export class ContactSheet {
   #fill(): void {
     const run = this.#run;
     if (!this.#panel.open || run === null) return;
-    if (runKey(run) !== this.#of) this.#clear(runKey(run));
+    const of = `${this.#aspect.value} ${runKey(run)}`;
+    if (of !== this.#of) this.#clear(of);
     for (const well of run.results) {
       const known = this.#cells.get(well.well);
       // A well that is measured again has another picture.
@@ -155,10 +182,15 @@ export class ContactSheet {
       const well = this.#run?.results.find((well) => well.well === cell.well);
       if (well === undefined || !isStored(well)) return;
       const specimen = this.#run && (await fetchSpecimen(this.#run.id, cell.well));
-      const link = specimen && lateralLink(specimen);
-      if (!link) return;
+      if (!specimen) return;
+      const aspect = this.#aspect.value === "dorsal" ? "dorsal" : "lateral";
+      const standard = standardLink(specimen, aspect);
+      const link = standard ?? frameLink(specimen, aspect);
+      if (link === null) return;
       const picture = await fetchFile(link);
       if (this.#of !== of) return;
+      cell.picture.classList.toggle("standard", standard !== null);
+      cell.item.title = sureness(specimen, aspect);
       const url = URL.createObjectURL(picture);
       this.#urls.push(url);
       cell.picture.src = url;

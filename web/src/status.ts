@@ -5,6 +5,7 @@ import type {
   SpecimenDetail,
   StoredCalibrationRecord,
   StoredEstimateStanding,
+  StoredFacing,
   StoredMeasurementFile,
   StoredRigRecord,
 } from "./contract.ts";
@@ -22,6 +23,7 @@ export interface Recorded {
 export interface Measured extends Pick<StoredMeasurementFile, "views"> {
   calibration?: Pick<StoredCalibrationRecord, "psi" | "rho"> | null;
   shape?: { body?: { dorsal: { direction?: readonly number[] | null } } | null } | null;
+  facing?: Pick<StoredFacing, "confidence" | "head_confidence"> | null;
   reference?: { estimates: Pick<StoredEstimateStanding, "estimator" | "volume" | "area">[] } | null;
 }
 

@@ -9,6 +9,7 @@
 
 mod error;
 mod record;
+pub mod standard;
 
 use crate::calibration::{Calibration, ViewState};
 use crate::carver::Leaves;

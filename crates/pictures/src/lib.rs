@@ -1,8 +1,9 @@
-//! Pictures for the page and the report: frames, profiles and models. A crate of its own, because encoding must be fast also in a development build, where the
-//! daemon is not optimised.
+//! Pictures for the page, the report and run folders: frames, profiles, models, and the standard pictures of larvae. A crate of its own,
+//! because encoding must be fast also in a development build, where the daemon is not optimised.
 
 pub mod decode;
 pub mod model;
+pub mod standard;
 
 use carved_core::profile::{Mask, Picture};
 use image::codecs::jpeg::JpegEncoder;
@@ -26,6 +27,12 @@ pub enum PictureError {
     /// The encoder refused the picture.
     #[error("the picture cannot be encoded: {0}")]
     Encoder(#[from] ImageError),
+    /// The encoder of PNG refused the picture.
+    #[error("the picture cannot be encoded as PNG: {0}")]
+    Png(#[from] png::EncodingError),
+    /// The encoder of TIFF refused the picture.
+    #[error("the picture cannot be encoded as TIFF: {0}")]
+    Tiff(#[from] tiff::TiffError),
 }
 
 /// A frame as JPEG: grey where it has one colour, and scaled down to `width` px if it is wider. A raw frame of a megapixel has some 870 kB.

@@ -13,6 +13,7 @@ use super::{
     receipt, replay, run, sums,
 };
 use carved_core::frame::{PixelFormat, RawFrame};
+use carved_core::pipeline::standard::Aspect;
 use carved_records::{Event, ViewTaken, WellStatus, is_plain_name, is_well, sha256_hex};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -50,9 +51,25 @@ pub enum SpecimenFile {
     /// The newest take of a view, by its number in the ledger. The closure view is not available.
     View(u32),
     Profile(u32),
+    /// A standard picture of a larva.
+    Standard {
+        aspect: Aspect,
+        /// TIFF in place of PNG.
+        is_tiff: bool,
+    },
 }
 
 impl SpecimenFile {
+    /// Name of a standard picture in the recording.
+    pub fn standard_name(aspect: Aspect, is_tiff: bool) -> String {
+        format!("{}.{}", aspect.name(), if is_tiff { "tif" } else { "png" })
+    }
+
+    /// The standard pictures.
+    pub fn standard() -> impl Iterator<Item = Self> {
+        Aspect::ALL.into_iter().flat_map(|aspect| [false, true].map(|is_tiff| Self::Standard { aspect, is_tiff }))
+    }
+
     /// File name in the recording.
     fn name(self, recording: &Path) -> String {
         match self {
@@ -64,6 +81,7 @@ impl SpecimenFile {
                 takes.last().unwrap_or_else(|| frame_name(i, 0))
             }
             Self::Profile(i) => format!("profiles/view_{i:03}.png"),
+            Self::Standard { aspect, is_tiff } => Self::standard_name(aspect, is_tiff),
         }
     }
 }
@@ -244,6 +262,7 @@ impl StoreReader {
         let ledger = recording["ledger"].as_array().into_iter().flatten().filter(|e| e["closure"] != true);
         let views: Vec<u32> = ledger.filter_map(|e| e["view"].as_u64().map(|v| v as u32)).collect();
         let mut files = vec![SpecimenFile::Mesh, SpecimenFile::Model, SpecimenFile::Detection];
+        files.extend(SpecimenFile::standard());
         files.extend(views.iter().flat_map(|&v| [SpecimenFile::View(v), SpecimenFile::Profile(v)]));
         files.sort_unstable();
         // The ledger lists each take of a retaken view.

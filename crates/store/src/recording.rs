@@ -13,6 +13,8 @@
 //!              measurement.json        the numbers
 //!              mesh.ply                the surface, um
 //!              model.glb               the surface with fewer triangles
+//!              lateral.png, .tif       the left side of a larva, head to the left
+//!              dorsal.png, .tif        its back, head to the left
 //!              SHA256SUMS              checksums of all of the above, once the recording is closed
 //! ```
 
@@ -356,6 +358,14 @@ impl RecordingWriter {
 
     pub fn add_profile(&mut self, index: u32, mask: &Mask) -> Result<(), StoreError> {
         self.put(&format!("profiles/view_{index:03}.png"), &frames::encode_mask(mask)?)
+    }
+
+    /// Reads what is written so far.
+    ///
+    /// # Errors
+    /// As [`RecordingReader::open`].
+    pub fn reader(&self) -> Result<RecordingReader, StoreError> {
+        RecordingReader::open(&self.folder)
     }
 
     /// Whether the recording has a file of this name.

@@ -4,6 +4,7 @@ mod mihcsme;
 mod model;
 mod ome_tiff;
 mod ome_zarr;
+mod pictures;
 mod provenance;
 pub mod statistics;
 mod table;
@@ -40,6 +41,8 @@ pub enum Command {
     Glb(model::GlbArgs),
     /// Write the views of a specimen as OME-TIFF, for Fiji, CellProfiler, QuPath and OMERO.
     OmeTiff(ome_tiff::Args),
+    /// Write the standard pictures of a run's larvae: the left side and the back, head to the left, at one scale, as PNG and TIFF.
+    Pictures(pictures::Args),
     /// Write the views of a run as an OME-Zarr 0.5 plate, for napari and all that reads OME-Zarr.
     OmeZarr(ome_zarr::Args),
 }
@@ -61,6 +64,7 @@ pub fn run(command: &Command) -> anyhow::Result<()> {
         Command::Stl(args) => model::stl(args),
         Command::Glb(args) => model::glb(args),
         Command::OmeTiff(args) => ome_tiff::run(args),
+        Command::Pictures(args) => pictures::run(args),
         Command::OmeZarr(args) => ome_zarr::run(args),
         Command::Columns => {
             say!("{}", crate::tables::page().trim_end());

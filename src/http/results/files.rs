@@ -9,6 +9,7 @@ use axum::extract::rejection::{PathRejection, QueryRejection};
 use axum::extract::{Path, Query, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use carved_core::pipeline::standard::Aspect;
 use carved_core::profile::Picture;
 use carved_store::SpecimenFile;
 use serde::Deserialize;
@@ -139,6 +140,40 @@ pub(in crate::http) async fn model(
 ) -> Result<Response, Problem> {
     let (Path(of), Query(which)) = (path?, which?);
     stored(&app, of, which.attempt, SpecimenFile::Model, "model/gltf-binary", &headers).await
+}
+
+/// A standard picture of a larva: its left side (`lateral`) or its back (`dorsal`), head to the left, at the scale of all larvae of the
+/// method, and never mirrored. The `.png` has a scale bar below the picture.
+#[utoipa::path(
+    get, path = "/v1/runs/{run_id}/specimens/{well}/{picture}", tag = "results",
+    params(
+        ("run_id" = String, Path), ("well" = String, Path, description = "`A01` to `AF48`"),
+        ("picture" = String, Path, description = "`lateral.png`, `lateral.tif`, `dorsal.png` or `dorsal.tif`"), Attempt,
+    ),
+    responses(
+        (status = 200, description = "PNG or TIFF", content((Vec<u8> = "image/png"), (Vec<u8> = "image/tiff"))),
+        (status = 304, description = "The client has it"),
+    )
+)]
+pub(in crate::http) async fn standard(
+    State(app): State<AppState>,
+    path: Numbered,
+    which: Which,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let (Path((run, well, name)), Query(which)) = (path?, which?);
+    let unknown = || {
+        let detail = format!("{name:?} is no picture of a specimen; use lateral.png, lateral.tif, dorsal.png or dorsal.tif");
+        Problem::new(StatusCode::NOT_FOUND, "unknown_file", detail)
+    };
+    let (aspect, ending) = name.split_once('.').ok_or_else(unknown)?;
+    let aspect = Aspect::ALL.into_iter().find(|known| known.name() == aspect).ok_or_else(unknown)?;
+    let (is_tiff, content_type) = match ending {
+        "png" => (false, "image/png"),
+        "tif" => (true, "image/tiff"),
+        _ => return Err(unknown()),
+    };
+    stored(&app, (run, well), which.attempt, SpecimenFile::Standard { aspect, is_tiff }, content_type, &headers).await
 }
 
 /// The surface with the colours of the frames at its corners, um, to look at. It is made at each request, from the stored frames.

@@ -1,6 +1,5 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { lateral } from "../../src/sheet.ts";
 import { about, kept, WHOLE } from "../../src/zoom.ts";
 
 test("the point under the pointer stays where it is, and the picture never leaves its box", () => {
@@ -12,15 +11,4 @@ test("the point under the pointer stays where it is, and the picture never leave
   assert.deepEqual(about(near, 1 / 8, 300, 100, width, height), { scale: 1, x: 0, y: 0 });
   assert.deepEqual(kept({ scale: 2, x: 50, y: -1e4 }, width, height), { scale: 2, x: 0, y: -300 });
   assert.equal(about(WHOLE, 1e6, 0, 0, width, height).scale, 16);
-});
-
-test("the view from the side has the back up", () => {
-  const omegas = [0, 1, 2, 3].map((quarter) => (quarter * Math.PI) / 2);
-  // In the first view the direction at pi points up.
-  assert.equal(lateral(omegas, [0, -1, 0]), 0);
-  assert.equal(lateral(omegas, [0, 1, 0]), 2);
-  assert.equal(lateral(omegas, [0.1, 0, 1]), 1);
-  assert.equal(lateral(omegas, [0, 0, -1]), 3);
-  assert.equal(lateral(omegas, null), 0);
-  assert.equal(lateral([], [0, 1, 0]), 0);
 });

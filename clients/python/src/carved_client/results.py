@@ -75,6 +75,12 @@ class Results:
         """The mask that was used to carve one view, PNG."""
         return self._file(f"{_path(run_id, well)}/profiles/{index}.png")
 
+    def picture(
+        self, run_id: str, well: str, aspect: Literal["lateral", "dorsal"] = "lateral", kind: Literal["png", "tif"] = "png"
+    ) -> bytes:
+        """A standard picture of a larva, head to the left: its left side, or its back. The `png` has a scale bar."""
+        return self._file(f"{_path(run_id, well)}/{aspect}.{kind}")
+
     def _kept(self, path: str, query: Mapping[str, str | int] | None = None) -> dict[str, Any]:
         response = self._transport.request("GET", path, params=query)
         try:
