@@ -119,6 +119,14 @@ export function sections(html) {
   return found;
 }
 
+/** The index with the titles of its pages in place of their files' names. */
+function titled(html, pages) {
+  return html.replace(/<a href="([^"#]+)([^"]*)">[\w./-]+\.md<\/a>/g, (link, name, hash) => {
+    const page = pages.find((other) => nameOf(other.source) === name);
+    return page === undefined ? link : `<a href="${name}${hash}">${escaped(page.title)}</a>`;
+  });
+}
+
 /** The navigation: the headings of the index, each with the pages of the table below it. */
 function navigation(index, pages) {
   const groups = [];
@@ -181,6 +189,8 @@ export async function docs(root, outdir) {
       if (hash && there && !there.anchors.has(hash)) throw new Error(`${page.source}: ${to} has no heading #${hash}`);
     }
   }
+  pages[0].html = titled(pages[0].html, pages);
+  pages[0].sections = sections(pages[0].html);
   const groups = navigation(pages[0], pages);
   await mkdir(outdir, { recursive: true });
   const pack = (name, text) => writeFile(join(outdir, `${name}.gz`), gzipSync(text, { level: 9 }));

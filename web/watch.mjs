@@ -1,5 +1,5 @@
-// What following a run costs, in the browser and on the instrument: first paint on loopback, updates per second, memory of a page after
-// each run, and the time of the instrument's steps without a page and with PAGES of them open.
+// What following a run costs, in the browser and on the instrument: first paint on loopback, updates per second and how late they are drawn,
+// memory of a page after each run, and the time of the instrument's steps without a page and with PAGES of them open.
 //
 //   node watch.mjs ../target/release/carved [PAGES] [MINUTES] [ROUNDS]     5 pages, 10 minutes, 3 rounds; a daemon of its own on the emulated rig
 //
@@ -81,6 +81,33 @@ async function follow(over) {
   return received;
 }
 
+/** Notes in the page when the status of a revision is drawn, on the clock of the computer. */
+function noteDrawn() {
+  const plain = window.fetch;
+  window.drawn = {};
+  window.fetch = async (...of) => {
+    const answer = await plain(...of);
+    if (answer.ok && new URL(answer.url).pathname === "/v1/status") {
+      const note = ({ revision }) => (window.drawn[revision] ??= Date.now());
+      // The page draws before the second frame from now.
+      const drawn = (status) => requestAnimationFrame(() => requestAnimationFrame(() => note(status)));
+      void answer.clone().json().then(drawn);
+    }
+    return answer;
+  };
+}
+
+/** When each revision of the status reaches a client that draws nothing. */
+async function heard(over) {
+  const at = {};
+  let { revision } = await read("/v1/status");
+  while (!over.aborted) {
+    ({ revision } = await read(`/v1/status?wait=1&after=${revision}`));
+    at[revision] ??= Date.now();
+  }
+  return at;
+}
+
 const load = () => `load ${loadavg()[0].toFixed(1)}`;
 const opened = async () => {
   const browser = await chromium.launch({
@@ -90,6 +117,7 @@ const opened = async () => {
   const open = [];
   for (let i = 0; i < Number(pages); i += 1) {
     const page = await browser.newPage({ viewport: { width: 1440, height: 960 } });
+    await page.addInitScript(noteDrawn);
     await page.goto(URL_OF_DAEMON);
     await page.locator("#link", { hasText: /^Live$/ }).waitFor();
     open.push(page);
@@ -136,14 +164,20 @@ const until = performance.now() + 60_000 * Number(minutes);
 for (let i = 1; i === 1 || performance.now() < until; i += 1) {
   const from = performance.now();
   const before = updates;
+  const over = new AbortController();
+  const hearing = heard(over.signal);
   const { steps, changes } = await run(`watched-${i}`);
+  over.abort();
+  const at = await hearing;
+  const drawn = Object.entries(await open[0].evaluate(() => window.drawn));
+  const lags = drawn.flatMap(([revision, ms]) => (at[revision] === undefined ? [] : [Math.max(0, ms - at[revision])]));
   const seconds = (performance.now() - from) / 1000;
   await devtools.send("HeapProfiler.collectGarbage");
   const { metrics } = await devtools.send("Performance.getMetrics");
   const metric = (name) => metrics.find((one) => one.name === name).value;
   console.log(
     `${pages} pages, run ${i}: a step takes ${two(steps)} ms; ${((updates - before) / seconds).toFixed(1)} updates/s ` +
-      `of ${changes.toFixed(1)} changes/s; ` +
+      `of ${changes.toFixed(1)} changes/s, drawn ${two(lags)} ms after a client without a page has them; ` +
       `heap ${(metric("JSHeapUsedSize") / 1e6).toFixed(1)} MB, ${metric("Nodes")} nodes, ${metric("JSEventListeners")} listeners (${load()})`,
   );
 }

@@ -62,7 +62,7 @@ export const FLAGS: Record<string, { meaning: string; whatToDo: string; isBound:
     isBound: false,
   },
   nonconvex: {
-    meaning: "Slices of the specimen are not convex, so the numbers are those of the voxels.",
+    meaning: "The body is bent or hollow in places, so the numbers are those of the voxels, which are less exact.",
     whatToDo: "Look at the frames for a strongly bent larva, debris or a second specimen.",
     isBound: false,
   },

@@ -25,6 +25,11 @@ export function withSpread(value: number, sd: number): string {
   return `${grouped(value, digits)} ± ${grouped(sd, digits)}`;
 }
 
+/** Words in which no line ends between a value and its spread. */
+export function unbroken(words: string): string {
+  return words.replaceAll(" ± ", "\u00a0±\u00a0");
+}
+
 /** 1 nL is 10^6 um^3. */
 export const UM3_PER_NL = 1e6;
 

@@ -1,6 +1,7 @@
 // The well that was finished last, beside the one under way, so that its numbers do not flash by.
 
 import { element } from "./dom.ts";
+import { unbroken } from "./format.ts";
 import type { RunStatus, WellStatus } from "./status.ts";
 import { runKey } from "./stored.ts";
 import { doneWords } from "./wells.ts";
@@ -31,7 +32,7 @@ export class LastDone {
     const isShown = last !== undefined && run?.outcome === null && last.well !== shown;
     this.#line.hidden = !isShown;
     if (!isShown) return;
-    const words = doneWords(last);
+    const words = unbroken(doneWords(last));
     if (this.#drawn === `${last.well} ${words}`) return;
     this.#drawn = `${last.well} ${words}`;
     const button = element("button", "well-link", last.well);

@@ -23,6 +23,24 @@ export function choices(
   return { skip: isOpen && isHeld && well !== null && !has, redo: has && (isHeld || !isOpen) };
 }
 
+/** What is typed about a well. */
+interface Typed {
+  comment: string;
+  tags: string;
+  excluded: boolean;
+}
+
+const typedOf = (note: WellStatus["note"]): Typed => ({
+  comment: note?.comment ?? "",
+  tags: note?.tags.join(", ") ?? "",
+  excluded: note?.excluded ?? false,
+});
+
+const isSame = (a: Typed, b: Typed) =>
+  a.comment.trim() === b.comment.trim() &&
+  a.excluded === b.excluded &&
+  typedTags(a.tags).join() === typedTags(b.tags).join();
+
 export class Remark {
   readonly #panel: HTMLDetailsElement;
   readonly #by: HTMLInputElement;
@@ -35,8 +53,12 @@ export class Remark {
   readonly #planAgain: (run: string, well: string) => Promise<void>;
   #run: RunStatus | null = null;
   #well: WellStatus | null = null;
-  /** The well and the remark that the fields were filled with. */
-  #filled = "";
+  /** The well that the fields are about, the time of its remark, and what the fields were filled with. */
+  #of = "";
+  #time: string | undefined;
+  #filled: Typed = typedOf(null);
+  /** What was typed about other wells and not saved. */
+  readonly #unsaved = new Map<string, Typed>();
 
   /** `planAgain` makes a new run of one well of a run that has ended. */
   constructor(
@@ -76,15 +98,37 @@ export class Remark {
     show(this.#redo, redo);
     const note = well?.note ?? null;
     const of = `${run?.id} ${well?.well}`;
-    const now = `${of} ${note?.time}`;
-    if (now === this.#filled) return;
-    // What is typed about another well must not be said of this one.
-    if (!this.#filled.startsWith(`${of} `)) setText(this.#words, "");
-    this.#filled = now;
+    if (of === this.#of && note?.time === this.#time) return;
+    const [typed, stored] = [this.#typed(), typedOf(note)];
+    const isUnsaved = !isSame(typed, this.#filled) && !isSame(typed, stored);
+    this.#time = note?.time;
+    if (of === this.#of) {
+      this.#filled = stored;
+      if (!isUnsaved) return this.#fill(stored);
+      // The remark of another person must not take away what is typed here.
+      const other = note === null ? "The remark was removed meanwhile" : `${note.by} has saved a remark meanwhile`;
+      setText(this.#words, `${other}: ${stored.comment || "without words"}. What is typed here is not saved yet.`);
+      return;
+    }
+    // What is typed about one well must not be said of another one, and comes back with its own.
+    if (isUnsaved) this.#unsaved.set(this.#of, typed);
+    this.#of = of;
+    this.#filled = stored;
+    const kept = this.#unsaved.get(of);
+    this.#unsaved.delete(of);
     this.#by.value = person();
-    this.#comment.value = note?.comment ?? "";
-    this.#tags.value = note?.tags.join(", ") ?? "";
-    this.#excluded.checked = note?.excluded ?? false;
+    this.#fill(kept ?? stored);
+    setText(this.#words, kept === undefined ? "" : "What is typed here is not saved yet.");
+  }
+
+  #typed(): Typed {
+    return { comment: this.#comment.value, tags: this.#tags.value, excluded: this.#excluded.checked };
+  }
+
+  #fill({ comment, tags, excluded }: Typed): void {
+    this.#comment.value = comment;
+    this.#tags.value = tags;
+    this.#excluded.checked = excluded;
   }
 
   #note(): NoteOnWell {

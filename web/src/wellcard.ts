@@ -72,6 +72,15 @@ export function noteWords({ by, excluded, comment, tags }: WellNote): string {
   return `${what}${comment === "" ? "" : `: ${comment.replace(/\.$/, "")}`}.${tagged}`;
 }
 
+/** Letters of a remark from which on it is scrolled. */
+const LONG = 300;
+
+function remark(note: WellNote): HTMLElement {
+  const made = element("div", "remark-said", noteWords(note));
+  if (note.comment.length > LONG) made.tabIndex = 0;
+  return made;
+}
+
 function facts(
   well: WellStatus,
   specimen: SpecimenStatus | null,
@@ -89,7 +98,7 @@ function facts(
   if (well.flags.length > 0) {
     rows.push(...fact("Flags", ...well.flags.map(flagLink)));
   }
-  if (well.note !== null) rows.push(...fact("Remark", noteWords(well.note)));
+  if (well.note !== null) rows.push(...fact("Remark", remark(well.note)));
   const volume = well.volume_um3;
   // An interval around a bound would not contain the true volume.
   const bound = isBound(well);

@@ -1,7 +1,7 @@
 // What the page of several instruments says of one of them. Pure.
 
 import { needsSomebody } from "../calls.ts";
-import { duration } from "../format.ts";
+import { duration, unbroken } from "../format.ts";
 import { count, finish, headline, progressLine, plateName, STATES, toneOf, type Tone } from "../plain.ts";
 import type { Status } from "../status.ts";
 import { doneWords } from "../wells.ts";
@@ -25,29 +25,36 @@ export interface Tile {
   trouble: string | null;
 }
 
+/** From some metres only the colour is seen: a run that goes on by a person's hand needs one, too. */
+function toneWith(needed: string | null, tone: Tone): Tone {
+  return needed !== null && tone !== "alarm" ? "attention" : tone;
+}
+
 /** `status` is `ageS` old, or null before the first one. An instrument that does not answer needs somebody. */
 export function tileOf(address: string, status: Status | null, trouble: string | null, ageS: number): Tile {
   if (status === null) {
     const words = trouble === null ? "Connecting …" : `No status: ${trouble}.`;
     const needed = trouble === null ? null : words;
     const none = { isSimulated: false, plate: "", count: "", finish: "", last: "", trouble: null };
-    return { ...none, name: address, tone: needed ? "alarm" : "calm", state: needed ? "Silent" : "", needed, words };
+    return { ...none, name: address, tone: needed ? "alarm" : "calm", state: needed ? "No status" : "", needed, words };
   }
   const { run } = status;
   const isOld = trouble !== null && ageS > OLD_S;
-  const done = run?.results.filter((well) => well.outcome !== null).at(-1);
   const silent = `No answer for ${duration(ageS)}: ${trouble ?? ""}. What is shown is that old.`;
+  // Wells that a person or the end of the run left out say nothing of the instrument.
+  const done = run?.results.findLast((well) => well.outcome === "succeeded" || well.outcome === "failed");
+  const needed = isOld ? silent : needsSomebody(status) ? headline(status) : null;
   return {
     name: status.instrument.name,
     isSimulated: status.mode === "simulated",
-    tone: isOld ? "alarm" : toneOf(status),
+    tone: isOld ? "alarm" : toneWith(needed, toneOf(status)),
     state: isOld ? "Silent" : STATES[status.state],
-    needed: isOld ? silent : needsSomebody(status) ? headline(status) : null,
-    words: run === null ? headline(status) : progressLine(status),
+    needed,
+    words: run === null && status.ready ? headline(status) : progressLine(status),
     plate: plateName(status),
     count: count(status),
     finish: finish(status),
-    last: done === undefined ? "" : `Last: ${done.well} ${doneWords(done)}`,
+    last: done === undefined ? "" : `Last: ${done.well} ${unbroken(doneWords(done))}`,
     trouble: isOld || trouble === null ? null : `${trouble}.`,
   };
 }

@@ -45,7 +45,7 @@ test("two instruments on one page, one of which lets this page only read", { tim
   await daemon.send("PUT", "/v1/runs/r1", plan([larva("A01")]));
   await tiles
     .nth(0)
-    .getByText(/^Last: A01 \d+\.\d ± .*nL/)
+    .getByText(/^Last: A01 \d+\.\d\s±\s.*nL/)
     .waitFor({ timeout: RUN_MS });
   await tiles.nth(0).getByText("1 / 1", { exact: true }).waitFor();
   const stop = { method: "POST", headers: { Authorization: `Bearer ${read}` } };

@@ -12,6 +12,9 @@ const PAGE: Record<string, [string, string]> = {
   "/": ["index.html", "text/html; charset=utf-8"],
   "/app.js": ["app.js", "text/javascript"],
   "/app.css": ["app.css", "text/css"],
+  "/wall/": ["wall/index.html", "text/html; charset=utf-8"],
+  "/wall/wall.js": ["wall/wall.js", "text/javascript"],
+  "/wall/wall.css": ["wall/wall.css", "text/css"],
 };
 
 /** A specimen without files. */
@@ -125,7 +128,9 @@ export class FixtureServer {
     const page = PAGE[url.pathname];
     if (page) {
       const packed = await readFile(new URL(`../../../dist/${page[0]}.gz`, import.meta.url));
-      response.writeHead(200, { "Content-Type": page[1], "Content-Encoding": "gzip", "Content-Security-Policy": CSP });
+      // As the daemon has it: the page of several instruments reads from others.
+      const csp = url.pathname === "/wall/" ? CSP.replace("connect-src 'self'", "connect-src http: https:") : CSP;
+      response.writeHead(200, { "Content-Type": page[1], "Content-Encoding": "gzip", "Content-Security-Policy": csp });
       response.end(packed);
     } else if (this.token !== null && request.headers.authorization !== `Bearer ${this.token}`) {
       this.#json(response, 401, { title: "Unauthorized", detail: "send the instrument's token" });

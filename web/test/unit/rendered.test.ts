@@ -39,6 +39,7 @@ test("links lead to rendered pages, headings and pictures, and other files becom
   ])
     assert.ok(html.includes(part), part);
   assert.ok(!html.includes("config.toml"));
+  assert.ok(!html.includes("other.md"), "the index names pages by their titles");
 });
 
 test("a link that leads nowhere ends the build and is named", async () => {

@@ -14,7 +14,7 @@ test("a tile has name, state, plate, count, and the numbers of the last well", (
   assert.equal(tile.name, running.instrument.name);
   assert.deepEqual([tile.state, tile.needed, tile.tone], ["Running", null, "busy"]);
   assert.equal(tile.plate, plateName(running));
-  assert.match(tile.last, /^Last: A01 245\.0 ± 2\.0\snL/);
+  assert.match(tile.last, /^Last: A01 245\.0\s±\s2\.0\snL/);
 });
 
 test("somebody is needed where a fault waits for a person, and where nobody answers", () => {
