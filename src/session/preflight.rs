@@ -158,11 +158,15 @@ impl Blurs {
     fn focus(&self, configured_px: f64) -> Option<Result<String, (String, &'static str)>> {
         let newest_px = *self.0.back()?;
         let (usual_px, whose) = match self.usual_px() {
-            Some(usual_px) => (usual_px, "the median of the specimens before it"),
-            None => (configured_px, "the method's segment.edge.blur_px"),
+            Some(usual_px) => (usual_px, "that of the specimens before it"),
+            None => (configured_px, "the setting (segment.edge.blur_px)"),
         };
-        let found = format!("the newest specimen is blurred by {newest_px:.2} px, and {whose} is {usual_px:.2} px");
-        Some(if (newest_px - usual_px).abs() <= FOCUS_OFF_PX {
+        let is_usual = (newest_px - usual_px).abs() <= FOCUS_OFF_PX;
+        let is = if is_usual { "is" } else { "differs from" };
+        let found = format!(
+            "the sharpness of the newest specimen {is} {whose}: its edges are blurred over {newest_px:.2} px, {usual_px:.2} px are usual"
+        );
+        Some(if is_usual {
             Ok(found)
         } else if self.usual_px().is_some() {
             Err((found, "look whether the lens, the camera or the capillary has moved, and focus the camera"))
@@ -269,8 +273,10 @@ pub fn checks(config: &Config, plan: &RunPlan, seen: &DeviceReport, known: &Know
             "calibration",
             refuses,
             match lacking {
-                None if larvae => Ok("no bead gate is missing for this method".into()),
-                None => Ok("the plan has no larvae: it needs no bead gate".into()),
+                None if larvae && method.policy.bead_gate != BeadGate::Off && known.gate.is_some() => {
+                    Ok("bead check: the newest one stands".into())
+                }
+                None => Ok("bead check: not required".into()),
                 Some(why) => Err((why, "run beads before larvae; what is measured without is flagged")),
             },
         ));

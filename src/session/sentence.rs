@@ -190,10 +190,7 @@ mod tests {
         s.state = State::Held;
         let fault = Fault::new(1, &carved_records::fault_table::DISK_FULL, "os error 28".into(), String::new());
         s.faults = vec![api::Fault::of(&fault, RunUnderFault::Waits)];
-        assert_eq!(
-            of(&s),
-            "Held by a fault. The disk that holds the data is full. `plate.removable` stays false: do not remove the plate."
-        );
+        assert_eq!(of(&s), "Held by a fault. The disk that holds the data is full. Leave the plate in.");
     }
 
     /// A reader of the sentence alone must not be misled about `ready`.

@@ -150,7 +150,7 @@ flags! {
         "The standard deviation of the volume is unusually large.",
         "Look at the frames, or measure it again with more views.";
     Nonconvex = "nonconvex", Turn, [],
-        "Slices of the specimen are not convex, so the numbers are those of the voxels.",
+        "The body is bent or hollow in places, so the numbers are those of the voxels, which are less exact.",
         "Look at the frames for a strongly bent larva, debris or a second specimen.";
     FinsUnseen = "fins_unseen", Turn, [],
         "The views do not show all fins, so the volume may be up to 5 % too small.",

@@ -30,7 +30,7 @@ FLAGS = MappingProxyType({
     "residual": Flag("The edges of the views do not agree with each other.", "Check focus, vibration and dirt, and measure it again."),
     "overlap": Flag("A view does not fit the model.", "Look at the frame of this view."),
     "uncertain": Flag("The standard deviation of the volume is unusually large.", "Look at the frames, or measure it again with more views."),
-    "nonconvex": Flag("Slices of the specimen are not convex, so the numbers are those of the voxels.", "Look at the frames for a strongly bent larva, debris or a second specimen."),
+    "nonconvex": Flag("The body is bent or hollow in places, so the numbers are those of the voxels, which are less exact.", "Look at the frames for a strongly bent larva, debris or a second specimen."),
     "fins_unseen": Flag("The views do not show all fins, so the volume may be up to 5 % too small.", "Check light and focus."),
     "dead_looking": Flag("The larva looks dead in most views.", "Look at it, and leave it out of the results if it is dead."),
     "uncalibrated": Flag("The turn has no calibration of its own and was measured with the camera of the rig.", "Look at the frames and at the reason in `uncalibrated`, or turn the calibration of the method on."),

@@ -168,10 +168,10 @@ codes! {
         "Loading, ejecting or washing took longer than the method's policy allows.",
         "Look whether a specimen is stuck, or who should have brought it. If it is only slow, allow the phase more time in the method's policy.";
     STORE_FAILED = "store_failed", Storage, PauseInstrument, operator: true, recoverable: true,
-        "Something could not be written to disk. `plate.removable` stays false: do not remove the plate.",
+        "Something could not be written to disk. Leave the plate in.",
         "Check that the data folder is there, belongs to the daemon and can be written.";
     DISK_FULL = "disk_full", Storage, PauseInstrument, operator: true, recoverable: true,
-        "The disk that holds the data is full. `plate.removable` stays false: do not remove the plate.",
+        "The disk that holds the data is full. Leave the plate in.",
         "Make room on the data disk.";
     DISK_SLOW = "disk_slow", Storage, Retry, operator: false, recoverable: true,
         "The disk that holds the data takes seconds for a write. Everything is still written, and everything takes longer.",

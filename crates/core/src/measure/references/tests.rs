@@ -100,12 +100,13 @@ fn another_asd_is_not_compared_and_an_unstated_one_says_so() {
     let area = &standing.by(VOXEL).unwrap().area;
     let why = missing(area);
     assert_eq!((why.reason, why.there_are), (MissingReason::Asd, vec![7.0, 84.0]));
-    assert_eq!(area.words(Quantity::Area, 4.0), "area: no reference at this ASD (there are: 7, 84)");
+    assert_eq!(area.words(Quantity::Area, 4.0), "area: no reference larvae with as many views (there are: 7, 84 views)");
 
     let standing = Standing::of(&specimen(), &[file(vec![with(Some(84)), with(None)])]);
     let area = &standing.by(VOXEL).unwrap().area;
     assert_eq!(keys(&area.known().unwrap().mismatches), ["asd"]);
-    let words = "area: no reference at this ASD; 0.8 SD below the mean of 24 larvae of 4 dpf whose ASD is not stated";
+    let words =
+        "area: no reference larvae with as many views; 0.8 SD below the mean of 24 larvae of 4 dpf whose number of views is not stated";
     assert_eq!(area.words(Quantity::Area, 4.0), words);
 }
 

@@ -7,12 +7,14 @@ use super::standing::Answer;
 use std::fmt;
 
 impl Answer<Place> {
-    /// The sentence for an operator: `area 0.8 SD below the mean of 24 larvae of 4 dpf`, `volume: no reference at this ASD`.
+    /// The sentence for an operator: `area 0.8 SD below the mean of 24 larvae of 4 dpf`, `volume: no reference larvae with as many views`.
     /// `dpf` is the specimen's age.
     pub fn words(&self, quantity: Quantity, dpf: f64) -> String {
         match self {
             Self::Known(place) if asd_is_matched(&place.mismatches) => format!("{quantity} {}", place.words(dpf)),
-            Self::Known(place) => format!("{quantity}: no reference at this ASD; {} whose ASD is not stated", place.words(dpf)),
+            Self::Known(place) => {
+                format!("{quantity}: no reference larvae with as many views; {} whose number of views is not stated", place.words(dpf))
+            }
             Self::Missing(missing) => format!("{quantity}: {}", missing.words(dpf)),
         }
     }
@@ -34,7 +36,7 @@ impl Missing {
             MissingReason::Age => format!("no reference of {dpf} dpf (there are: {list})"),
             MissingReason::Estimator => "no reference by this estimator".to_owned(),
             MissingReason::Quantity => format!("no reference of {dpf} dpf"),
-            MissingReason::Asd => format!("no reference at this ASD (there are: {list})"),
+            MissingReason::Asd => format!("no reference larvae with as many views (there are: {list} views)"),
         }
     }
 }
@@ -52,7 +54,7 @@ impl fmt::Display for Known {
 impl fmt::Display for Mismatch {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (name, unit) = match self.key.as_str() {
-            "asd" => ("ASD", ""),
+            "asd" => ("planned views", ""),
             "voxel_um" => ("voxel edge", " um"),
             "views" => ("views that carved", ""),
             other => (other, ""),
