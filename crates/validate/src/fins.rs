@@ -3,12 +3,13 @@
 use super::document::{Goal, Section, table};
 use super::effort::Work;
 use super::statistics::{Summary, share_within, student};
-use super::turn::{CAPTURED, even_plan, even_stops, off, pipeline};
+use super::turn::{CAPTURED, VOXEL_UM, even_plan, even_stops, off, pipeline};
 use crate::camera::camera;
 use carved_core::flag::Flag;
 use carved_core::frame::{PixelFormat, RawFrame};
-use carved_core::pipeline::SegmentedFrame;
-use hardware_sim::scene::{Exposure, Larva, Look, Placement, REAL_NOISE, Scene, SceneSettings};
+use carved_core::geometry::Camera;
+use carved_core::pipeline::{SegmentedFrame, SpecimenRecord};
+use hardware_sim::scene::{Exposure, Larva, Look, Placement, REAL_NOISE, Scene, SceneSettings, Truth};
 
 /// Views of the turns that are measured: even subsets of the captured ones.
 const ASDS: [usize; 3] = [12, 21, CAPTURED];
@@ -47,8 +48,27 @@ struct Measured {
     is_flagged: bool,
 }
 
-/// A larva of these frames, measured with each number of views.
-fn measured(set: &Set, dpf: u8, seed: u64) -> anyhow::Result<Vec<Measured>> {
+/// The segmented frames of a larva, with what measures them.
+struct Captured {
+    camera: Camera,
+    truth: Truth,
+    ledger: Vec<f64>,
+    frames: Vec<SegmentedFrame>,
+}
+
+impl Captured {
+    /// The record of an even turn of some of these views.
+    fn record(&self, asd: usize, voxel_um: f64) -> anyhow::Result<SpecimenRecord> {
+        let mut pipeline = pipeline(&self.camera, asd, voxel_um)?;
+        for (view, stop) in even_stops(asd).into_iter().enumerate() {
+            pipeline.observe(view as u32, self.ledger[stop], &self.frames[stop])?;
+        }
+        Ok(pipeline.finish()?.1)
+    }
+}
+
+/// A larva of these frames.
+fn captured(set: &Set, dpf: u8, seed: u64) -> anyhow::Result<Captured> {
     let mut settings = SceneSettings::default();
     settings.camera.height = ROWS;
     settings.camera.uy_px = f64::from(ROWS - 1) / 2.0;
@@ -78,19 +98,22 @@ fn measured(set: &Set, dpf: u8, seed: u64) -> anyhow::Result<Vec<Measured>> {
     let camera = camera(&settings.camera);
     let scene = Scene::new(settings);
     scene.load(specimen)?;
-    let all = pipeline(&camera, CAPTURED)?;
+    let all = pipeline(&camera, CAPTURED, VOXEL_UM)?;
     let ledger = even_plan(CAPTURED);
     let frames = ledger.iter().enumerate().map(|(view, &angle_rad)| {
         let rgb = scene.render(&Exposure { angle_rad, number: view as u64 });
         Ok(all.look(&RawFrame::new(rgb.width, rgb.height, PixelFormat::BayerRG8, rgb.to_bayer_rg8())?)?)
     });
     let frames: Vec<SegmentedFrame> = frames.collect::<anyhow::Result<_>>()?;
+    Ok(Captured { camera, truth, ledger, frames })
+}
+
+/// A larva of these frames, measured with each number of views.
+fn measured(set: &Set, dpf: u8, seed: u64) -> anyhow::Result<Vec<Measured>> {
+    let captured = captured(set, dpf, seed)?;
+    let truth = &captured.truth;
     let of = |asd: usize| {
-        let mut pipeline = pipeline(&camera, asd)?;
-        for (view, stop) in even_stops(asd).into_iter().enumerate() {
-            pipeline.observe(view as u32, ledger[stop], &frames[stop])?;
-        }
-        let (_, record) = pipeline.finish()?;
+        let record = captured.record(asd, VOXEL_UM)?;
         let m = &record.measurement;
         Ok(Measured {
             volume: off(m.volume_um3, truth.hull_volume_um3),
@@ -158,4 +181,42 @@ pub fn run(work: &Work) -> anyhow::Result<Section> {
         table(&["larvae", "ASD", "n", "volume, %: mean ± SD, worst", "area, %", "stated SD, %", "holds, %", "fins", "unseen"], &rows)
     );
     Ok(section)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `cargo test -p carved-validate fins:: -- --ignored --nocapture`
+    #[test]
+    #[ignore = "prints errors and standard deviations by number of views and edge of a voxel, of larvae that no bound is checked on"]
+    fn survey() {
+        println!("| larvae | seed | views | voxels, um | volume: error, % | SD, % | area: error, % | SD, % | fins | fins_unseen |");
+        for (number, i) in (0..SETS.len()).flat_map(|number| (0..9).map(move |i| (number, i))) {
+            let seed = 430_000 + 1000 * number as u64 + i;
+            let captured = match captured(&SETS[number], 3 + (i % 3) as u8, seed) {
+                Ok(captured) => captured,
+                Err(why) => {
+                    println!("| {} | {seed} | {why} |", SETS[number].name);
+                    continue;
+                }
+            };
+            let truth = &captured.truth;
+            for (views, voxel_um) in [7, 12, 21, CAPTURED].into_iter().flat_map(|views| [(views, 10.0), (views, VOXEL_UM)]) {
+                let record = captured.record(views, voxel_um).unwrap();
+                let m = &record.measurement;
+                let percent = |sd: Option<f64>, truth: f64| 100.0 * sd.unwrap_or(f64::NAN) / truth;
+                println!(
+                    "| {} | {seed} | {views} | {voxel_um} | {:+.2} | {:.2} | {:+.2} | {:.2} | {} | {} |",
+                    SETS[number].name,
+                    off(m.volume_um3, truth.hull_volume_um3),
+                    percent(m.volume_sd_um3, truth.hull_volume_um3),
+                    off(m.area_um2, truth.hull_area_um2),
+                    percent(m.area_sd_um2, truth.hull_area_um2),
+                    record.fins.len(),
+                    m.misses_fins(),
+                );
+            }
+        }
+    }
 }

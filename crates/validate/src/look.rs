@@ -8,7 +8,7 @@
 use super::document::{Goal, Section, table};
 use super::effort::Work;
 use super::statistics::{Summary, share_within, student};
-use super::turn::{CAPTURED, even_plan, even_stops, off, pipeline};
+use super::turn::{CAPTURED, VOXEL_UM, even_plan, even_stops, off, pipeline};
 use crate::camera::camera;
 use carved_core::flag::StoredFlag;
 use carved_core::frame::{PixelFormat, RawFrame};
@@ -199,7 +199,7 @@ impl Larva {
         let camera = camera(&settings.camera);
         let scene = Scene::new(settings);
         scene.load(specimen)?;
-        let segmenter = pipeline(&camera, CAPTURED)?;
+        let segmenter = pipeline(&camera, CAPTURED, VOXEL_UM)?;
         let look = |angle_rad: f64, number: u64| {
             let rgb = scene.render(&Exposure { angle_rad, number });
             Ok::<_, anyhow::Error>(segmenter.look(&RawFrame::new(rgb.width, rgb.height, PixelFormat::BayerRG8, rgb.to_bayer_rg8())?)?)
@@ -224,7 +224,7 @@ impl Larva {
     }
 
     fn measured(&self, asd: usize, outlines: Outlines) -> anyhow::Result<Measured> {
-        let mut pipeline = pipeline(&self.camera, asd)?;
+        let mut pipeline = pipeline(&self.camera, asd, VOXEL_UM)?;
         let ledger = even_plan(CAPTURED);
         for (view, stop) in even_stops(asd).into_iter().enumerate() {
             pipeline.observe(view as u32, ledger[stop], &self.views[&stop].with(outlines)?)?;

@@ -213,13 +213,15 @@ pub fn calibrated_views<'a>(turn: &Turn, masks: &'a [Mask], stops: &[usize], fou
         .collect()
 }
 
-/// The pipeline of the instrument, for turns of one camera that are rendered. The volume by support functions does not depend on the voxels,
-/// which are coarse to save time.
-pub fn pipeline(camera: &Camera, planned_views: usize) -> anyhow::Result<Pipeline> {
+/// Edge of the voxels of rendered turns, um. The volume by support functions does not depend on the voxels, which are coarse to save time.
+pub const VOXEL_UM: f64 = 20.0;
+
+/// The pipeline of the instrument, for turns of one camera that are rendered.
+pub fn pipeline(camera: &Camera, planned_views: usize, voxel_um: f64) -> anyhow::Result<Pipeline> {
     let bounds = BoxUm { min: [-2800.0, -350.0, -350.0], max: [2800.0, 350.0, 350.0] };
     Ok(Pipeline::new(PipelineSettings {
         camera: camera.clone(),
-        grid: VoxelGrid::new(bounds, 20.0)?,
+        grid: VoxelGrid::new(bounds, voxel_um)?,
         planned_views: planned_views as u32,
         segment: SegmentSettings::default(),
         empty_capillary: None,

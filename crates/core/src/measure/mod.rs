@@ -164,7 +164,7 @@ pub struct Spread {
     /// Volume: all fins half a pixel too far out or in.
     #[serde(default)]
     pub volume_fins_um3: f64,
-    /// Area: the same.
+    /// Area: the same, and what fins that few views show, or none, may do to it.
     #[serde(default)]
     pub area_fins_um2: f64,
     /// Volume: what fins that no view shows may add to it. It is one-sided and no part of the standard deviation. 0 where the

@@ -149,3 +149,21 @@ fn fins_do_not_depend_on_the_order_of_views_nor_on_when_the_model_was_refined() 
     let estimate = turned.estimate(false).unwrap();
     assert_eq!(estimate.volume_um3, measured.model.measurement.volume_um3, "the estimate of all views is the measurement");
 }
+
+/// A fin of which the views show only what stands far out. One view in three finds none of it, and does not know the area better than all do.
+#[test]
+fn the_interval_of_the_area_grows_where_fewer_views_miss_fins() {
+    let hide = |view: SyntheticView| {
+        let sheet = outline(view.omega, Some(40.0), 0.0);
+        SyntheticView { mask: mask(&sheet), outline: vec![sheet], ..view }
+    };
+    let hidden: Vec<SyntheticView> = views().into_iter().map(hide).collect();
+    let of = |views: &[SyntheticView], every: usize| observed(views.iter().step_by(every)).finish(false).unwrap();
+    for views in [&views(), &hidden] {
+        let [all, third] = [1, 3].map(|every| of(views, every).model.measurement);
+        assert!(third.area_sd_um2 > all.area_sd_um2, "{third:?} from a third of {all:?}");
+    }
+    let missed = of(&hidden, 3);
+    let (m, fins) = (&missed.model.measurement, &missed.fins);
+    assert!(fins.is_empty() && m.spread.unwrap().area_fins_um2 > 0.045 * m.area_um2, "{fins:?} {m:?}");
+}

@@ -85,6 +85,13 @@ const FINNED: f64 = 5.0;
 const UNSEEN: f64 = 0.05;
 /// The fins of a larva, one above and one below, are together at least this share of its length.
 const FINS_SHARE_LEAST: f64 = 0.5;
+/// Fins are thin, so their errors change the area more than the volume. Standard deviation of the area of a specimen that may have fins, as a
+/// share of it: where many views show all fins, ...
+const FINNED_AREA_SD: f64 = 0.012;
+/// ... what a single view would add, which falls with the number of views, ...
+const FINNED_AREA_SD_OF_A_VIEW: f64 = 0.18;
+/// ... and where the fins that were found are too short. It is half of what the fins of an emulated larva add.
+const UNSEEN_AREA_SD: f64 = 0.045;
 
 /// A hull that allows misses contains its specimen. One that is smaller than this share has slices that are hollow, which no
 /// single view shows.
@@ -430,7 +437,15 @@ impl Reconstruction {
         let [volume_fins_um3, area_fins_um2] = sections.with_fins_further_out(FINS_SD_PX / self.camera.ky);
         // Silhouettes that are given show what there is.
         let is_segmented = self.observed.iter().any(|view| view.body.is_some());
-        let may_have_fins = is_segmented && sections.are_searched && support.length_um > FINNED * 2.0 * support.mean_radius_um;
+        let may_have_fins = is_segmented && support.length_um > FINNED * 2.0 * support.mean_radius_um;
+        let are_missed = sections.fins_share() < FINS_SHARE_LEAST;
+        // It must not shrink where views are too few for fins to be found, or even to be looked for.
+        let area_finned_um2 = if may_have_fins {
+            let missed = if are_missed { UNSEEN_AREA_SD } else { 0.0 };
+            FINNED_AREA_SD.hypot(FINNED_AREA_SD_OF_A_VIEW / sections.views() as f64).hypot(missed) * area_um2
+        } else {
+            0.0
+        };
         Spread {
             volume_views_um3: support.volume_sd_um3,
             area_views_um2: support.area_sd_um2,
@@ -439,8 +454,8 @@ impl Reconstruction {
             volume_corners_um3: sections.left_out_um3(),
             area_corners_um2: sections.left_out_um2(),
             volume_fins_um3,
-            area_fins_um2,
-            volume_fins_unseen_um3: if may_have_fins && sections.fins_share() < FINS_SHARE_LEAST { UNSEEN * volume_um3 } else { 0.0 },
+            area_fins_um2: area_fins_um2.hypot(area_finned_um2),
+            volume_fins_unseen_um3: if may_have_fins && sections.are_searched && are_missed { UNSEEN * volume_um3 } else { 0.0 },
             volume_scale_um3: 3.0 * scale * volume_um3,
             area_scale_um2: 2.0 * scale * area_um2,
             volume_edge_um3: edge_um * area_um2,

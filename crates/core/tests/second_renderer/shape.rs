@@ -102,6 +102,23 @@ impl Specimen {
         self.hulls().map(|hull| area(&hull)).sum::<f64>() * self.step_um
     }
 
+    /// Area of the ideal visual hull, um^2: the edges of each slice's convex outline, sloped as the next outline lies in their direction.
+    pub fn hull_um2(&self) -> f64 {
+        let hulls: Vec<Section> = self.hulls().collect();
+        let ends = hulls.iter().find(|h| !h.is_empty()).into_iter().chain(hulls.iter().rfind(|h| !h.is_empty()));
+        let rings = hulls.windows(2).filter(|pair| pair.iter().all(|h| !h.is_empty())).map(|pair| {
+            let edge = |i: usize| {
+                let (a, b) = (pair[0][i], pair[0][(i + 1) % pair[0].len()]);
+                let along = [b[0] - a[0], b[1] - a[1]];
+                let length = along[0].hypot(along[1]);
+                let reach = |h: &Section| h.iter().map(|p| (p[0] * along[1] - p[1] * along[0]) / length).fold(f64::NEG_INFINITY, f64::max);
+                if length > 0.0 { length * self.step_um.hypot(reach(&pair[1]) - reach(&pair[0])) } else { 0.0 }
+            };
+            (0..pair[0].len()).map(edge).sum::<f64>()
+        });
+        rings.sum::<f64>() + ends.map(|h| area(h)).sum::<f64>()
+    }
+
     /// The convex outline of each slice.
     pub fn hulls(&self) -> impl Iterator<Item = Section> {
         self.slices().map(|slice| convex_hull(self.corners(slice)))

@@ -89,6 +89,11 @@ impl Sections {
             * step
     }
 
+    /// Number of views that show the slices.
+    pub(crate) fn views(&self) -> usize {
+        self.without.len()
+    }
+
     /// Length of all fins along the capillary, of that of the specimen.
     pub(crate) fn fins_share(&self) -> f64 {
         let fins: usize = self.slices.iter().filter_map(|s| s.fins.as_ref()).map(FinSlice::fins).sum();
