@@ -20,8 +20,9 @@ pub(super) fn decode(bytes: &[u8], formats: Formats) -> Result<DynamicImage, Dec
     let is_grey = decoder.input_colorspace() == Some(ColorSpace::Luma);
     let channels = if is_grey { 1 } else { 3 };
     // The decoder keeps numbers of 16 bits beside the pixels.
-    if (width as u64).saturating_mul(height as u64).saturating_mul(3 * channels) > MOST_ALLOCATED {
-        return Err(unreadable(format!("it is {width} x {height} px, too large to be decoded")));
+    let found = (width as u64).saturating_mul(height as u64).saturating_mul(3 * channels);
+    if found > MOST_ALLOCATED {
+        return Err(DecodeError::Large { width: width as u32, height: height as u32, found, most: MOST_ALLOCATED });
     }
     decoder.set_options(options.jpeg_set_out_colorspace(if is_grey { ColorSpace::Luma } else { ColorSpace::RGB }));
     let pixels = decoder.decode().map_err(|error| incomplete(&format!("its pixels are damaged or end too early ({error})")))?;

@@ -113,6 +113,18 @@ pub enum DecodeError {
         /// Pages without thumbnails.
         pages: usize,
     },
+    /// Its header states more pixels than any camera takes.
+    #[error("the picture is {width} x {height} px, which are {} MB; {} MB at most are decoded: save it again from the camera's program", found >> 20, most >> 20)]
+    Large {
+        /// Width, px.
+        width: u32,
+        /// Height, px.
+        height: u32,
+        /// Bytes of its pixels.
+        found: u64,
+        /// Bytes that are decoded at most.
+        most: u64,
+    },
     /// Its bytes contradict its format.
     #[error("not a readable {expected}: {why}")]
     Unreadable {
@@ -268,6 +280,7 @@ fn picture(bytes: &[u8], format: ImageFormat, page: Option<&Page>, formats: Form
     let of_image = |error| of_image(error, format, formats);
     let orientation = decoder.orientation().map_err(of_image)?;
     let mut image = DynamicImage::from_decoder(decoder).map_err(of_image)?;
+    check_byte_order(&image)?;
     if format == ImageFormat::Png && bytes.get(PNG_COLOURS) == Some(&PNG_PALETTE) {
         image = tiff_kinds::of_palette(&image.into_rgb8())?;
     }
@@ -287,11 +300,42 @@ fn decoder<'a>(
     if let Some(page) = page {
         let mut decoder = image::codecs::tiff::TiffDecoder::new(page.reader(bytes)).map_err(of_image)?;
         decoder.set_limits(limits).map_err(of_image)?;
-        return Ok(Box::new(decoder));
+        return of_usual_size(Box::new(decoder));
     }
     let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
     reader.limits(limits);
-    Ok(Box::new(reader.into_decoder().map_err(of_image)?))
+    of_usual_size(Box::new(reader.into_decoder().map_err(of_image)?))
+}
+
+/// The limits of a decoder do not concern the pixels that it returns. Memory for more of them than there is ends the process.
+fn of_usual_size<'a>(decoder: Box<dyn ImageDecoder + 'a>) -> Result<Box<dyn ImageDecoder + 'a>, DecodeError> {
+    let ((width, height), found) = (decoder.dimensions(), decoder.total_bytes());
+    if found > MOST_ALLOCATED {
+        return Err(DecodeError::Large { width, height, found, most: MOST_ALLOCATED });
+    }
+    Ok(decoder)
+}
+
+/// Refuses pixels of 16 bits whose bytes were exchanged: neighbours are alike in a picture, and with the bytes exchanged they are not.
+fn check_byte_order(image: &DynamicImage) -> Result<(), DecodeError> {
+    const FAR_LESS: f64 = 4.0;
+    let (samples, channels) = match image {
+        DynamicImage::ImageLuma16(image) => (image.as_raw(), 1),
+        DynamicImage::ImageLumaA16(image) => (image.as_raw(), 2),
+        DynamicImage::ImageRgb16(image) => (image.as_raw(), 3),
+        DynamicImage::ImageRgba16(image) => (image.as_raw(), 4),
+        _ => return Ok(()),
+    };
+    // The mean step from pixel to pixel, as a share of the range.
+    let roughness = |value: fn(u16) -> u16| {
+        let (least, most) = samples.iter().fold((u16::MAX, 0), |(least, most), s| (least.min(value(*s)), most.max(value(*s))));
+        let steps: u64 = samples.iter().zip(samples.iter().skip(channels)).map(|(a, b)| u64::from(value(*a).abs_diff(value(*b)))).sum();
+        steps as f64 / f64::from(most.saturating_sub(least).max(1))
+    };
+    if roughness(|sample| sample) > FAR_LESS * roughness(u16::swap_bytes) {
+        return Err(DecodeError::Kind { why: "a picture of 16 bits whose two bytes were exchanged when it was written".into() });
+    }
+    Ok(())
 }
 
 fn of_image(error: ImageError, format: ImageFormat, formats: Formats) -> DecodeError {

@@ -372,3 +372,50 @@ fn other_formats_are_named() {
     let error = decode(&saved(rgb(), ImageFormat::Bmp), SILHOUETTES).unwrap_err().to_string();
     assert!(error.contains("format Bmp, expected PNG or PGM"), "{error}");
 }
+
+/// Memory for 30 GB of pixels is refused by the system, which ends the process and is no panic.
+#[test]
+fn a_header_that_states_more_pixels_than_memory_has_is_an_error_of_that_picture() {
+    const WIDE: u32 = 100_000;
+    let mut png = Vec::new();
+    let mut encoder = png::Encoder::new(&mut png, WIDE, WIDE);
+    encoder.set_color(png::ColorType::Rgb);
+    let mut writer = encoder.write_header().unwrap();
+    writer.write_chunk(png::chunk::IDAT, &[0x78, 0x9c, 0x03, 0, 0, 0, 0, 1]).unwrap();
+    drop(writer);
+    let pgm = format!("P6\n{WIDE} {WIDE}\n255\n000").into_bytes();
+    let mut bmp = saved(rgb(), ImageFormat::Bmp);
+    for at in [18, 22] {
+        bmp[at..at + 4].copy_from_slice(&30_000u32.to_le_bytes());
+    }
+    for bytes in [&png, &pgm, &bmp] {
+        for error in [decode(bytes, FRAMES).unwrap_err(), size(bytes, FRAMES).unwrap_err()] {
+            assert!(matches!(error, DecodeError::Large { width: 30_000.., height: 30_000.., .. }), "{error}");
+        }
+    }
+}
+
+/// Twelve bits in sixteen, at either end, as a program writes them that does not ask for the order of the bytes.
+#[test]
+fn bytes_of_16_bits_that_were_exchanged_are_refused_and_numbers_of_any_width_are_read() {
+    let noise = |u: u32, v: u32| u.wrapping_mul(2_654_435_761).wrapping_add(v.wrapping_mul(40_503)) >> 27;
+    let grey16 = |scale: u32, shift: u32| {
+        image::ImageBuffer::<image::Luma<u16>, _>::from_fn(SIZE.0, SIZE.1, |u, v| {
+            let light = 100 + u + if (10..30).contains(&v) { 40 } else { 0 };
+            image::Luma([((light * scale + noise(u, v)) << shift) as u16])
+        })
+    };
+    for (scale, shift) in [(1, 0), (1, 8), (16, 0), (16, 4), (256, 0)] {
+        let picture = grey16(scale, shift);
+        let mut exchanged = picture.clone();
+        exchanged.iter_mut().for_each(|sample| *sample = sample.swap_bytes());
+        for format in [ImageFormat::Png, ImageFormat::Tiff] {
+            assert_eq!(decode(&saved(picture.clone(), format), FRAMES).unwrap(), picture.clone().into(), "{scale} << {shift}");
+            let found = decode(&saved(exchanged.clone(), format), FRAMES);
+            // Numbers of 8 bits at one end are numbers of 8 bits at the other.
+            if (scale, shift) != (1, 8) && scale > 1 {
+                assert!(found.unwrap_err().to_string().contains("two bytes were exchanged"), "{scale} << {shift}");
+            }
+        }
+    }
+}
