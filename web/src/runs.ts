@@ -162,7 +162,15 @@ interface Heard {
   read: () => void;
 }
 
-/** The run that the reader has opened from the list. Its name is in the page's address. */
+/** The page's address with this run in it. */
+function addressOf(run: RunDetail | null): URL {
+  const address = new URL(location.href);
+  if (run === null) address.searchParams.delete("run");
+  else address.searchParams.set("run", run.id);
+  return address;
+}
+
+/** The run that the reader has opened from the list. Its name is in the page's address, and the browser's own buttons lead from run to run. */
 export class OpenedRun {
   readonly #banner: HTMLElement;
   readonly #words: HTMLElement;
@@ -172,6 +180,8 @@ export class OpenedRun {
   readonly #again = new Latest(() => this.#readAgain());
   #detail: RunDetail | null = null;
   #status: Status | null = null;
+  /** Number of times that a run was opened or closed. Only the newest counts. */
+  #asked = 0;
   /** The status after which the run was read again. */
   #readAt = "";
 
@@ -181,9 +191,22 @@ export class OpenedRun {
     this.#copies = find("opened-copies");
     this.#files = find("opened-files");
     this.#heard = heard;
-    find("opened-close").addEventListener("click", () => this.#show(null));
+    find("opened-close").addEventListener("click", () => this.#close());
+    // The browser's own buttons: the address is that of the run already.
+    window.addEventListener("popstate", () => this.#openNamed());
+    this.#openNamed();
+  }
+
+  #openNamed(): void {
     const named = new URL(location.href).searchParams.get("run");
-    if (named !== null) void this.open(named);
+    if (named === (this.#detail?.id ?? null)) return;
+    if (named === null) this.#close();
+    else void this.open(named);
+  }
+
+  #close(): void {
+    this.#asked += 1;
+    this.#show(null);
   }
 
   /** The opened run in the place of the instrument's own. Null without one, and while the instrument works on the opened one. */
@@ -212,10 +235,16 @@ export class OpenedRun {
   }
 
   async open(run: string): Promise<void> {
+    const asked = (this.#asked += 1);
     try {
-      this.#show(await fetchRun(run));
+      const detail = await fetchRun(run);
+      if (asked !== this.#asked) return;
+      this.#show(detail);
     } catch (error) {
+      if (asked !== this.#asked) return;
       const why = error instanceof Refused ? error.message : String(error);
+      // The address of a run that is not there is no place to come back to.
+      window.history.replaceState(null, "", addressOf(null));
       this.#show(null);
       setText(this.#words, `Run ${run} could not be opened: ${why}.`);
       setText(this.#copies, "");
@@ -227,10 +256,8 @@ export class OpenedRun {
 
   #show(detail: RunDetail | null): void {
     this.#detail = detail;
-    const address = new URL(location.href);
-    if (detail === null) address.searchParams.delete("run");
-    else address.searchParams.set("run", detail.id);
-    window.history.replaceState(null, "", address);
+    const address = addressOf(detail);
+    if (address.href !== location.href) window.history.pushState(null, "", address);
     if (detail !== null) this.#draw(detail);
     show(this.#banner, detail !== null);
     this.#heard.opened();

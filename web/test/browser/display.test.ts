@@ -176,6 +176,14 @@ test("an old run is found, opened with all that a live one shows, and closed; th
   await page.getByRole("button", { name: "Back to the instrument's run" }).click();
   await wellButton("A01").waitFor();
   assert.equal(await page.locator("#opened").isVisible(), false);
+  // The browser's own buttons lead from run to run, and not off the page.
+  await page.goBack();
+  await until("opened-words", /^Stored run P-9-old/);
+  await page.goBack();
+  await page.locator("#opened").waitFor({ state: "hidden" });
+  await wellButton("A01").waitFor();
+  await page.goForward();
+  await until("opened-words", /^Stored run P-9-old/);
   await page.goto(`${server.url}/?run=nobody`);
   await until("opened-words", /^Run nobody could not be opened/);
   await wellButton("A01").waitFor();
