@@ -40,7 +40,12 @@ def test_numbers_tables_and_files_of_a_run(start_daemon: Callable[..., Daemon]) 
         assert client.mesh("r1", "A01", "glb").startswith(b"glTF")
         for picture in (client.view("r1", "A01", 0), client.profile("r1", "A01", 20)):
             assert picture.startswith(b"\x89PNG")
-        for lost in (lambda: client.mesh("r1", "A02"), lambda: client.run("r2"), lambda: client.view("r1", "A01", 99)):
+        for lost in (
+            lambda: client.mesh("r1", "A02"),
+            lambda: client.run("r2"),
+            lambda: client.view("r1", "A01", 99),
+            lambda: client.picture("r1", "A01"),  # a bead has no sides
+        ):
             with pytest.raises(ProblemError) as missing:
                 lost()
             assert missing.value.status == 404

@@ -150,6 +150,15 @@ test(
     await picture.waitFor();
     assert.ok((await picture.evaluate((image: HTMLImageElement) => image.naturalWidth)) > 100);
     await shoot(page, "people-sheet");
+    // The other side of it: another picture, and how sure that is or why it is a frame.
+    const side = await picture.getAttribute("src");
+    await page.locator("#sheet-aspect").selectOption("dorsal");
+    // Pictures are read for wells in the window only.
+    await page.locator("#sheet-list").scrollIntoViewIfNeeded();
+    await page.locator(`#sheet-list li[data-well="${done}"] img[src]:not([src="${side}"])`).waitFor();
+    const title = await page.locator(`#sheet-list li[data-well="${done}"]`).getAttribute("title");
+    assert.match(title ?? "", /^Head and back were found with confidence|^A frame as it was taken: /);
+    await shoot(page, "people-sheet-dorsal");
     await page.locator(`#sheet-list li[data-well="${done}"] button`).click();
     await until(page, "well-heading", new RegExp(`^Well ${done}$`));
     // The record and pictures of a well that is measured again are moved away, maybe while the page reads them.

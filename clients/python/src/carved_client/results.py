@@ -76,7 +76,11 @@ class Results:
         return self._file(f"{_path(run_id, well)}/profiles/{index}.png")
 
     def picture(
-        self, run_id: str, well: str, aspect: Literal["lateral", "dorsal"] = "lateral", kind: Literal["png", "tif"] = "png"
+        self,
+        run_id: str,
+        well: str,
+        aspect: Literal["lateral", "dorsal"] = "lateral",
+        kind: Literal["png", "tif"] = "png",
     ) -> bytes:
         """A standard picture of a larva, head to the left: its left side, or its back. The `png` has a scale bar."""
         return self._file(f"{_path(run_id, well)}/{aspect}.{kind}")
