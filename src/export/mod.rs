@@ -27,7 +27,7 @@ pub use decimate::{Decimated, decimate};
 pub use glb::write_glb;
 pub use imagej::{CORNER_PX, Outline, imagej_rois};
 pub use nrrd::write_nrrd;
-pub use ome_tiff::{OmeTiffError, Stack, Subject, ome_tiff};
+pub use ome_tiff::{OmeTiffError, Place, Plate, Stack, Subject, ome_tiff};
 pub use ply::{PlyError, read_ply, write_ply};
 pub use stl::write_stl;
 pub use unit::Unit;

@@ -3,6 +3,7 @@
 //! ```text
 //!            ┌─ methods ── a paragraph and every parameter ──────────────────┐
 //! StoredRun ─┼─ rocrate ── ro-crate-metadata.json (Process Run Crate)        ├─► html ── one file, pictures and plots inside
+//!            ├─ rembi ── a study file for the BioImage Archive               │
 //!            └─ tables, statistics ── plate, distributions, dose response ───┘
 //! ```
 
@@ -11,5 +12,6 @@ pub mod html;
 pub mod methods;
 mod pictures;
 mod plots;
+pub mod rembi;
 pub mod rocrate;
 mod specimen;

@@ -18,7 +18,7 @@ use std::sync::LazyLock;
 const VIEWS: u32 = 12;
 
 /// A run of pictures: a bead in A02 and a larva in B03, measured. A01 is planned and has no picture.
-fn plate(dir: &Path) -> PathBuf {
+pub fn plate(dir: &Path) -> PathBuf {
     let (pictures, data) = (dir.join("P-017"), dir.join("data"));
     fs::create_dir_all(&pictures).unwrap();
     for (well, specimen) in [("A02", Specimen::bead(500.0).unwrap()), ("B03", Specimen::larva(4, 3).unwrap())] {
@@ -121,6 +121,10 @@ fn a_model_that_cannot_be_exported_is_refused_with_the_way_out() {
     let runs = run.parent().unwrap();
     for (folder, what) in [(&*run, "is a run"), (runs, "holds runs"), (runs.parent().unwrap(), "holds runs")] {
         for (format, out) in [("nrrd", "model.nrrd"), ("stl", "model.stl"), ("ome-tiff", "views.ome.tiff")] {
+            // A run is a plate for this command.
+            if format == "ome-tiff" && folder == &*run {
+                continue;
+            }
             let said = refused(format, folder, out);
             assert!(said.contains(&format!("{} {what}. ", folder.display())), "{said}");
             assert!(said.contains(&format!("such as {}", well.display())), "{said}");
@@ -163,6 +167,61 @@ fn an_ome_tiff_has_the_pixels_the_angles_the_scale_and_the_well() {
     }
 }
 
+/// What a person, or another program, may have written into any text of a recording.
+fn nasty() -> String {
+    let letters = "\u{b5}M <Wnt> & \"β\" 'c' ]]> <!-- &amp; &#0; \u{1f41f}\u{0}\u{1}\u{b}\t\n\u{7f}\u{85}\u{fffe}\u{ffff}\u{202e}";
+    format!("{letters}{}", "x<&".repeat(3400))
+}
+
+/// A01 has no view. Every text of the run and of its recordings is `nasty`, but for names that are checked when they are read.
+#[test]
+#[cfg_attr(not(has_python), ignore = "no Python 3 with venv: apt-get install python3-venv")]
+fn a_plate_is_one_ome_tiff_that_the_schema_allows_whatever_its_texts_say() {
+    let dir = tempfile::tempdir().unwrap();
+    let run = plate(dir.path());
+    let plain = dir.path().join("plain.ome.tiff");
+    done(&export("ome-tiff", &run, &plain, &["--outlines", "--labels"]));
+    for well in ["A02", "B03"] {
+        fs::remove_file(run.join(well).join("SHA256SUMS")).unwrap();
+        let file = run.join(well).join("recording.json");
+        let mut recording = json(&file);
+        recording["started"] = nasty().into();
+        for text in ["compound", "strain", "treatment"] {
+            recording["specimen"][text] = nasty().into();
+        }
+        recording["rig"]["name"] = nasty().into();
+        recording["software"]["version"] = nasty().into();
+        fs::write(&file, recording.to_string()).unwrap();
+    }
+    let mut record = json(&run.join("run.json"));
+    record["plan"]["metadata"] = serde_json::json!({"columns": {nasty(): {"A02": nasty(), "B03": nasty()}}});
+    fs::write(run.join("run.json"), record.to_string()).unwrap();
+    let out = dir.path().join("nasty.ome.tiff");
+    done(&export("ome-tiff", &run, &out, &[]));
+    let text = dir.path().join("nasty.txt");
+    fs::write(&text, nasty()).unwrap();
+    if !read("read_plate_tiff.py", &[&run, &plain, &out, &text]) {
+        return;
+    }
+    // Named wells, and names that are none.
+    let part = dir.path().join("part.ome.tiff");
+    let of_wells = |wells: &[&str]| carved().args(["export", "ome-tiff"]).arg(&run).args(wells).arg("--out").arg(&part).output().unwrap();
+    for (well, why) in [("H12", "is no well of the run"), ("A01", "nothing was recorded of well A01")] {
+        let refused = of_wells(&[well]);
+        assert!(!refused.status.success() && !part.exists() && stderr(&refused).contains(why), "{}", stderr(&refused));
+    }
+    done(&of_wells(&["B03"]));
+    assert!(part.metadata().unwrap().len() < out.metadata().unwrap().len());
+    // A frame that was altered leaves no file, not even a part of one.
+    fs::copy(run.join("A02/frames/view_004.png"), run.join("A02/frames/view_003.png")).unwrap();
+    fs::remove_file(&out).unwrap();
+    let refused = export("ome-tiff", &run, &out, &[]);
+    assert!(!refused.status.success() && stderr(&refused).contains("view_003.png: its SHA-256 is"), "{}", stderr(&refused));
+    let left: Vec<_> =
+        fs::read_dir(dir.path()).unwrap().map(|e| e.unwrap().file_name()).filter(|n| n.to_string_lossy().contains("nasty.ome")).collect();
+    assert!(left.is_empty(), "{left:?}");
+}
+
 #[test]
 #[cfg_attr(not(has_python), ignore = "no Python 3 with venv: apt-get install python3-venv")]
 fn outlines_labels_and_voxels_are_opened_in_the_world_of_pictures() {
@@ -180,6 +239,41 @@ fn outlines_labels_and_voxels_are_opened_in_the_world_of_pictures() {
             return;
         }
     }
+}
+
+/// The study file of a run of larvae, by the models that the `BioImage` Archive publishes: what they miss is what the file names.
+#[test]
+#[cfg_attr(not(has_python), ignore = "no Python 3 with venv: apt-get install python3-venv")]
+fn a_study_file_has_what_the_run_knows_and_names_the_rest() {
+    let dir = tempfile::tempdir().unwrap();
+    let run = plate(dir.path());
+    let (imported, taken) = (dir.path().join("imported.json"), dir.path().join("taken.json"));
+    done(&export("rembi", &run, &imported, &[]));
+    // A run of the instrument knows its camera and axis.
+    let as_if = |mode: &str| {
+        let mut record = json(&run.join("run.json"));
+        record["mode"] = mode.into();
+        fs::write(run.join("run.json"), record.to_string()).unwrap();
+    };
+    as_if("hardware");
+    done(&export("rembi", &run, &taken, &[]));
+    as_if("simulated");
+    let refused = export("rembi", &run, &dir.path().join("none.json"), &[]);
+    assert!(!refused.status.success() && stderr(&refused).contains("the run P-017 is simulated"), "{}", stderr(&refused));
+    as_if("imported");
+    let python = match venv::python("rembi", "bia_rembi_models", "tests/readers/requirements-rembi.txt") {
+        Ok(python) => python,
+        Err(why) => return strict::cannot_run(&format!("the models of REMBI cannot be installed: {why}")),
+    };
+    let program = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/readers/validate_rembi.py");
+    let output = Command::new(python).arg(program).args([&imported, &taken]).output().unwrap();
+    assert!(output.status.success() && output.stdout.ends_with(b"read\n"), "{}", stderr(&output));
+    // A plate of beads has no biological sample.
+    let mut record = json(&run.join("run.json"));
+    record["plan"]["plate_map"].as_array_mut().unwrap().retain(|well| well["specimen"] == "bead");
+    fs::write(run.join("run.json"), record.to_string()).unwrap();
+    let refused = export("rembi", &run, &dir.path().join("none.json"), &[]);
+    assert!(!refused.status.success() && stderr(&refused).contains("no larva"), "{}", stderr(&refused));
 }
 
 /// A run that was copied under another name.

@@ -1,13 +1,25 @@
 //! Durable writes: write a temporary file, sync it, rename it, sync the folder.
 
 use super::{StoreError, disk};
-use std::fs;
+use std::fs::{self, File};
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::path::{Path, PathBuf};
 
 /// Replaces `path` by `bytes`. A reader, or a start after a crash, sees the old or the new file, never a mixture.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
-    write_by_way_of(".part", path, bytes)
+    write_by_way_of(".part", path, |part| disk::create(part, bytes).map_err(StoreError::io("write", path)))
+}
+
+/// As [`write`], for a file that may be too large for the memory: `fill` writes it into the new, empty file.
+///
+/// # Errors
+/// Whatever `fill` returns, and what the disk refuses. The old file is then untouched.
+pub fn write_by<E: From<StoreError>>(path: &Path, fill: impl FnOnce(&mut File) -> Result<(), E>) -> Result<(), E> {
+    write_by_way_of(".part", path, |part| {
+        let mut file = disk::create(part, &[]).map_err(StoreError::io("write", path))?;
+        fill(&mut file)?;
+        Ok(file)
+    })
 }
 
 /// As [`write`], where other processes and machines may write the same file at the same time: each has a temporary file of its own, and the
@@ -15,25 +27,25 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
 pub fn write_beside_others(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
     // The standard library seeds each of these hashers at random.
     let own = RandomState::new().build_hasher().finish();
-    write_by_way_of(&format!(".{own:016x}.part"), path, bytes)
+    write_by_way_of(&format!(".{own:016x}.part"), path, |part| disk::create(part, bytes).map_err(StoreError::io("write", path)))
 }
 
-fn write_by_way_of(suffix: &str, path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
+fn write_by_way_of<E: From<StoreError>>(suffix: &str, path: &Path, written: impl FnOnce(&Path) -> Result<File, E>) -> Result<(), E> {
     let at = |what| StoreError::io(what, path);
     let folder = folder_of(path);
     let mut name = path.file_name().unwrap_or_default().to_owned();
     name.push(suffix);
     let part = folder.join(name);
-    let written = disk::create(&part, bytes)
-        .map_err(at("write"))
-        .and_then(|file| disk::sync(&file, &part).map_err(at("sync")))
-        .and_then(|()| disk::rename(&part, path).map_err(at("rename")));
+    let written = written(&part).and_then(|file| {
+        disk::sync(&file, &part).map_err(at("sync"))?;
+        Ok(disk::rename(&part, path).map_err(at("rename"))?)
+    });
     if written.is_err() {
         // The partial file is useless. The error of the write is the one to report.
         let _ = disk::remove(&part);
     }
     written?;
-    sync_folder(folder)
+    Ok(sync_folder(folder)?)
 }
 
 /// The folder of a file. For a bare name it is the working directory.

@@ -8,6 +8,7 @@
 //! ```
 
 use carved_core::statistics::mean;
+use quick_xml::escape::partial_escape;
 use std::f64::consts::TAU;
 
 const WIDTH: f64 = 640.0;
@@ -81,10 +82,6 @@ fn span(values: impl Iterator<Item = f64>) -> [f64; 2] {
     [low - room, high + room]
 }
 
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;")
-}
-
 /// Converts numbers to positions on the page.
 struct Scale {
     x: [f64; 2],
@@ -118,7 +115,7 @@ pub fn svg(title: &str, x_label: &str, y_label: &str, series: &[Series]) -> Stri
     let mut out = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {HEIGHT}\" font-family=\"sans-serif\" font-size=\"12\">\n\
          <rect width=\"{WIDTH}\" height=\"{HEIGHT}\" fill=\"white\"/>\n<text x=\"{LEFT}\" y=\"16\" font-size=\"14\">{}</text>\n",
-        escaped(title)
+        partial_escape(title)
     );
     out += &axes(&scale, x_label, y_label);
     let mut legend = LEFT;
@@ -131,7 +128,7 @@ pub fn svg(title: &str, x_label: &str, y_label: &str, series: &[Series]) -> Stri
             "<rect x=\"{legend:.1}\" y=\"25\" width=\"10\" height=\"10\" fill=\"{}\"/><text x=\"{:.1}\" y=\"34\">{}</text>\n",
             colour(s),
             legend + 14.0,
-            escaped(&s.name)
+            partial_escape(&s.name)
         );
         legend += 30.0 + 6.8 * s.name.chars().count() as f64;
     }
@@ -163,10 +160,10 @@ fn axes(scale: &Scale, x_label: &str, y_label: &str) -> String {
         "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text>\n",
         f64::midpoint(LEFT, right),
         HEIGHT - 14.0,
-        escaped(x_label)
+        partial_escape(x_label)
     );
     let middle = f64::midpoint(TOP, bottom);
-    out + &format!("<text transform=\"translate(16 {middle:.1}) rotate(-90)\" text-anchor=\"middle\">{}</text>\n", escaped(y_label))
+    out + &format!("<text transform=\"translate(16 {middle:.1}) rotate(-90)\" text-anchor=\"middle\">{}</text>\n", partial_escape(y_label))
 }
 
 fn colour(series: &Series) -> &'static str {

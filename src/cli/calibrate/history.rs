@@ -116,7 +116,7 @@ const TOP: f64 = 40.0;
 
 /// Draws the panels below each other over the days since the first file.
 fn svg(rig: &str, first: &str, tracks: &[Track]) -> String {
-    let rig = rig.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;");
+    let rig = quick_xml::escape::partial_escape(rig);
     let last_day = tracks.iter().flat_map(|t| &t.points).map(|(p, _)| p[0]).fold(0.0, f64::max);
     let height = TOP + PANEL * tracks.len() as f64 + 30.0;
     let right = WIDTH - 20.0;

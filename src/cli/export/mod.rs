@@ -11,6 +11,7 @@ mod table;
 mod views;
 
 use anyhow::{Context, ensure};
+use carved_records::PlannedWell;
 use carved_store::{StoredRun, durable};
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
@@ -27,6 +28,8 @@ pub enum Command {
     Methods(provenance::MethodsArgs),
     /// Make a run's folder an RO-Crate: files with their hashes, and what made them.
     Rocrate(provenance::CrateArgs),
+    /// Write what the BioImage Archive asks of a study (REMBI), as far as the runs know it, and name what is to be filled in.
+    Rembi(provenance::RembiArgs),
     /// Write the plate's MIHCSME metadata with the results as conditions, as the JSON of mihcsme-py, for OMERO.
     Mihcsme(mihcsme::Args),
     /// Write the voxel model of a specimen as NRRD, for 3D Slicer, ITK and ParaView.
@@ -39,7 +42,7 @@ pub enum Command {
     Stl(model::StlArgs),
     /// Write the surface of a specimen as GLB (glTF 2.0), for Blender and viewers.
     Glb(model::GlbArgs),
-    /// Write the views of a specimen as OME-TIFF, for Fiji, CellProfiler, QuPath and OMERO.
+    /// Write the views of a specimen or of a whole run as OME-TIFF, for Fiji, CellProfiler, QuPath and OMERO.
     OmeTiff(ome_tiff::Args),
     /// Write the standard pictures of a run's larvae: the left side and the back, head to the left, at one scale, as PNG and TIFF.
     Pictures(pictures::Args),
@@ -57,6 +60,7 @@ pub fn run(command: &Command) -> anyhow::Result<()> {
         Command::Statistics(args) => statistics::run(args),
         Command::Methods(args) => provenance::methods(args),
         Command::Rocrate(args) => provenance::rocrate(args),
+        Command::Rembi(args) => provenance::rembi(args),
         Command::Mihcsme(args) => mihcsme::run(args),
         Command::Nrrd(args) => model::nrrd(args),
         Command::Voxels(args) => model::voxels(args),
@@ -123,6 +127,18 @@ fn note_copies(runs: &[StoredRun]) -> anyhow::Result<()> {
         );
     }
     Ok(())
+}
+
+/// The planned wells of a run, or those of them that are named.
+///
+/// # Errors
+/// A name that is no well of the run.
+pub(super) fn wells<'r>(run: &'r StoredRun, named: &[String]) -> anyhow::Result<Vec<&'r PlannedWell>> {
+    let plan = &run.record().plan.plate_map;
+    for well in named {
+        ensure!(plan.iter().any(|planned| planned.well == *well), "{well:?} is no well of the run {}", run.record().id);
+    }
+    Ok(plan.iter().filter(|planned| named.is_empty() || named.contains(&planned.well)).collect())
 }
 
 /// Writes a file whole or not at all.

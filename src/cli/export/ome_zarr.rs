@@ -11,7 +11,7 @@
 //! wrong by napari-ome-zarr. Views that were not taken have no chunk. A command that was interrupted is repeated: it goes on with the wells
 //! that are not listed.
 
-use super::{read, views, write};
+use super::{read, views, wells, write};
 use crate::export::zarr::{self, METADATA, PICTURES, Shard};
 use crate::tables::{self, csv};
 use anyhow::{Context, bail, ensure};
@@ -46,12 +46,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     is_named(&args.out)?;
     let runs = read(std::slice::from_ref(&args.run))?;
     let run = runs.first().context("one run is named")?;
-    let plan = &run.record().plan.plate_map;
-    for well in &args.wells {
-        ensure!(plan.iter().any(|planned| planned.well == *well), "{well:?} is no well of the run {}", run.record().id);
-    }
+    let planned = wells(run, &args.wells)?;
     let mut plate = Plate::open(&args.out, run)?;
-    for planned in plan.iter().filter(|planned| args.wells.is_empty() || args.wells.contains(&planned.well)) {
+    for planned in planned {
         if plate.written.contains(&planned.well) {
             continue;
         }
@@ -88,7 +85,7 @@ fn table(out: &Path, runs: &[StoredRun]) -> anyhow::Result<()> {
 }
 
 /// The recording of a well. `None` if it has no view.
-fn recorded(run: &StoredRun, planned: &PlannedWell) -> Result<Option<RecordingReader>, StoreError> {
+pub(super) fn recorded(run: &StoredRun, planned: &PlannedWell) -> Result<Option<RecordingReader>, StoreError> {
     let folder = run.folder().join(&planned.well);
     if !RecordingFiles::of(&folder)?.has("recording.json") {
         return Ok(None);

@@ -1,7 +1,8 @@
-//! `carved export methods` and `carved export rocrate`.
+//! `carved export methods`, `carved export rembi` and `carved export rocrate`.
 
 use super::{read, write};
 use crate::report::methods::Methods;
+use crate::report::rembi;
 use crate::report::rocrate::{FILE, Given, metadata};
 use anyhow::{Context, ensure};
 use std::path::PathBuf;
@@ -15,6 +16,16 @@ pub struct MethodsArgs {
     #[arg(required = true)]
     runs: Vec<PathBuf>,
     /// File for the Markdown [default: standard output]
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct RembiArgs {
+    /// Folders of runs (`DATA/runs/RUN`). Together they are one study.
+    #[arg(required = true)]
+    runs: Vec<PathBuf>,
+    /// File for the JSON [default: standard output]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
 }
@@ -45,6 +56,23 @@ pub fn methods(args: &MethodsArgs) -> anyhow::Result<()> {
         return write(file, text.as_bytes());
     }
     say!("{}", text.trim_end());
+    Ok(())
+}
+
+/// Writes the study file of runs.
+///
+/// # Errors
+/// A run that is simulated or cannot be read, and a file that cannot be written.
+pub fn rembi(args: &RembiArgs) -> anyhow::Result<()> {
+    let study = rembi::study(&read(&args.runs)?)?;
+    let text = serde_json::to_vec_pretty(&study).context("the study cannot be written as JSON")?;
+    let Some(file) = &args.out else {
+        say!("{}", String::from_utf8_lossy(&text));
+        return Ok(());
+    };
+    write(file, &text)?;
+    let missing = study["to_fill_in"].as_array().map_or(0, Vec::len);
+    note!("carved: {}: fill in the {missing} place(s) that `to_fill_in` names", file.display());
     Ok(())
 }
 

@@ -75,12 +75,17 @@ pub(super) fn measured_facts(reader: &RecordingReader) -> anyhow::Result<Vec<(St
     Ok(of_quantities.chain(others.into_iter().filter_map(|(key, pointer)| text(key, pointer))).collect())
 }
 
+/// The file of a view's profile in a recording.
+pub(super) fn profile_name(view: usize) -> String {
+    format!("profiles/view_{view:03}.png")
+}
+
 /// The profile of a view: 1 inside, 0 outside. `None` if the view has none.
 ///
 /// # Errors
 /// A file that cannot be read, was altered, or has another size than the camera.
 pub(super) fn profile(reader: &RecordingReader, view: usize) -> anyhow::Result<Option<Vec<u8>>> {
-    let name = format!("profiles/view_{view:03}.png");
+    let name = profile_name(view);
     let Some(bytes) = reader.file(&name)? else { return Ok(None) };
     let mask = frames::decode_bytes(&reader.folder().join(&name), &bytes, PixelFormat::Mono8)?;
     let camera = &reader.recording().rig.camera;
