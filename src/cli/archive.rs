@@ -37,13 +37,13 @@ pub struct PruneArgs {
 
 /// Opens the object store of an address.
 #[cfg(feature = "s3")]
-fn reach(address: &str) -> Result<Box<dyn Objects>, StoreError> {
+pub(super) fn reach(address: &str) -> Result<Box<dyn Objects>, StoreError> {
     Ok(Box::new(s3::Bucket::of(address)?))
 }
 
 /// Refuses an object store.
 #[cfg(not(feature = "s3"))]
-fn reach(address: &str) -> Result<Box<dyn Objects>, StoreError> {
+pub(super) fn reach(address: &str) -> Result<Box<dyn Objects>, StoreError> {
     let why = "this carved was built without the feature s3. Build it with cargo install --locked --path . --features s3";
     Err(StoreError::Remote { address: address.to_owned(), why: why.into() })
 }

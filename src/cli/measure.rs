@@ -8,6 +8,7 @@
 
 mod bulk;
 mod outside;
+mod source;
 
 use super::folders;
 use super::stored::{self, Stored};
@@ -20,13 +21,15 @@ use carved_records::LedgerEntry;
 use carved_records::Method;
 use carved_store::{MEASUREMENT, MeasurementFile, RecordingFiles, RecordingReader, RunRecord, StoreError};
 use indicatif::{ProgressBar, ProgressStyle};
+use source::Source;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Recordings (`runs/RUN/A01`, packed `A01.tar`) or whole runs (`runs/RUN`), of which every finished recording is measured.
+    /// Recordings (`runs/RUN/A01`, packed `A01.tar`) or whole runs (`runs/RUN`), of which every finished recording is measured. Copies
+    /// in an object store (`s3://BUCKET/PREFIX/RUN`) where carved was built with the feature s3; one recording at a time is fetched.
     #[arg(required = true)]
     recordings: Vec<PathBuf>,
     /// Measure with this number of the captured views, evenly spread: of 84 with 4, 7, 12, 14, 21, 28, 42 or any other divisor. The
@@ -109,12 +112,13 @@ fn lines(args: &Args) -> anyhow::Result<()> {
 
 /// The line of a recording, and a message if the stored numbers differ.
 fn line(path: &Path, asd: Option<u32>) -> anyhow::Result<(String, Option<String>)> {
-    let reader = RecordingReader::open(path)?;
+    let source = Source::open(path)?;
+    let reader = &source.reader;
     let recording = reader.recording();
     let captured = recording.method.asd;
     let asd = asd.unwrap_or(captured);
     // The same as if this number of views had been planned.
-    let (_, file) = compute(&reader, &Method { asd, ..recording.method.clone() })?;
+    let (_, file) = compute(reader, &Method { asd, ..recording.method.clone() })?;
     let compared = (asd == captured).then(|| stored::compare(reader.files(), &file)).transpose()?;
     let stored = compared.as_ref().map_or("not_compared", Stored::word);
     let (new_fields, differs) = match &compared {
@@ -132,7 +136,11 @@ fn line(path: &Path, asd: Option<u32>) -> anyhow::Result<(String, Option<String>
 
 /// The recordings of each name. A name without a recording has an error.
 fn each(names: &[PathBuf]) -> Vec<(PathBuf, anyhow::Result<()>)> {
-    let of = |name: &PathBuf| match expand(std::slice::from_ref(name)) {
+    let found = |name: &PathBuf| match source::address(name) {
+        Some(address) => source::expand(address),
+        None => expand(std::slice::from_ref(name)),
+    };
+    let of = |name: &PathBuf| match found(name) {
         Ok(paths) => paths.into_iter().map(|path| (path, Ok(()))).collect(),
         Err(e) => vec![(name.clone(), Err(e))],
     };

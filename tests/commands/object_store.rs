@@ -1,8 +1,9 @@
 //! `carved archive --to s3://...` and `prune` on the S3 of moto: `make test-features`.
 
 use crate::common::{carved, json, stderr, stored::stored, until, venv};
+use crate::files::plate;
 use carved_records::RunOutcome;
-use carved_store::{Objects, Packing, StoreError, archive_to_objects};
+use carved_store::{Objects, Packing, StoreError, archive_to_objects, fetch, recordings_at};
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::fs;
@@ -186,6 +187,99 @@ fn what_is_missing_is_named_with_the_way_out() {
     prune.env("AWS_ENDPOINT_URL", "http://127.0.0.1:1").arg("prune").arg(&data).args(["r1", "--yes"]);
     refused(&prune.output().unwrap(), "the store cannot be reached");
     assert!(run.join("A01/frames/view_000.png").is_file());
+}
+
+/// Lines of `carved measure` without the names of the recordings.
+fn lines(output: &Output) -> Vec<String> {
+    done(output).lines().map(|line| line.split_once(",\"well\"").unwrap().1.to_owned()).collect()
+}
+
+#[test]
+#[ignore = "starts an S3 server, which is installed from PyPI: make test-features"]
+fn recordings_of_a_copy_are_measured_where_it_is() {
+    let s3 = S3::start();
+    let dir = tempfile::tempdir().unwrap();
+    let run = plate(dir.path());
+    let temporary = dir.path().join("temporary");
+    fs::create_dir(&temporary).unwrap();
+    let measure = |names: &[&str]| s3.carved().env("TMPDIR", &temporary).arg("measure").args(names).output().unwrap();
+    done(&s3.archive(&run, "s3://copies/files", &[]));
+    done(&s3.archive(&run, "s3://copies/packs", &["--pack"]));
+    let here = lines(&measure(&[run.to_str().unwrap()]));
+    assert!(here.len() == 2 && here.iter().all(|line| line.contains("\"stored\":\"identical\"")));
+    for copy in ["s3://copies/files/P-017", "s3://copies/packs/P-017/"] {
+        assert!(lines(&measure(&[copy])) == here, "{copy}");
+    }
+    for one in ["s3://copies/packs/P-017/B03", "s3://copies/packs/P-017/B03.tar", "s3://copies/files/P-017/B03"] {
+        assert!(lines(&measure(&[one])) == here[1..], "{one}");
+    }
+
+    // Into a folder, in two parts, and again.
+    let out = dir.path().join("again");
+    let into = |shard: &str| {
+        let said = done(&measure(&["--out", out.to_str().unwrap(), "--shard", shard, "s3://copies/packs/P-017"]));
+        serde_json::from_str::<serde_json::Value>(said.lines().last().unwrap()).unwrap()
+    };
+    assert_eq!([into("1/2")["measured"].clone(), into("2/2")["measured"].clone()], [1, 1]);
+    assert_eq!(into("1/1")["left_out"], 2);
+    let of_run = |folder: &Path| ["A02", "B03"].map(|well| fs::read(folder.join(well).join("measurement.json")).unwrap());
+    let local = dir.path().join("local");
+    done(&measure(&["--out", local.to_str().unwrap(), run.to_str().unwrap()]));
+    assert!(of_run(&out.join("P-017")) == of_run(&local.join("P-017")));
+
+    // What is altered, missing or no copy is named, and the others are measured.
+    let mut pack = s3.get("packs/P-017/A02.tar");
+    let frame = pack.windows(4).position(|w| w == b"IDAT").unwrap() + 6;
+    pack[frame] ^= 1;
+    s3.put("packs/P-017/A02.tar", &pack);
+    let spoiled = measure(&["s3://copies/packs/P-017"]);
+    refused(&spoiled, "s3://copies/packs/P-017/A02/frames/");
+    assert!(String::from_utf8_lossy(&spoiled.stdout).contains("\"well\":\"B03\""));
+    s3.delete("files/P-017/A02/frames/view_003.png");
+    refused(&measure(&["s3://copies/files/P-017/A02"]), "s3://copies/files/P-017/A02/frames/view_003.png");
+    refused(&measure(&["s3://copies/files/P-017/H12"]), "the copy has no recording H12; it has A02, B03");
+    refused(&measure(&["s3://copies/nothing"]), "there is no archive.json of a copy");
+    assert_eq!(fs::read_dir(&temporary).unwrap().count(), 0, "fetched files are removed");
+}
+
+#[test]
+#[cfg_attr(feature = "s3", ignore = "this carved has the feature s3")]
+fn a_program_without_the_feature_says_how_to_build_one() {
+    refused(&carved().args(["measure", "s3://copies/r1"]).output().unwrap(), "--features s3");
+}
+
+#[test]
+fn a_recording_is_fetched_as_it_was_archived_or_not_at_all() {
+    let dir = tempfile::tempdir().unwrap();
+    let run = run(&dir.path().join("data"));
+    for packing in [Packing::Files, Packing::PerWell] {
+        let store = Spoiling { ending: "nothing", objects: RefCell::default() };
+        archive_to_objects(&run, "s3://copies", packing, &store).unwrap();
+        let to = tempfile::tempdir().unwrap();
+        let found = fetch(&store, "s3://copies/r1/A01", to.path()).unwrap();
+        let files = carved_store::RecordingFiles::of(&found).unwrap();
+        assert!(files.require("frames/view_001.png").unwrap() == fs::read(run.join("A01/frames/view_001.png")).unwrap());
+        assert_eq!(recordings_at(&store, "s3://copies/r1/A01").unwrap(), ["s3://copies/r1/A01"]);
+        // Each object in turn is another one, or gone.
+        let addresses: Vec<String> = store.objects.borrow().keys().filter(|at| at.starts_with("s3://copies/r1/A01")).cloned().collect();
+        assert!(!addresses.is_empty());
+        for address in addresses {
+            let mut bytes = store.objects.borrow()[&address].clone();
+            let whole = bytes.clone();
+            // In a pack the pixels of a frame: between its files are bytes that mean nothing.
+            let at = bytes.windows(4).position(|found| found == b"IDAT").map_or(bytes.len() / 3, |at| at + 6);
+            bytes[at] ^= 1;
+            for other in [Some(bytes), None] {
+                match other {
+                    Some(bytes) => store.objects.borrow_mut().insert(address.clone(), bytes),
+                    None => store.objects.borrow_mut().remove(&address),
+                };
+                let to = tempfile::tempdir().unwrap();
+                assert!(fetch(&store, "s3://copies/r1/A01", to.path()).is_err(), "{address}");
+            }
+            store.objects.borrow_mut().insert(address, whole);
+        }
+    }
 }
 
 /// A store in memory that changes a byte of the objects whose address has this ending.

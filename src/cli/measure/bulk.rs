@@ -11,10 +11,11 @@
 use super::super::folders::HoldsRuns;
 use super::super::signals::{INTERRUPTED, Signals};
 use super::super::{replay, with_causes};
+use super::source::{self, Source};
 use super::{compute_with, each, outside};
 use anyhow::{Context, ensure};
 use carved_records::{Method, sha256_hex};
-use carved_store::{MEASUREMENT, RecordingReader, ReplayWriter, StoreError, durable};
+use carved_store::{MEASUREMENT, ReplayWriter, StoreError, durable};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use nix::sys::resource::{UsageWho, getrusage};
 use nix::sys::time::TimeVal;
@@ -185,7 +186,10 @@ fn named(paths: &[PathBuf]) -> anyhow::Result<(BTreeMap<String, PathBuf>, Vec<St
     let (mut named, mut failures) = (BTreeMap::<String, PathBuf>::new(), Vec::new());
     let mut runs = BTreeMap::<String, PathBuf>::new();
     for (path, found) in each(paths) {
-        let whole = found.and_then(|()| path.canonicalize().with_context(|| format!("{}: no recording", path.display())));
+        let whole = found.and_then(|()| match source::address(&path) {
+            Some(_) => Ok(path.clone()),
+            None => path.canonicalize().with_context(|| format!("{}: no recording", path.display())),
+        });
         let whole = match whole {
             Ok(whole) => whole,
             // The wrong list, not a recording that fails: no shard may succeed.
@@ -225,7 +229,8 @@ fn named(paths: &[PathBuf]) -> anyhow::Result<(BTreeMap<String, PathBuf>, Vec<St
 
 /// Measures a recording, unless its numbers are there.
 fn one(path: &Path, folder: &Path, other: Option<&(String, Method)>) -> anyhow::Result<Done> {
-    let reader = RecordingReader::open(path)?;
+    let source = Source::open(path)?;
+    let reader = &source.reader;
     let recording_sha256 = sha256_hex(&reader.files().require("recording.json")?);
     let recorded = &reader.recording().method;
     let (name, method) = other.map_or((None, recorded), |(name, method)| (Some(name.as_str()), method));
@@ -235,7 +240,7 @@ fn one(path: &Path, folder: &Path, other: Option<&(String, Method)>) -> anyhow::
     }
     // Where this fails, the numbers of an earlier method must not stand in the table.
     writer.forget().map_err(NotWritten)?;
-    let file = compute_with(&reader, method, &ProgressBar::hidden())?.file;
+    let file = compute_with(reader, method, &ProgressBar::hidden())?.file;
     let numbers = durable::json_text(Path::new(MEASUREMENT), &file)?;
     writer.write(method, Some(recording_sha256), &[(MEASUREMENT, numbers)]).map_err(NotWritten)?;
     Ok(Done::Measured)
