@@ -16,7 +16,7 @@ use std::fs;
 use std::io::{BufRead, BufReader};
 use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
-use std::process::Stdio;
+use std::process::{Command, Stdio};
 
 struct Bench {
     dir: tempfile::TempDir,
@@ -280,4 +280,80 @@ fn what_cannot_be_measured_is_reported_and_the_rest_is_measured() {
     for (more, expected) in [(["--shard", "0/2"], "3/16"), (["--jobs", "0"], "--jobs")] {
         assert!(bench.measure("out", &more).2.contains(expected), "{more:?}");
     }
+}
+
+fn example(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("examples").join(name)
+}
+
+/// A folder with `carved`, to be the first one of the path.
+fn path_with_carved(bench: &Bench) -> String {
+    let bin = bench.path("bin");
+    fs::create_dir(&bin).unwrap();
+    symlink(carved().get_program(), bin.join("carved")).unwrap();
+    format!("{}:{}", text(&bin), std::env::var("PATH").unwrap())
+}
+
+/// The table of the runs as they were measured first.
+fn stored_table(bench: &Bench) -> Vec<u8> {
+    let table = bench.path("stored.csv");
+    let output = carved().args(["export", "table"]).args(&bench.runs).arg("--out").arg(&table).output().unwrap();
+    assert!(output.status.success(), "{}", stderr(&output));
+    fs::read(table).unwrap()
+}
+
+/// `examples/biomero/measure` with the options of BIOMERO's job template.
+#[test]
+fn the_workflow_of_biomero_measures_the_runs_of_a_folder() {
+    let bench = Bench::new();
+    let path = path_with_carved(&bench);
+    let (input, out) = (bench.path("data/runs"), bench.path("out"));
+    fs::create_dir(&out).unwrap();
+    let measure = |more: &[&str]| Command::new(example("biomero/measure")).args(more).env("PATH", &path).output().unwrap();
+    let always = ["--infolder", text(&input), "--outfolder", text(&out), "--gtfolder", "/nowhere", "--local"];
+    let output = measure(&[&always[..], &["-nmc"]].concat());
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert!(fs::read(out.join("specimens.csv")).unwrap() == stored_table(&bench));
+    // Another method, as a parameter; one run; and what is no option.
+    let method = bench.path("coarse.toml");
+    fs::write(&method, "asd = 4\norder = \"sequential\"\nepsilon = 0.1\nvoxel_um = 20\n").unwrap();
+    let other = measure(&["--infolder", &bench.runs[1], "--outfolder", text(&out), "--local", "--method", text(&method), "-nmc"]);
+    assert!(other.status.success(), "{}", stderr(&other));
+    let table = fs::read_to_string(out.join("specimens.csv")).unwrap();
+    assert!(table.lines().count() == 2 && table.contains("coarse"), "{table}");
+    for (wrong, why) in [(vec!["--infolder", "/nowhere", "--outfolder", text(&out)], "has no run"), (vec!["--gpu"], "is no option")] {
+        let refused = measure(&wrong);
+        assert!(refused.status.code() == Some(2) && stderr(&refused).contains(why), "{}", stderr(&refused));
+    }
+}
+
+/// The script of the Nextflow module, with its variables replaced as Nextflow does, in a folder where the runs are links. Nextflow itself is not run.
+#[test]
+fn the_script_of_the_nextflow_module_measures_linked_runs() {
+    let bench = Bench::new();
+    let path = path_with_carved(&bench);
+    let module = fs::read_to_string(example("nextflow/modules/carved/measure/main.nf")).unwrap();
+    let script = module.split_once("script:").unwrap().1.split("\"\"\"").nth(1).unwrap();
+    let work = bench.path("work");
+    fs::create_dir_all(work.join("runs")).unwrap();
+    let staged = bench.runs.each_ref().map(|run| {
+        let link = Path::new("runs").join(Path::new(run).file_name().unwrap());
+        symlink(run, work.join(&link)).unwrap();
+        text(&link).to_owned()
+    });
+    let mut filled = script.replace("\\\\", "\\").replace("\\$", "$");
+    for (name, value) in [("prefix", "screen"), ("task.cpus", "1"), ("with_method", ""), ("args", ""), ("runs", &staged.join(" "))] {
+        assert!(filled.contains(&format!("${{{name}}}")), "{name}");
+        filled = filled.replace(&format!("${{{name}}}"), value);
+    }
+    assert!(!filled.contains("${"), "{filled}");
+    let output = Command::new("bash").args(["-euo", "pipefail", "-c", &filled]).current_dir(&work).env("PATH", &path).output().unwrap();
+    assert!(output.status.success(), "{filled}{}", stderr(&output));
+    assert!(fs::read(work.join("screen.csv")).unwrap() == stored_table(&bench));
+    assert!(work.join("screen_measurements/P-1/A02/measurement.json").is_file());
+    // What the module emits is described.
+    let meta = fs::read_to_string(example("nextflow/modules/carved/measure/meta.yml")).unwrap();
+    let emitted: Vec<&str> = module.split("emit: ").skip(1).map(|rest| rest.lines().next().unwrap()).collect();
+    assert_eq!(emitted, ["measurements", "table", "versions_carved"]);
+    assert!(emitted.iter().all(|name| meta.contains(&format!("\n  {name}:\n"))), "{meta}");
 }

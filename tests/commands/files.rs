@@ -17,8 +17,22 @@ use std::sync::LazyLock;
 /// Views of a turn; a picture at 360 deg follows.
 const VIEWS: u32 = 12;
 
-/// A run of pictures: a bead in A02 and a larva in B03, measured. A01 is planned and has no picture.
+/// A run of pictures in `dir`: a bead in A02 and a larva in B03, measured. A01 is planned and has no picture. It is made once, and copied.
 pub fn plate(dir: &Path) -> PathBuf {
+    static MADE: LazyLock<PathBuf> = LazyLock::new(|| {
+        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("plate-of-files");
+        if folder.exists() {
+            fs::remove_dir_all(&folder).unwrap();
+        }
+        fs::create_dir_all(&folder).unwrap();
+        make_plate(&folder);
+        folder
+    });
+    assert!(Command::new("cp").arg("-a").arg(MADE.join(".")).arg(dir).status().unwrap().success());
+    dir.join("data/runs/P-017")
+}
+
+fn make_plate(dir: &Path) {
     let (pictures, data) = (dir.join("P-017"), dir.join("data"));
     fs::create_dir_all(&pictures).unwrap();
     for (well, specimen) in [("A02", Specimen::bead(500.0).unwrap()), ("B03", Specimen::larva(4, 3).unwrap())] {
@@ -46,7 +60,6 @@ pub fn plate(dir: &Path) -> PathBuf {
     let output = command.arg(&data).arg("--plate-map").arg(&map).output().unwrap();
     // 4: a well was skipped.
     assert!(matches!(output.status.code(), Some(0 | 4)), "{}", stderr(&output));
-    data.join("runs/P-017")
 }
 
 fn done(output: &Output) {
@@ -60,7 +73,7 @@ fn export(format: &str, input: &Path, out: &Path, more: &[&str]) -> Output {
 
 /// The Python with the readers. It is installed once: tests run at the same time.
 static READERS: LazyLock<Result<PathBuf, String>> = LazyLock::new(|| {
-    let modules = "nrrd, SimpleITK, trimesh, tifffile, roifile, ome_types, zarr, ome_zarr_models, ome_zarr, ngio, PIL";
+    let modules = "nrrd, SimpleITK, trimesh, tifffile, roifile, ome_types, zarr, ome_zarr_models, ome_zarr, ngio, PIL, biomero_schema";
     venv::python("files", modules, "tests/readers/requirements-files.txt")
 });
 
@@ -274,6 +287,47 @@ fn a_study_file_has_what_the_run_knows_and_names_the_rest() {
     fs::write(run.join("run.json"), record.to_string()).unwrap();
     let refused = export("rembi", &run, &dir.path().join("none.json"), &[]);
     assert!(!refused.status.success() && stderr(&refused).contains("no larva"), "{}", stderr(&refused));
+}
+
+#[test]
+#[cfg_attr(not(has_python), ignore = "no Python 3 with venv: apt-get install python3-venv")]
+fn the_descriptor_of_biomero_is_valid_and_describes_the_program() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/biomero");
+    read("validate_biomero.py", &[&folder, Path::new(env!("CARGO_PKG_VERSION"))]);
+}
+
+/// Every file of the list is the frame of its view, by the hash of its pixels.
+#[test]
+fn the_list_for_cellprofiler_names_each_frame_with_its_well_and_view() {
+    let dir = tempfile::tempdir().unwrap();
+    let run = plate(dir.path());
+    let out = dir.path().join("load_data.csv");
+    done(&export("loaddata", &run, &out, &[]));
+    let mut list = csv::Reader::from_path(&out).unwrap();
+    let rows: Vec<BTreeMap<String, String>> = list.deserialize().map(Result::unwrap).collect();
+    assert_eq!(rows.len(), 2 * VIEWS as usize);
+    for row in &rows {
+        let recording = json(&run.join(&row["Metadata_Well"]).join("recording.json"));
+        let ledger = recording["ledger"].as_array().unwrap();
+        let entry = ledger.iter().find(|e| e["closure"] == false && e["view"].as_u64() == row["Metadata_View"].parse().ok()).unwrap();
+        let picture = |name: &str| {
+            image::open(Path::new(&row[&format!("Image_PathName_{name}")]).join(&row[&format!("Image_FileName_{name}")])).unwrap()
+        };
+        let hash = carved_records::sha256_hex(picture("Frame").as_bytes());
+        assert_eq!(entry["sha256"], hash, "{row:?}");
+        assert_eq!(picture("Profile").width(), picture("Frame").width());
+        let degrees: f64 = row["Metadata_AngleDeg"].parse().unwrap();
+        assert!((degrees - entry["omega"].as_f64().unwrap().to_degrees()).abs() < 1e-9);
+        assert_eq!((row["Metadata_Plate"].as_str(), row["Metadata_Run"].as_str()), ("P-017", "P-017"));
+        let of_larva =
+            if row["Metadata_Well"] == "B03" { ["larva", "5.0", "DMSO <\u{b5}> & co", "negative"] } else { ["bead", "5.0", "", ""] };
+        assert_eq!(["Specimen", "Dpf", "Compound", "Control"].map(|name| row[&format!("Metadata_{name}")].as_str()), of_larva);
+    }
+    // CellProfiler cannot read inside a pack.
+    let copies = dir.path().join("copies");
+    done(&archive(&run, &copies));
+    let refused = export("loaddata", &copies.join("P-017"), &dir.path().join("none.csv"), &[]);
+    assert!(!refused.status.success() && stderr(&refused).contains("tar -xf"), "{}", stderr(&refused));
 }
 
 /// A run that was copied under another name.

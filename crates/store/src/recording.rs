@@ -459,6 +459,11 @@ impl RecordingReader {
         self.raw(&frame_file(entry), self.recording.rig.pixel_format, &entry.sha256)
     }
 
+    /// Where the frame of a ledger entry is. In a pack: the path that it would have in the folder.
+    pub fn frame_path(&self, entry: &LedgerEntry) -> PathBuf {
+        self.files.path(&frame_file(entry))
+    }
+
     /// The second camera's frame of a ledger entry. `None` without a second camera.
     pub fn second(&self, entry: &LedgerEntry) -> Result<Option<RawFrame>, StoreError> {
         let Some(second) = &entry.second else { return Ok(None) };

@@ -1,5 +1,6 @@
 //! `carved export`: stored runs in the formats of other programs.
 
+mod loaddata;
 mod mihcsme;
 mod model;
 mod ome_tiff;
@@ -28,7 +29,7 @@ pub enum Command {
     Methods(provenance::MethodsArgs),
     /// Make a run's folder an RO-Crate: files with their hashes, and what made them.
     Rocrate(provenance::CrateArgs),
-    /// Write what the BioImage Archive asks of a study (REMBI), as far as the runs know it, and name what is to be filled in.
+    /// Write what the `BioImage` Archive asks of a study (REMBI), as far as the runs know it, and name what is to be filled in.
     Rembi(provenance::RembiArgs),
     /// Write the plate's MIHCSME metadata with the results as conditions, as the JSON of mihcsme-py, for OMERO.
     Mihcsme(mihcsme::Args),
@@ -46,6 +47,8 @@ pub enum Command {
     OmeTiff(ome_tiff::Args),
     /// Write the standard pictures of a run's larvae: the left side and the back, head to the left, at one scale, as PNG and TIFF.
     Pictures(pictures::Args),
+    /// Write the frames of runs as a list for the module `LoadData` of `CellProfiler`.
+    Loaddata(loaddata::Args),
     /// Write the views of a run as an OME-Zarr 0.5 plate, for napari and all that reads OME-Zarr.
     OmeZarr(ome_zarr::Args),
 }
@@ -69,6 +72,7 @@ pub fn run(command: &Command) -> anyhow::Result<()> {
         Command::Glb(args) => model::glb(args),
         Command::OmeTiff(args) => ome_tiff::run(args),
         Command::Pictures(args) => pictures::run(args),
+        Command::Loaddata(args) => loaddata::run(args),
         Command::OmeZarr(args) => ome_zarr::run(args),
         Command::Columns => {
             say!("{}", crate::tables::page().trim_end());
