@@ -1032,7 +1032,7 @@ export interface StoredMoved {
   view: number;
 }
 
-export type StoredPixelFormat = "Mono8" | "BayerRG8" | "RGB8Packed";
+export type StoredPixelFormat = "Mono8" | "BayerRG8" | "BayerGR8" | "BayerGB8" | "BayerBG8" | "RGB8Packed";
 
 export interface StoredPlace {
   group: string;

@@ -10,16 +10,33 @@ pub enum PixelFormat {
     Mono8,
     /// One byte per pixel under a colour mosaic whose first row reads R G R G.
     BayerRG8,
+    /// One byte per pixel under a colour mosaic whose first row reads G R G R.
+    BayerGR8,
+    /// One byte per pixel under a colour mosaic whose first row reads G B G B.
+    BayerGB8,
+    /// One byte per pixel under a colour mosaic whose first row reads B G B G.
+    BayerBG8,
     /// Three bytes per pixel, red first.
     RGB8Packed,
 }
 
 impl PixelFormat {
+    /// All formats.
+    pub const ALL: [Self; 6] = [Self::Mono8, Self::BayerRG8, Self::BayerGR8, Self::BayerGB8, Self::BayerBG8, Self::RGB8Packed];
+
     /// Bytes that one pixel takes.
     pub fn bytes_per_pixel(self) -> usize {
+        if self == Self::RGB8Packed { 3 } else { 1 }
+    }
+
+    /// Column and row of the first red pixel of a colour mosaic, each 0 or 1. `None` of a format without a mosaic.
+    pub fn first_red(self) -> Option<[usize; 2]> {
         match self {
-            Self::Mono8 | Self::BayerRG8 => 1,
-            Self::RGB8Packed => 3,
+            Self::Mono8 | Self::RGB8Packed => None,
+            Self::BayerRG8 => Some([0, 0]),
+            Self::BayerGR8 => Some([1, 0]),
+            Self::BayerGB8 => Some([0, 1]),
+            Self::BayerBG8 => Some([1, 1]),
         }
     }
 
@@ -28,6 +45,9 @@ impl PixelFormat {
         match self {
             Self::Mono8 => "Mono8",
             Self::BayerRG8 => "BayerRG8",
+            Self::BayerGR8 => "BayerGR8",
+            Self::BayerGB8 => "BayerGB8",
+            Self::BayerBG8 => "BayerBG8",
             Self::RGB8Packed => "RGB8Packed",
         }
     }

@@ -73,7 +73,7 @@ mod tests {
 
     #[test]
     fn background_and_saturation_are_those_of_the_pixels() {
-        for format in [PixelFormat::Mono8, PixelFormat::BayerRG8, PixelFormat::RGB8Packed] {
+        for format in PixelFormat::ALL {
             // A quarter of the width is dark, as with a specimen, and every eighth column is saturated.
             let light = Light::of(&frame(64, 50, format, |u, _| if u % 8 == 0 { 255 } else { [40, 200][usize::from(u >= 16)] }));
             assert_eq!(light.background.to_bits(), 200f64.to_bits(), "{format:?}");

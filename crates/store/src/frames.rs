@@ -18,7 +18,7 @@ fn png(bytes: &[u8], width: u32, height: u32, color: ExtendedColorType, filter: 
 pub fn encode(frame: &RawFrame) -> Result<Vec<u8>, StoreError> {
     let (color, filter) = match frame.format() {
         PixelFormat::RGB8Packed => (ExtendedColorType::Rgb8, FilterType::Sub),
-        PixelFormat::Mono8 | PixelFormat::BayerRG8 => (ExtendedColorType::L8, FilterType::Up),
+        _ => (ExtendedColorType::L8, FilterType::Up),
     };
     png(frame.bytes(), frame.width(), frame.height(), color, filter)
 }
@@ -51,7 +51,7 @@ mod tests {
     #[test]
     fn frames_come_back_bit_for_bit_in_every_format() {
         let dir = tempfile::tempdir().unwrap();
-        for format in [PixelFormat::Mono8, PixelFormat::BayerRG8, PixelFormat::RGB8Packed] {
+        for format in PixelFormat::ALL {
             let bytes: Vec<u8> = (0..31 * 17 * format.bytes_per_pixel()).map(|i| (i * i % 251) as u8).collect();
             let frame = RawFrame::new(31, 17, format, bytes).unwrap();
             let path = dir.path().join(format.name());

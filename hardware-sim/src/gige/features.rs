@@ -2,7 +2,7 @@
 //! table, and register writes are checked by it.
 
 use super::bytes::u32_at;
-use crate::sight::PixelFormat;
+use crate::sight::{PixelFormat, WireFormat};
 use std::fmt::Write;
 
 /// Addresses of the first feature register and of the description.
@@ -127,6 +127,17 @@ const ACQUISITION: &str = "Acquisition";
 const EXPOSURE: &str = "Exposure";
 const TRANSPORT: &str = "GigE";
 
+const FORMATS: [(&str, u32); WireFormat::ALL.len()] = {
+    let mut formats = [("", 0); WireFormat::ALL.len()];
+    let mut i = 0;
+    while i < formats.len() {
+        let (name, sent) = WireFormat::ALL[i];
+        formats[i] = (name, sent.code());
+        i += 1;
+    }
+    formats
+};
+
 pub(super) const FEATURE_TABLE: &[Feature] = &[
     feature(IMAGE, "SensorWidth", Register::SensorWidth, Kind::ReadOnly),
     feature(IMAGE, "SensorHeight", Register::SensorHeight, Kind::ReadOnly),
@@ -138,12 +149,7 @@ pub(super) const FEATURE_TABLE: &[Feature] = &[
     feature(IMAGE, "HeightMax", Register::HeightMax, Kind::ReadOnly),
     feature(IMAGE, "OffsetXMax", Register::OffsetXMax, Kind::ReadOnly),
     feature(IMAGE, "OffsetYMax", Register::OffsetYMax, Kind::ReadOnly),
-    feature(
-        IMAGE,
-        "PixelFormat",
-        Register::PixelFormat,
-        Kind::Enumeration(&[("Mono8", 0x0108_0001), ("BayerRG8", 0x0108_0009), ("RGB8Packed", 0x0218_0014)]),
-    ),
+    feature(IMAGE, "PixelFormat", Register::PixelFormat, Kind::Enumeration(&FORMATS)),
     feature(IMAGE, "PayloadSize", Register::PayloadSize, Kind::ReadOnly),
     feature(
         ACQUISITION,
@@ -229,7 +235,7 @@ pub(super) struct Values {
     pub width: u32,
     pub height: u32,
     pub offset: (u32, u32),
-    pub format: PixelFormat,
+    pub format: WireFormat,
     pub mode: u32,
     pub frame_count: u32,
     frame_rate_hz: f32,
@@ -256,7 +262,7 @@ impl Values {
             width: sensor.0,
             height: sensor.1,
             offset: (0, 0),
-            format,
+            format: WireFormat::Plain(format),
             mode: CONTINUOUS,
             frame_count: 1,
             frame_rate_hz: 59.0,
@@ -277,7 +283,7 @@ impl Values {
     }
 
     pub fn payload(&self) -> u32 {
-        self.width * self.height * self.format.bytes_per_pixel() as u32
+        self.format.bytes(self.width as usize * self.height as usize) as u32
     }
 
     /// The most frames per second: an exposure must end before the next one begins, and rows and bytes take their time.
@@ -364,7 +370,7 @@ impl Values {
             Register::Height => self.height = value,
             Register::OffsetX => self.offset.0 = value,
             Register::OffsetY => self.offset.1 = value,
-            Register::PixelFormat => self.format = PixelFormat::from_code(value).unwrap_or(self.format),
+            Register::PixelFormat => self.format = WireFormat::from_code(value).unwrap_or(self.format),
             Register::AcquisitionMode => self.mode = value,
             Register::AcquisitionFrameCount => self.frame_count = value,
             Register::AcquisitionFrameRateAbs => self.frame_rate_hz = f32::from_bits(value),
@@ -520,7 +526,7 @@ mod tests {
         assert!(!v.write(Register::OffsetX, 3), "odd offsets would turn the Bayer mosaic");
         assert_eq!(v.read(Register::WidthMax), 512);
         assert_eq!(v.payload(), 512 * 768);
-        assert!(v.write(Register::PixelFormat, PixelFormat::RGB8Packed.code()));
+        assert!(v.write(Register::PixelFormat, WireFormat::Plain(PixelFormat::RGB8Packed).code()));
         assert_eq!(v.payload(), 512 * 768 * 3);
     }
 
@@ -533,7 +539,7 @@ mod tests {
         assert!(v.write(Register::ExposureTimeAbs, 25_000f32.to_bits()));
         assert_eq!((v.rate_limit_hz(), v.rate_hz()), (40.0, 40.0), "25 ms of exposure");
         assert!(v.write(Register::ExposureTimeAbs, 1000f32.to_bits()) && v.write(Register::Height, 1024));
-        assert!(v.write(Register::PixelFormat, PixelFormat::RGB8Packed.code()));
+        assert!(v.write(Register::PixelFormat, WireFormat::Plain(PixelFormat::RGB8Packed).code()));
         assert!((v.rate_limit_hz() - 115e6 / (3.0 * 1024.0 * 1024.0)).abs() < 1e-3, "three bytes per pixel");
     }
 

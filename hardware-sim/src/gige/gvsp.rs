@@ -7,7 +7,7 @@
 //! ```
 //! Each packet begins with status(2), block id(2), kind(1), packet id(3).
 
-use crate::sight::PixelFormat;
+use crate::sight::WireFormat;
 
 /// Bytes of the IP, UDP and stream headers. The negotiated packet size includes them.
 pub(super) const OVERHEAD: usize = 20 + 8 + HEADER;
@@ -19,7 +19,7 @@ const IMAGE: u16 = 1;
 pub(super) struct Block {
     pub id: u16,
     pub timestamp_ns: u64,
-    pub format: PixelFormat,
+    pub format: WireFormat,
     pub width: u32,
     pub height: u32,
     pub offset: (u32, u32),
@@ -96,7 +96,7 @@ mod tests {
         let block = Block {
             id: 7,
             timestamp_ns: 0x0102_0304_0506_0708,
-            format: PixelFormat::Mono8,
+            format: WireFormat::Plain(crate::sight::PixelFormat::Mono8),
             width: 100,
             height: 100,
             offset: (4, 6),

@@ -18,7 +18,7 @@ use super::memory::Memory;
 use crate::clock::RigClock;
 use crate::scene::Exposure;
 use crate::shaft::Shaft;
-use crate::sight::{PixelFormat, Pixels, Sight};
+use crate::sight::{PixelFormat, Pixels, Sight, WireFormat};
 use crate::truth::{ExposureRecord, Truth};
 
 use sha2::{Digest, Sha256};
@@ -242,7 +242,8 @@ impl Sensor {
         let exposure = Exposure { angle_rad: path_rad(0.5), number: self.state.number };
         let middle_s = begin_s + 0.5 * exposure_s;
         let timestamp_ns = self.faults.clock_ns(middle_s);
-        let picture = self.look(&exposure, &path_rad, values.format);
+        let image = values.format.image();
+        let picture = self.look(&exposure, &path_rad, image);
         // The acquisition may have ended while the picture was made. A fault may hold the frame back.
         if !self.pause_until(Instant::now() + self.faults.takes_hold()) {
             return;
@@ -255,9 +256,10 @@ impl Sensor {
         });
         self.state.block = next_block(self.state.block);
         let mut bytes = picture.crop(values.offset.0, values.offset.1, values.width, values.height);
-        reverse(&mut bytes, values.width as usize, values.format.bytes_per_pixel(), values.reversed);
+        reverse(&mut bytes, values.width as usize, image.bytes_per_pixel(), values.reversed);
         let longer = self.nominal_exposure_us.map_or(1.0, |nominal| f64::from(values.exposure_us / nominal));
         amplify(&mut bytes, longer * 10f64.powf(f64::from(values.gain_db) / 20.0));
+        let mut bytes = values.format.of(bytes);
         let sent = !self.faults.takes_frame();
         self.truth.add(ExposureRecord {
             frame_id: u64::from(self.state.block),
@@ -270,7 +272,7 @@ impl Sensor {
         });
         let misshapen = self.faults.misshapes_frame();
         let height = if misshapen { values.height / 2 } else { values.height };
-        bytes.truncate(values.width as usize * height as usize * values.format.bytes_per_pixel());
+        bytes.truncate(values.format.bytes(values.width as usize * height as usize));
         let block = Arc::new(Block {
             id: self.state.block,
             timestamp_ns,
@@ -381,11 +383,13 @@ impl Sensor {
 }
 
 /// Another format with the same number of bytes per pixel, or the same format if there is none.
-fn another(format: PixelFormat) -> PixelFormat {
+fn another(format: WireFormat) -> WireFormat {
     match format {
-        PixelFormat::Mono8 => PixelFormat::BayerRG8,
-        PixelFormat::BayerRG8 => PixelFormat::Mono8,
-        PixelFormat::RGB8Packed => PixelFormat::RGB8Packed,
+        WireFormat::Plain(PixelFormat::Mono8) => WireFormat::Plain(PixelFormat::BayerRG8),
+        WireFormat::Plain(PixelFormat::RGB8Packed) | WireFormat::Mono10p => format,
+        WireFormat::Plain(_) => WireFormat::Plain(PixelFormat::Mono8),
+        WireFormat::Mono12p => WireFormat::Mono12Packed,
+        WireFormat::Mono10Packed | WireFormat::Mono12Packed => WireFormat::Mono12p,
     }
 }
 

@@ -12,8 +12,14 @@ impl Rgb {
     /// The image behind a Bayer mosaic: first row R G R G, second row G B G B. The noise of each pixel and colour is independent, so
     /// that the noise of the mosaic is that of single sensor pixels.
     pub fn to_bayer_rg8(&self) -> Vec<u8> {
+        self.to_bayer([0, 0])
+    }
+
+    /// The colours behind a Bayer mosaic whose first red pixel is in this column and row, each 0 or 1.
+    pub(crate) fn to_bayer(&self, first_red: [usize; 2]) -> Vec<u8> {
         let width = self.width as usize;
-        self.data.chunks_exact(3).enumerate().map(|(i, rgb)| rgb[(i % width % 2) + (i / width % 2)]).collect()
+        let colour = |i: usize| (i % width + first_red[0]) % 2 + (i / width + first_red[1]) % 2;
+        self.data.chunks_exact(3).enumerate().map(|(i, rgb)| rgb[colour(i)]).collect()
     }
 
     /// The image that a colour camera delivers: the Bayer mosaic of [`Rgb::to_bayer_rg8`] with the missing colours interpolated linearly

@@ -84,7 +84,7 @@ class Recording:
 
     @property
     def is_bayer(self) -> bool:
-        """Whether the frames are Bayer mosaics."""
+        """Whether the frames are Bayer mosaics that begin with R G, the order that `bayer=True` means."""
         return bool(self.info["rig"]["pixel_format"] == "BayerRG8")
 
     @property

@@ -160,7 +160,7 @@ fn stack(channel: &str, camera: &Camera, format: PixelFormat, entries: &[&Ledger
 fn all_facts(reader: &RecordingReader, plan: Option<&RunPlan>) -> anyhow::Result<Vec<(String, String)>> {
     let recording = reader.recording();
     let mut facts = facts(recording);
-    if recording.rig.pixel_format == PixelFormat::BayerRG8 {
+    if recording.rig.pixel_format.first_red().is_some() {
         facts.push(("colours", "interpolated from the camera's Bayer mosaic".into()));
     }
     let mut facts: Vec<(String, String)> = facts.into_iter().map(|(key, value)| (key.to_owned(), value)).collect();

@@ -26,10 +26,7 @@ pub(super) fn samples(format: PixelFormat) -> u32 {
 
 /// The interleaved pixels of a frame; a mosaic is interpolated as for the measurement.
 pub(super) fn interleaved(frame: &RawFrame) -> Vec<u8> {
-    match frame.format() {
-        PixelFormat::BayerRG8 => Picture::from_frame(frame).to_rgb(),
-        PixelFormat::Mono8 | PixelFormat::RGB8Packed => frame.bytes().to_vec(),
-    }
+    if frame.format().first_red().is_some() { Picture::from_frame(frame).to_rgb() } else { frame.bytes().to_vec() }
 }
 
 /// The pixels of a frame, one plane after another.

@@ -63,7 +63,14 @@ fn words(s: &State, id: &str) -> (String, Kind, Option<String>) {
         }
         "pixel_format" => (
             "Format of the frames.".into(),
-            chosen(&[("BayerRG8", "A colour camera, as on VAST"), ("Mono8", "Grey"), ("RGB8Packed", "Colour, made by the camera")]),
+            chosen(&[
+                ("BayerRG8", "A colour camera, as on VAST"),
+                ("BayerGR8", "A colour camera whose first row begins with green and red"),
+                ("BayerGB8", "A colour camera whose first row begins with green and blue"),
+                ("BayerBG8", "A colour camera whose first row begins with blue"),
+                ("Mono8", "Grey"),
+                ("RGB8Packed", "Colour, made by the camera"),
+            ]),
             some("BayerRG8"),
         ),
         "width" => ("Width of the picture, along the capillary.".into(), pixels, some("1024")),

@@ -100,6 +100,9 @@ fn pixels(frame: &RawFrame) -> Pixels {
     let format = match frame.format() {
         PixelFormat::Mono8 => hardware_sim::PixelFormat::Mono8,
         PixelFormat::BayerRG8 => hardware_sim::PixelFormat::BayerRG8,
+        PixelFormat::BayerGR8 => hardware_sim::PixelFormat::BayerGR8,
+        PixelFormat::BayerGB8 => hardware_sim::PixelFormat::BayerGB8,
+        PixelFormat::BayerBG8 => hardware_sim::PixelFormat::BayerBG8,
         PixelFormat::RGB8Packed => hardware_sim::PixelFormat::RGB8Packed,
     };
     Pixels { width: frame.width(), height: frame.height(), format, bytes: frame.bytes().to_vec() }

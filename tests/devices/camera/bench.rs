@@ -36,6 +36,11 @@ impl Sight for Numbered {
     }
 }
 
+/// The grey pixels that the sensor saw at an exposure.
+pub fn seen(number: u64) -> Vec<u8> {
+    Numbered.look(&Exposure { angle_rad: 0.0, number }, hardware_sim::PixelFormat::Mono8).bytes
+}
+
 /// The camera is dropped first. A driver waits ten seconds for the answers of a camera that is gone.
 pub struct Bench {
     pub camera: Box<dyn Camera>,

@@ -1,8 +1,10 @@
 //! Faults of network and sensor: none of them may cost a view or change a frame.
 
-use super::bench::{Bench, DEADLINE};
+use super::bench::{Bench, DEADLINE, seen};
+use carved_core::frame::PixelFormat;
 use carved_devices::DeviceError;
-use carved_devices::camera::AravisSettings;
+use carved_devices::camera::{AravisSettings, Packed};
+use sha2::{Digest, Sha256};
 
 /// Frames of each loss test: at 12 packets a frame, 1 % of loss spoils one in nine.
 const FRAMES: u32 = 100;
@@ -53,6 +55,29 @@ fn packets_that_come_twice_or_in_another_order_make_the_same_frames() {
     bench.faults().lose_packets_ppm(50_000);
     for _ in 0..FRAMES {
         bench.take();
+    }
+}
+
+/// The emulated camera packs by its own code. Eight bits that it widened to ten or twelve come back as they were.
+#[test]
+fn every_format_arrives_pixel_by_pixel() {
+    for format in PixelFormat::ALL {
+        let mut bench = Bench::armed_with(|s| AravisSettings { pixel_format: format, ..s });
+        assert_eq!(bench.take().frame.format(), format);
+    }
+    for packed in [Packed::Mono10p, Packed::Mono12p, Packed::Mono10Packed, Packed::Mono12Packed] {
+        let mut bench = Bench::armed_with(|s| AravisSettings { sent_as: Some(packed), ..s });
+        let frame = bench.camera.grab(DEADLINE).unwrap().frame;
+        let number = u64::from_be_bytes(*frame.bytes().first_chunk().unwrap());
+        assert!(frame.format() == PixelFormat::Mono8 && frame.bytes() == seen(number), "{packed:?}");
+        let exposures = bench.rig.exposures();
+        assert_ne!(Sha256::digest(frame.bytes())[..], exposures.last().unwrap().sha256, "{packed:?}: the camera sent other bytes");
+        // Of another packing nothing is taken, and both formats are said.
+        bench.faults().reformat_frames(u32::MAX);
+        if packed != Packed::Mono10p {
+            let said = bench.camera.grab(std::time::Duration::from_millis(400)).unwrap_err().to_string();
+            assert!(said.contains(&format!("expected {packed:?}")) && said.contains("got format 0x010c"), "{said}");
+        }
     }
 }
 

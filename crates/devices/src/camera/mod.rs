@@ -13,7 +13,7 @@ mod settings;
 #[cfg(any(test, feature = "testing"))]
 pub use control::answer_of_camera;
 pub use control::{Controller, controller};
-pub use settings::{AravisSettings, CameraSelect, MacAddress, Trigger};
+pub use settings::{AravisSettings, CameraSelect, MacAddress, Packed, Trigger};
 
 use super::{Camera, DeviceError};
 

@@ -18,6 +18,11 @@ pub struct AravisSettings {
     pub select: CameraSelect,
     /// Format of the frames.
     pub pixel_format: PixelFormat,
+    /// Packed format in which the camera sends frames of `pixel_format = "Mono8"`. The highest 8 of its 10 or 12 bits are kept. Left out:
+    /// the camera sends `pixel_format` itself.
+    #[serde(default)]
+    #[cfg_attr(feature = "schema", schemars(extend("x-level" = "expert")))]
+    pub sent_as: Option<Packed>,
     /// Width of the region of the sensor, px.
     pub width: u32,
     /// Height of the region, px.
@@ -67,6 +72,59 @@ pub struct AravisSettings {
     /// Further GenICam features as `[name, value]`, set in this order before everything above.
     #[serde(default)]
     pub features: Vec<(String, String)>,
+}
+
+/// A layout of grey pixels of 10 or 12 bits, by its GenICam name. Those that end in `p` are streams of bits, the lowest first (PFNC); the others are
+/// groups of two pixels in three bytes (GigE Vision).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub enum Packed {
+    /// Four pixels in five bytes.
+    Mono10p,
+    /// Two pixels in three bytes.
+    Mono12p,
+    /// Two pixels in three bytes; the middle byte has the lowest two bits of both.
+    Mono10Packed,
+    /// Two pixels in three bytes; the middle byte has the lowest four bits of both.
+    Mono12Packed,
+}
+
+#[cfg(feature = "aravis")]
+impl Packed {
+    /// The GenICam name.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Mono10p => "Mono10p",
+            Self::Mono12p => "Mono12p",
+            Self::Mono10Packed => "Mono10Packed",
+            Self::Mono12Packed => "Mono12Packed",
+        }
+    }
+
+    /// Bits that a pixel takes on the wire.
+    fn bits(self) -> usize {
+        if self == Self::Mono10p { 10 } else { 12 }
+    }
+
+    /// Bytes of so many pixels.
+    pub(super) fn bytes(self, pixels: usize) -> usize {
+        (pixels * self.bits()).div_ceil(8)
+    }
+
+    /// The highest 8 bits of each pixel. Bytes that are too few give fewer pixels.
+    pub(super) fn unpack(self, bytes: &[u8], pixels: usize) -> Vec<u8> {
+        let of_pixel = |pixel: usize| match self {
+            Self::Mono10p | Self::Mono12p => {
+                let first = pixel * self.bits() + self.bits() - 8;
+                let low = u16::from(*bytes.get(first / 8)?);
+                // The last byte of a frame has no next one, and a pixel that ends in it needs none.
+                let high = u16::from(bytes.get(first / 8 + 1).copied().or(first.is_multiple_of(8).then_some(0))?);
+                Some(((low | high << 8) >> (first % 8)) as u8)
+            }
+            Self::Mono10Packed | Self::Mono12Packed => bytes.get(pixel / 2 * 3 + pixel % 2 * 2).copied(),
+        };
+        (0..pixels).map_while(of_pixel).collect()
+    }
 }
 
 /// What begins an exposure.
@@ -219,6 +277,7 @@ impl AravisSettings {
         Self {
             select,
             pixel_format,
+            sent_as: None,
             width,
             height,
             offset_x: 0,
@@ -242,7 +301,13 @@ impl AravisSettings {
     /// # Errors
     /// The first value that is out of range.
     pub fn check(&self) -> Result<(), DeviceError> {
-        in_range("camera", self)
+        in_range("camera", self)?;
+        if let Some(packed) = self.sent_as.filter(|_| self.pixel_format != PixelFormat::Mono8) {
+            let rule = format!("it unpacks to Mono8, and pixel_format is {}; set pixel_format = \"Mono8\"", self.pixel_format.name());
+            let found = format!("{packed:?}");
+            return Err(DeviceError::Setting { device: "camera", name: "sent_as".into(), found, rule });
+        }
+        Ok(())
     }
 
     /// Longest wait for the frame of one trigger.
@@ -252,7 +317,14 @@ impl AravisSettings {
 
     #[cfg(feature = "aravis")]
     pub(super) fn frame_bytes(&self) -> usize {
-        self.width as usize * self.height as usize * self.pixel_format.bytes_per_pixel()
+        let pixels = self.width as usize * self.height as usize;
+        self.sent_as.map_or(pixels * self.pixel_format.bytes_per_pixel(), |packed| packed.bytes(pixels))
+    }
+
+    /// The GenICam name of the format in which the camera sends.
+    #[cfg(feature = "aravis")]
+    pub(super) fn format_sent(&self) -> &'static str {
+        self.sent_as.map_or(self.pixel_format.name(), Packed::name)
     }
 }
 
@@ -275,6 +347,7 @@ mod tests {
     fn values_no_camera_can_have_are_named() {
         let good: AravisSettings = serde_json::from_str(LEAST).unwrap();
         for (bad, name) in [
+            (AravisSettings { sent_as: Some(Packed::Mono12p), ..good.clone() }, "sent_as = Mono12p"),
             (AravisSettings { height: 0, ..good.clone() }, "height = 0"),
             (AravisSettings { exposure_us: -1.0, ..good.clone() }, "exposure_us = -1"),
             (AravisSettings { packet_size: 100, ..good.clone() }, "packet_size = 100"),
@@ -285,6 +358,34 @@ mod tests {
             let said = bad.check().unwrap_err().to_string();
             assert!(said.contains(name), "{said}");
         }
+    }
+
+    /// Pixels 0x3a5, 0x0f1, 0x25a, 0x181 of 10 bits and 0xabc, 0x123 of 12 bits, laid out by hand from the pictures of the standards.
+    #[cfg(feature = "aravis")]
+    #[test]
+    fn packed_pixels_are_those_of_the_standards() {
+        let stream = |pixels: &[u16], bits: usize| {
+            let mut bytes = vec![0u8; (pixels.len() * bits).div_ceil(8)];
+            for (at, pixel) in pixels.iter().enumerate() {
+                for bit in (0..bits).filter(|bit| pixel >> bit & 1 == 1) {
+                    bytes[(at * bits + bit) / 8] |= 1 << ((at * bits + bit) % 8);
+                }
+            }
+            bytes
+        };
+        let (of_10, of_12): ([u16; 4], [u16; 2]) = ([0x3a5, 0x0f1, 0x25a, 0x181], [0xabc, 0x123]);
+        assert_eq!(stream(&of_12, 12), [0xbc, 0x3a, 0x12], "Mono12p: low byte, nibbles, high byte");
+        assert_eq!(Packed::Mono12p.unpack(&[0xbc, 0x3a, 0x12], 2), [0xab, 0x12]);
+        assert_eq!(Packed::Mono12Packed.unpack(&[0xab, 0x3c, 0x12], 2), [0xab, 0x12]);
+        // 0x3a5 = 11 1010 0101, 0x0f1 = 00 1111 0001, 0x25a = 10 0101 1010, 0x181 = 01 1000 0001.
+        assert_eq!(stream(&of_10, 10), [0b1010_0101, 0b1100_0111, 0b1010_0011, 0b0110_0101, 0b0110_0000]);
+        assert_eq!(Packed::Mono10p.unpack(&stream(&of_10, 10), 4), of_10.map(|pixel| (pixel >> 2) as u8));
+        assert_eq!(Packed::Mono10Packed.unpack(&[0xe9, 0x11, 0x3c], 2), [0xe9, 0x3c]);
+        // An odd number of pixels ends within a byte.
+        assert_eq!(Packed::Mono12p.unpack(&stream(&[0xabc, 0x123, 0xfed], 12), 3), [0xab, 0x12, 0xfe]);
+        assert_eq!([Packed::Mono10p.bytes(3), Packed::Mono12p.bytes(3), Packed::Mono12Packed.bytes(4)], [4, 5, 6]);
+        // Too few bytes give too few pixels, which no frame has.
+        assert_eq!(Packed::Mono12p.unpack(&[0xbc], 2).len() + Packed::Mono12Packed.unpack(&[], 2).len(), 0);
     }
 
     #[test]

@@ -109,7 +109,7 @@ impl FolderSettings {
         if !Path::new(&self.folder).is_absolute() {
             return wrong("views.folder", format!("{:?}", self.folder), "it must begin with /".into());
         }
-        if self.pixel_format == PixelFormat::BayerRG8 {
+        if self.pixel_format.first_red().is_some() {
             let rule = "it must be RGB8Packed or Mono8, as stored pictures are".into();
             return wrong("views.pixel_format", self.pixel_format.name().into(), rule);
         }

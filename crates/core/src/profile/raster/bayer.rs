@@ -1,8 +1,8 @@
-//! Bilinear demosaicing of an R G / G B mosaic.
+//! Bilinear demosaicing of a Bayer mosaic.
 
 /// Each missing colour is the mean of the nearest pixels that have it; at the border the mosaic is mirrored, which keeps
-/// its phase.
-pub(in crate::profile) fn demosaic_rg(raw: &[u8], width: usize, height: usize) -> [Vec<u8>; 3] {
+/// its phase. `first_red`: column and row of the first red pixel, each 0 or 1.
+pub(in crate::profile) fn demosaic(raw: &[u8], width: usize, height: usize, first_red: [usize; 2]) -> [Vec<u8>; 3] {
     let mut planes: [Vec<u8>; 3] = std::array::from_fn(|_| vec![0; width * height]);
     let [red, green, blue] = &mut planes;
     let every_second: Vec<u8> = (0..=width).map(|u| if u % 2 == 0 { u8::MAX } else { 0 }).collect();
@@ -11,8 +11,8 @@ pub(in crate::profile) fn demosaic_rg(raw: &[u8], width: usize, height: usize) -
         let rows = Rows([mirror(v as isize - 1, height), v, mirror(v as isize + 1, height)].map(|r| &raw[r * width..(r + 1) * width]));
         let (red, green, blue) = (&mut red[span.clone()], &mut green[span.clone()], &mut blue[span]);
         // A row with blue is a row with red in which these two colours are exchanged, shifted by one pixel.
-        let phase = v % 2;
-        let is_own = &every_second[phase..][..width];
+        let phase = (v + first_red[1]) % 2;
+        let is_own = &every_second[(phase + first_red[0]) % 2..][..width];
         if phase == 0 { rows.fill(is_own, red, green, blue) } else { rows.fill(is_own, blue, green, red) }
     }
     planes
@@ -65,19 +65,29 @@ fn colours(is_own: u8, [above, here, below]: [[u8; 3]; 3]) -> [u8; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::frame::PixelFormat;
 
     /// Bilinear interpolation reproduces a colour that varies linearly, away from the mirrored border.
     #[test]
     fn a_linear_ramp_comes_back_exactly() {
         let (w, h) = (12, 10);
         let truth = |c: usize, u: usize, v: usize| (20 + 40 * c + 4 * u + 6 * v) as u8;
-        let channel = |u: usize, v: usize| (u % 2) + (v % 2);
-        let raw: Vec<u8> = (0..h).flat_map(|v| (0..w).map(move |u| truth(channel(u, v), u, v))).collect();
-        let planes = demosaic_rg(&raw, w, h);
-        for v in 1..h - 1 {
-            for u in 1..w - 1 {
-                for (c, plane) in planes.iter().enumerate() {
-                    assert_eq!(plane[v * w + u], truth(c, u, v), "channel {c} at {u}, {v}");
+        // The first two rows of each mosaic, as the names of the formats say them.
+        for (format, rows) in [
+            (PixelFormat::BayerRG8, ["RG", "GB"]),
+            (PixelFormat::BayerGR8, ["GR", "BG"]),
+            (PixelFormat::BayerGB8, ["GB", "RG"]),
+            (PixelFormat::BayerBG8, ["BG", "GR"]),
+        ] {
+            assert!(format.name().starts_with(&format!("Bayer{}", rows[0])));
+            let channel = |u: usize, v: usize| "RGB".find(char::from(rows[v % 2].as_bytes()[u % 2])).unwrap();
+            let raw: Vec<u8> = (0..w * h).map(|i| truth(channel(i % w, i / w), i % w, i / w)).collect();
+            let planes = demosaic(&raw, w, h, format.first_red().unwrap());
+            for v in 1..h - 1 {
+                for u in 1..w - 1 {
+                    for (c, plane) in planes.iter().enumerate() {
+                        assert_eq!(plane[v * w + u], truth(c, u, v), "{format:?}: channel {c} at {u}, {v}");
+                    }
                 }
             }
         }
@@ -85,8 +95,10 @@ mod tests {
 
     #[test]
     fn a_grey_mosaic_stays_grey_to_the_last_pixel_of_odd_sizes() {
-        for plane in demosaic_rg(&[77; 7 * 5], 7, 5) {
-            assert!(plane.iter().all(|&p| p == 77));
+        for first_red in PixelFormat::ALL.into_iter().filter_map(PixelFormat::first_red) {
+            for plane in demosaic(&[77; 7 * 5], 7, 5, first_red) {
+                assert!(plane.iter().all(|&p| p == 77));
+            }
         }
     }
 }

@@ -14,10 +14,10 @@ impl Picture {
     /// The colours of a frame. Mono frames give three equal planes; Bayer frames are demosaiced bilinearly.
     pub fn from_frame(frame: &RawFrame) -> Self {
         let (width, height) = (frame.width() as usize, frame.height() as usize);
-        let planes = match frame.format() {
-            PixelFormat::Mono8 => [frame.bytes().to_vec(), frame.bytes().to_vec(), frame.bytes().to_vec()],
-            PixelFormat::RGB8Packed => std::array::from_fn(|c| frame.bytes().iter().skip(c).step_by(3).copied().collect()),
-            PixelFormat::BayerRG8 => super::bayer::demosaic_rg(frame.bytes(), width, height),
+        let planes = match frame.format().first_red() {
+            Some(first_red) => super::bayer::demosaic(frame.bytes(), width, height, first_red),
+            None if frame.format() == PixelFormat::Mono8 => std::array::from_fn(|_| frame.bytes().to_vec()),
+            None => std::array::from_fn(|c| frame.bytes().iter().skip(c).step_by(3).copied().collect()),
         };
         Self { width, height, planes }
     }

@@ -1,6 +1,7 @@
 //! The acceptance rule for frames.
 
 use super::AravisSettings;
+use crate::camera::settings::Packed;
 use aravis::{BufferPayloadType, BufferStatus};
 use carved_core::frame::{PixelFormat, RawFrame};
 
@@ -29,10 +30,10 @@ pub(super) fn accept(buffer: &aravis::Buffer, settings: &AravisSettings, last_fr
     let format = buffer.image_pixel_format();
     let expected = [settings.width, settings.height, settings.offset_x, settings.offset_y].map(i64::from);
     let found = [width, height, x, y].map(i64::from);
-    if found != expected || format != on_the_wire(settings.pixel_format) {
+    if found != expected || format != on_the_wire(settings.pixel_format, settings.sent_as) {
         return Verdict::Lost(format!(
             "expected {} of width, height, x, y {expected:?}, got {} of {found:?}",
-            settings.pixel_format.name(),
+            settings.format_sent(),
             name(format)
         ));
     }
@@ -46,7 +47,12 @@ pub(super) fn accept(buffer: &aravis::Buffer, settings: &AravisSettings, last_fr
         let early_ms = (since_ns - buffer.timestamp()) as f64 * 1e-6;
         return Verdict::Stale(format!("frame {frame_id} was exposed {early_ms:.3} ms before it was asked for"));
     }
-    match RawFrame::new(settings.width, settings.height, settings.pixel_format, buffer.image_data()) {
+    let sent = buffer.image_data();
+    let pixels = match settings.sent_as {
+        Some(packed) => packed.unpack(&sent, settings.width as usize * settings.height as usize),
+        None => sent,
+    };
+    match RawFrame::new(settings.width, settings.height, settings.pixel_format, pixels) {
         Ok(frame) => Verdict::Taken { frame, frame_id },
         Err(e) => Verdict::Lost(e.to_string()),
     }
@@ -63,17 +69,27 @@ fn missing(settings: &AravisSettings) -> String {
 
 /// GenICam's name of a known format; the number of another one.
 fn name(format: aravis::PixelFormat) -> String {
-    let known = [PixelFormat::Mono8, PixelFormat::BayerRG8, PixelFormat::RGB8Packed];
-    known
+    PixelFormat::ALL
         .into_iter()
-        .find(|known| on_the_wire(*known) == format)
+        .find(|known| on_the_wire(*known, None) == format)
         .map_or_else(|| format!("format {:#010x}", format.raw()), |known| known.name().to_owned())
 }
 
-fn on_the_wire(format: PixelFormat) -> aravis::PixelFormat {
+fn on_the_wire(format: PixelFormat, sent_as: Option<Packed>) -> aravis::PixelFormat {
+    match sent_as {
+        None => {}
+        // Aravis 0.8 has no name for the formats of PFNC.
+        Some(Packed::Mono10p) => return aravis::PixelFormat::from_raw(0x010a_0046),
+        Some(Packed::Mono12p) => return aravis::PixelFormat::from_raw(0x010c_0047),
+        Some(Packed::Mono10Packed) => return aravis::PixelFormat::MONO_10_PACKED,
+        Some(Packed::Mono12Packed) => return aravis::PixelFormat::MONO_12_PACKED,
+    }
     match format {
         PixelFormat::Mono8 => aravis::PixelFormat::MONO_8,
         PixelFormat::BayerRG8 => aravis::PixelFormat::BAYER_RG_8,
+        PixelFormat::BayerGR8 => aravis::PixelFormat::BAYER_GR_8,
+        PixelFormat::BayerGB8 => aravis::PixelFormat::BAYER_GB_8,
+        PixelFormat::BayerBG8 => aravis::PixelFormat::BAYER_BG_8,
         PixelFormat::RGB8Packed => aravis::PixelFormat::RGB_8_PACKED,
     }
 }

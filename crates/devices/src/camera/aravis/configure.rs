@@ -19,7 +19,7 @@ pub(super) fn configure(camera: &aravis::Camera, settings: &AravisSettings) -> R
             device.set_features_from_string(&format!("{name}={value}")).map_err(|e| refused(&what(), &e))?;
         }
     }
-    let format = settings.pixel_format.name();
+    let format = settings.format_sent();
     camera.set_pixel_format_from_string(format).map_err(|e| refused(&format!("PixelFormat = {format}"), &e))?;
     // Offsets of 0 first, so that any size fits.
     for (name, value) in [
