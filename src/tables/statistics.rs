@@ -26,13 +26,15 @@ use utoipa::ToSchema;
 const SIGNAL: &str = "signal_grey_px_per_nl";
 
 /// A number that has statistics: the name of its column in the table of specimens, its unit, and where it is in `measurement.json`.
-pub const QUANTITIES: [(&str, &str, &str); 8] = [
+pub const QUANTITIES: [(&str, &str, &str); 10] = [
     ("volume_um3", "um^3", "/measurement/volume_um3"),
     ("area_um2", "um^2", "/measurement/area_um2"),
     ("body_length_um", "um", "/shape/body/length_um"),
     ("sphericity", "1", "/shape/solid/sphericity"),
     ("bending_total_deg", "deg", "/shape/body/bending/total_deg"),
     ("max_curvature_per_mm", "1/mm", "/shape/body/bending/max_curvature_per_mm"),
+    ("eye_volume_um3", "um^3", "/eyes/mean_volume_um3"),
+    ("eye_distance_um", "um", "/eyes/distance_um"),
     (SIGNAL, "grey px/nl", "/fluorescence/signal_per_nl"),
     ("diameter_um", "um", "/measurement/diameter_um"),
 ];

@@ -14,6 +14,7 @@ mod calibration;
 mod closures;
 mod detection;
 mod independent;
+mod inside;
 mod profile_truth;
 mod quality;
 mod refine;

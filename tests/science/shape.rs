@@ -79,7 +79,7 @@ fn larvae_have_their_length_head_and_back_whichever_way_they_lie() {
         let near = if camera.projection(0.0).depth([0.0, 0.0, 100.0]) < camera.projection(0.0).depth([0.0; 3]) { 1.0 } else { -1.0 };
         let front = cos.atan2(-near * sin);
         let views: Vec<(u32, f64)> = (0..VIEWS).map(|view| (view, TAU * f64::from(view) / f64::from(VIEWS))).collect();
-        let facing = Facing::of(&shape, &camera, &views).unwrap();
+        let facing = Facing::of(&shape, None, &camera, &views).unwrap();
         let off = |a: f64, b: f64| (a - b - TAU * ((a - b) / TAU).round()).abs().to_degrees();
         assert!(off(facing.roll_deg.to_radians(), front) < 5.0, "{name}: {facing:?}, the back is in front at {} deg", front.to_degrees());
         let angle = |view: u32| views[view as usize].1;

@@ -790,6 +790,28 @@ export interface StoredEstimators {
   voxel: StoredVoxelEstimate;
 }
 
+export interface StoredEye {
+  centre_um: [number, number, number];
+  half_axes_um: [number, number, number];
+  residual_px: number;
+  side?: StoredSide | null;
+  spread_um2: [number, number, number, number, number, number];
+  volume_sd_um3: number;
+  volume_um3: number;
+}
+
+export interface StoredEyes {
+  axis_angle_deg?: number | null;
+  distance_sd_um?: number | null;
+  distance_um?: number | null;
+  eyes: StoredEye[];
+  mean_volume_sd_um3?: number | null;
+  mean_volume_um3?: number | null;
+  reason?: StoredEyesMissing | null;
+}
+
+export type StoredEyesMissing = "few_views" | "not_dark" | "only_one" | "not_ellipsoids";
+
 export interface StoredFacing {
   confidence: number;
   dorsal_off_deg: number;
@@ -871,7 +893,7 @@ export interface StoredHead {
 
 export interface StoredHeadInPicture {
   confidence: number;
-  side?: StoredSide | null;
+  side?: StoredSide2 | null;
 }
 
 export interface StoredInstrumentIdentity {
@@ -977,6 +999,7 @@ export interface StoredMeasurement {
 export interface StoredMeasurementFile {
   calibration?: StoredCalibrationRecord | null;
   closure?: StoredClosureRecord | null;
+  eyes?: StoredEyes | null;
   facing?: StoredFacing | null;
   fins?: StoredFin[];
   flags: string[];
@@ -1211,6 +1234,8 @@ export interface StoredShape {
 }
 
 export type StoredSide = "left" | "right";
+
+export type StoredSide2 = "left" | "right";
 
 export interface StoredSoftware {
   commit?: string;

@@ -1,8 +1,9 @@
 // Lines to draw over a frame: the outline of a mask with the fins, and the outline of the model.
 
+import { ellipseOf } from "./eyes.ts";
 import { edgeOf, silhouetteOf, type Triangles } from "./silhouette.ts";
 import type { Projection } from "./projection.ts";
-import type { StoredViewRecord } from "./status.ts";
+import type { StoredEye, StoredViewRecord } from "./status.ts";
 
 /** The colours of the lines, as app.css names them in the legend. */
 const PROFILE = [255, 64, 160] as const;
@@ -48,9 +49,30 @@ export async function outlined(file: Blob, fins: NonNullable<StoredViewRecord["f
   return canvas.convertToBlob({ type: "image/png" });
 }
 
-/** The outline of the model, seen by the camera of a view, on a transparent background. */
-export function modelOutline(model: Triangles, p: Projection, width: number, height: number): Promise<Blob> {
+/** The outlines of the model and of the eyes in it, seen by the camera of a view, on a transparent background. */
+export function modelOutline(
+  model: Triangles,
+  eyes: readonly StoredEye[],
+  p: Projection,
+  width: number,
+  height: number,
+): Promise<Blob> {
   const mask = silhouetteOf(model, p, width, height);
-  const edge = edgeOf((u, v) => mask[v * width + u] === 1, width, height);
-  return drawn(edge, width, height, MODEL).convertToBlob({ type: "image/png" });
+  const canvas = drawn(
+    edgeOf((u, v) => mask[v * width + u] === 1, width, height),
+    width,
+    height,
+    MODEL,
+  );
+  const drawing = canvas.getContext("2d")!;
+  drawing.strokeStyle = `rgb(${MODEL.join(", ")})`;
+  drawing.lineWidth = 2;
+  for (const eye of eyes) {
+    const seen = ellipseOf(eye, p);
+    if (seen === null) continue;
+    drawing.beginPath();
+    drawing.ellipse(seen.u + 0.5, seen.v + 0.5, seen.half[0], seen.half[1], seen.angle, 0, 2 * Math.PI);
+    drawing.stroke();
+  }
+  return canvas.convertToBlob({ type: "image/png" });
 }

@@ -256,7 +256,8 @@ export class FrameView {
     if (seen === null) return null;
     try {
       const model = await this.#models.of(one);
-      return model && (await modelOutline(trianglesOf(model), seen.projection, seen.width, seen.height));
+      const eyes = specimen.measurement?.eyes?.eyes ?? [];
+      return model && (await modelOutline(trianglesOf(model), eyes, seen.projection, seen.width, seen.height));
     } catch (error) {
       if (!(error instanceof Refused)) throw error;
       return null;

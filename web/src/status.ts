@@ -5,6 +5,7 @@ import type {
   SpecimenDetail,
   StoredCalibrationRecord,
   StoredEstimateStanding,
+  StoredEyes,
   StoredFacing,
   StoredMeasurementFile,
   StoredRigRecord,
@@ -24,6 +25,7 @@ export interface Measured extends Pick<StoredMeasurementFile, "views"> {
   calibration?: Pick<StoredCalibrationRecord, "psi" | "rho"> | null;
   shape?: { body?: { dorsal: { direction?: readonly number[] | null } } | null } | null;
   facing?: Pick<StoredFacing, "confidence" | "head_confidence"> | null;
+  eyes?: Pick<StoredEyes, "eyes" | "reason" | "distance_um" | "distance_sd_um"> | null;
   reference?: { estimates: Pick<StoredEstimateStanding, "estimator" | "volume" | "area">[] } | null;
 }
 

@@ -4,7 +4,7 @@
 //! ```text
 //! units, frame, range, statistics, flag ──> assay
 //!        │
-//!    geometry ──> profile ──> carver ──> calibration ──> fins ──> surface ──> measure ──> quality ──> reconstruction ──> pipeline
+//!    geometry ──> profile ──> inside ──> carver ──> calibration ──> fins ──> surface ──> measure ──> quality ──> reconstruction ──> pipeline
 //! ```
 //! Each module uses only modules to its left or above (`tests/house.rs` of the workspace checks this).
 //!
@@ -20,6 +20,7 @@ pub mod fins;
 pub mod flag;
 pub mod frame;
 pub mod geometry;
+pub mod inside;
 pub mod measure;
 mod parallel;
 pub mod pipeline;

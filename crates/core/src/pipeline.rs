@@ -15,10 +15,11 @@ use crate::calibration::{Calibration, ViewState};
 use crate::carver::Leaves;
 use crate::flag::StoredFlag;
 use crate::frame::RawFrame;
-use crate::geometry::{Camera, VoxelGrid};
+use crate::geometry::{Camera, Projection, VoxelGrid};
+use crate::inside::{Eyes, Lit, Shade};
 use crate::measure::facing::Facing;
-use crate::measure::shape::Shape;
-use crate::measure::{Fallback, Measurement};
+use crate::measure::shape::{Body, Shape};
+use crate::measure::{Fallback, Measurement, extents};
 use crate::profile::{
     Columns, Detection, EmptyCapillary, FinBorders, Mask, Picture, Polygon, Profile, ProfileError, SegmentSettings, Segmenters,
 };
@@ -94,6 +95,8 @@ pub struct Pipeline {
     carved: Vec<u32>,
     /// The views that carved, compared with each other.
     turning: Turning,
+    /// The light that passed the specimen in the views that carved, in the order of carving.
+    shades: Vec<Option<Shade>>,
     /// The newest profile of view 0. `None` when the newest take of view 0 has no profile.
     first: Option<ClosureProfile>,
     /// The newest profile of the view at 360 deg. It is compared with `first` only when the result is requested, so that the
@@ -151,6 +154,7 @@ impl Pipeline {
             views: Vec::new(),
             carved: Vec::new(),
             turning: Turning::default(),
+            shades: Vec::new(),
             first: None,
             closure: None,
             calibrated: None,
@@ -209,6 +213,7 @@ impl Pipeline {
                     self.reconstruction.observe_outlines(&p.mask, &p.edge, &p.body, frame.borders.as_ref(), omega, leaves)?.volume_um3;
                 record.used = true;
                 self.carved.push(index);
+                self.shades.push(Shade::of(&frame.picture, &p.mask));
                 self.turning.observe(index, omega, &frame.picture, p, self.settings.camera.ux);
                 record.area_px = Some(p.mask.area_px());
                 record.quality = Some(p.quality);
@@ -241,6 +246,7 @@ impl Pipeline {
         if let Some(at) = self.carved.iter().position(|view| *view == index) {
             self.reconstruction.take_back(at)?;
             self.carved.remove(at);
+            self.shades.remove(at);
         }
         self.views.retain(|v| v.index != index);
         self.turning.forget(index);
@@ -366,11 +372,13 @@ impl Pipeline {
         let shape = Shape::of(&model.mesh);
         let taken: Vec<(u32, f64)> = self.views.iter().map(|v| (v.index, v.omega)).collect();
         let camera = found.map_or(&self.settings.camera, |c| &c.camera);
-        let facing = if self.settings.sphere { None } else { Facing::of(&shape, camera, &taken) };
+        let eyes = self.eyes(&projections, &model.mesh, shape.body.as_ref());
+        let facing = if self.settings.sphere { None } else { Facing::of(&shape, eyes.as_ref(), camera, &taken) };
         let record = SpecimenRecord {
             measurement: model.measurement,
             shape: Some(shape),
             facing,
+            eyes,
             fins,
             views: self.views,
             closure,
@@ -381,6 +389,23 @@ impl Pipeline {
             flags,
         };
         Ok(Finished { mesh: model.mesh, record, hull })
+    }
+
+    /// The eyes, by the views that count. `None` for a bead.
+    fn eyes(&self, projections: &[Projection], mesh: &Mesh, body: Option<&Body>) -> Option<Eyes> {
+        if self.settings.sphere {
+            return None;
+        }
+        let is_used = |index: u32| self.views.iter().any(|v| v.index == index && v.used);
+        let views: Vec<Lit> = self
+            .carved
+            .iter()
+            .zip(projections)
+            .zip(&self.shades)
+            .filter(|((index, _), _)| is_used(**index))
+            .filter_map(|((_, projection), shade)| Some(Lit { projection, shade: shade.as_ref()? }))
+            .collect();
+        Some(Eyes::find(&views, &extents(mesh)?, body))
     }
 
     /// Why the views do not show one specimen that turns, the cause before its consequences.

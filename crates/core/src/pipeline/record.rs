@@ -4,6 +4,7 @@ use crate::calibration::PoseOffset;
 use crate::fins::Fin;
 use crate::flag::{Flag, StoredFlag};
 use crate::geometry::{Camera, Projection};
+use crate::inside::Eyes;
 use crate::measure::Measurement;
 use crate::measure::facing::Facing;
 use crate::measure::shape::Shape;
@@ -137,6 +138,9 @@ pub struct SpecimenRecord {
     /// Which views show a larva's back, belly and sides. `None` for a bead, and where the shape does not determine a back.
     #[serde(default)]
     pub facing: Option<Facing>,
+    /// The eyes of a larva. `None` for a bead, and where they were not looked for.
+    #[serde(default)]
+    pub eyes: Option<Eyes>,
     /// The free edges of the fins that the views agree on.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub fins: Vec<Fin>,

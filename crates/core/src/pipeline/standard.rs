@@ -110,7 +110,7 @@ impl SpecimenRecord {
         let views: Vec<(u32, f64)> = self.views.iter().filter(|v| used(v.index).is_some()).map(|v| (v.index, v.omega)).collect();
         let camera = self.calibration.as_ref().map_or(rig, |found| &found.psi);
         // Numbers of older versions have a shape and no sides.
-        let facing = self.facing.clone().or_else(|| Facing::of(shape, camera, &views));
+        let facing = self.facing.clone().or_else(|| Facing::of(shape, self.eyes.as_ref(), camera, &views));
         let facing = facing.ok_or(NoStandardView::Back { found: body.dorsal.confidence })?;
         let head = facing.head.filter(|_| facing.head_confidence >= LEAST_CONFIDENCE);
         let head = head.ok_or(NoStandardView::Head { found: facing.head_confidence })?;

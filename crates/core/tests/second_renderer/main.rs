@@ -16,6 +16,7 @@
 mod cases;
 mod checks;
 mod dust;
+mod eyes;
 mod glass;
 mod judge;
 mod optics;

@@ -172,6 +172,18 @@ impl Specimen {
     }
 }
 
+/// Centres and half axes of the eyes of the larva of this seed, um.
+pub fn eyes(seed: u64, bore_um: f64) -> [(Point, [f64; 3]); 2] {
+    let larva = Larva::of(seed, bore_um);
+    [-1.0, 1.0].map(|side| larva.eye(side))
+}
+
+/// Direction (y, z) of the back at the head of the larva of this seed.
+pub fn back(seed: u64, bore_um: f64) -> [f64; 2] {
+    let (sin, cos) = Larva::of(seed, bore_um).roll(0.085).sin_cos();
+    [-cos, -sin]
+}
+
 /// How strongly the fins of a larva show.
 #[derive(Debug, Clone, Copy)]
 pub struct Fins {

@@ -54,14 +54,14 @@ const ROWS: [Row; 8] = [
     row("finned larva, dust", Kind::Finned, Dirt::MEASURED, 2, 2.5, 3.0, 1.5),
 ];
 
-struct Turn {
+pub struct Turn {
     seed: u64,
     /// Volume that the true silhouettes give, um^3. `None` in dust, which does not change them.
     exact_um3: Option<f64>,
     /// Volume of the ideal hull and of the body without fins, um^3.
     hull_um3: f64,
     body_um3: f64,
-    record: SpecimenRecord,
+    pub record: SpecimenRecord,
     /// Of a larva, by all views and by a third of them with smaller voxels: [`percents`].
     by_views: Option<[[[f64; 2]; 2]; 2]>,
 }

@@ -135,6 +135,17 @@ pub const BEFORE: &[Column] = &[
     ),
 ];
 
+/// The eyes that were found in a larva.
+fn eyes<'a>(row: &'a Row<'a>) -> Option<&'a Vec<Value>> {
+    row.measured("/eyes/eyes").and_then(Value::as_array)
+}
+
+/// A number of the eye on one side.
+fn eye(row: &Row, side: &str, key: &str) -> Cell {
+    let found = eyes(row).and_then(|eyes| eyes.iter().find(|eye| eye["side"] == side));
+    Cell::of_json(Number, found.and_then(|eye| eye.get(key)))
+}
+
 /// The instrument of the run. Runs of earlier versions and imported runs have none.
 fn identity(run: &RunRecord) -> Option<&InstrumentIdentity> {
     run.instrument.as_ref()
@@ -293,6 +304,38 @@ pub const AFTER: &[Column] = &[
     col("head_end", Text, Measured("/shape/body/head/end"), "`left` or `right`: the end of the picture where the head is"),
     col("head_confidence", Number, Measured("/shape/body/head/confidence"), "0 to 1"),
     col("dorsal_confidence", Number, Measured("/shape/body/dorsal/confidence"), "0 to 1: how well the back is known"),
+    // Eyes.
+    col(
+        "eyes_found",
+        Integer,
+        Made(|r| eyes(r).map(|eyes| eyes.len() as u32).into()),
+        "of a larva: number of eyes that were found, 0 to 2",
+    ),
+    col("eyes_reason", Text, Measured("/eyes/reason"), "why fewer than two were found; docs/organs.md has the reasons"),
+    col("eye_volume_um3", Number, Measured("/eyes/mean_volume_um3"), "mean volume of both eyes; empty without two eyes"),
+    col("eye_volume_sd_um3", Number, Measured("/eyes/mean_volume_sd_um3"), "standard deviation of `eye_volume_um3`"),
+    col(
+        "eye_left_volume_um3",
+        Number,
+        Made(|r| eye(r, "left", "volume_um3")),
+        "volume of the larva's left eye; empty where the side is not known",
+    ),
+    col("eye_left_volume_sd_um3", Number, Made(|r| eye(r, "left", "volume_sd_um3")), "standard deviation of `eye_left_volume_um3`"),
+    col(
+        "eye_right_volume_um3",
+        Number,
+        Made(|r| eye(r, "right", "volume_um3")),
+        "volume of the larva's right eye; empty where the side is not known",
+    ),
+    col("eye_right_volume_sd_um3", Number, Made(|r| eye(r, "right", "volume_sd_um3")), "standard deviation of `eye_right_volume_um3`"),
+    col("eye_distance_um", Number, Measured("/eyes/distance_um"), "distance between the centres of the eyes"),
+    col("eye_distance_sd_um", Number, Measured("/eyes/distance_sd_um"), "standard deviation of `eye_distance_um`"),
+    col(
+        "eye_axis_angle_deg",
+        Number,
+        Measured("/eyes/axis_angle_deg"),
+        "angle between the line from eye to eye and the body axis at the head; 90 for a straight head",
+    ),
     // Every estimator, and the parts of the standard deviations.
     col("support_volume_um3", Number, Measured("/measurement/estimators/support/volume_um3"), "volume by support functions"),
     col(

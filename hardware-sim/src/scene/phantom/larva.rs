@@ -24,6 +24,7 @@ use super::{Mesh, Part, Placement, Specimen, Truth, Within};
 use crate::scene::seeded::Seeded;
 pub use look::{Condition, Look};
 use organs::EYE_AT;
+pub use organs::OrganTruth;
 use shape::{Age, Shape};
 use std::f64::consts::{PI, TAU};
 

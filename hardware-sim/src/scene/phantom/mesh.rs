@@ -119,6 +119,21 @@ impl Mesh {
         self.corners().map(|[a, b, c]| dot(sub(a, origin), cross(sub(b, origin), sub(c, origin))) / 6.0).sum()
     }
 
+    /// Centre of the volume that it encloses.
+    pub fn centroid(&self) -> [f64; 3] {
+        let Some(&origin) = self.vertices.first() else { return [0.0; 3] };
+        let (mut sum, mut volume) = ([0.0; 3], 0.0);
+        for corners in self.corners() {
+            let [a, b, c] = corners.map(|p| sub(p, origin));
+            let part = dot(a, cross(b, c));
+            volume += part;
+            for i in 0..3 {
+                sum[i] += part * (a[i] + b[i] + c[i]) / 4.0;
+            }
+        }
+        std::array::from_fn(|i| origin[i] + sum[i] / volume)
+    }
+
     pub fn area(&self) -> f64 {
         self.corners().map(|[a, b, c]| norm(cross(sub(b, a), sub(c, a))) / 2.0).sum()
     }

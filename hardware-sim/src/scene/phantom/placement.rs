@@ -25,7 +25,7 @@ pub struct Placement {
 
 impl Placement {
     /// Applies the placement to a point, without the sinking.
-    pub(crate) fn place(&self, [x, y, z]: [f64; 3]) -> [f64; 3] {
+    pub fn place(&self, [x, y, z]: [f64; 3]) -> [f64; 3] {
         let side = if self.faces_right { -1.0 } else { 1.0 };
         let (sin, cos) = self.roll_rad.sin_cos();
         let (x, z) = (side * x, side * z);

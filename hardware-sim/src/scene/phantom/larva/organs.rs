@@ -24,11 +24,27 @@ const BLADDER: Material = Material { absorption_per_mm: [-0.5, -0.6, -0.9], inde
 const SKIN_UM: f64 = 6.0;
 pub const EYE_AT: f64 = 0.078;
 
+/// The true values of an organ.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OrganTruth {
+    /// Its volume.
+    pub volume_um3: f64,
+    /// The centre of its volume.
+    pub centre_um: [f64; 3],
+}
+
+impl OrganTruth {
+    fn of(mesh: &Mesh) -> Self {
+        Self { volume_um3: mesh.volume(), centre_um: mesh.centroid() }
+    }
+}
+
 impl Larva {
     pub(super) fn organs(&self) -> Vec<Part> {
         let part = |mesh: Mesh, material| Part { mesh, material: self.tinged(material), within_body: Within::Added };
+        let [one, other] = self.eyes();
         let mut parts = vec![
-            part(self.eyes(), EYE),
+            part(one.with(&other), EYE),
             part(self.yolk(), self.yolk_material()),
             part(self.notochord(), NOTOCHORD),
             part(self.brain(), BRAIN),
@@ -56,16 +72,20 @@ impl Larva {
         Material { absorption_per_mm: YOLK.absorption_per_mm.map(|a| left * a), ..YOLK }
     }
 
+    /// The true values of both eyes, in the larva's own frame.
+    pub fn true_eyes(&self) -> [OrganTruth; 2] {
+        self.eyes().each_ref().map(OrganTruth::of)
+    }
+
     /// Both eyes, below the middle of the head. Their distance is the width of the head.
-    fn eyes(&self) -> Mesh {
+    fn eyes(&self) -> [Mesh; 2] {
         let u = self.unit_um();
         let [x, y, z] = self.lateral(EYE_AT, self.shape.centre.at(EYE_AT) + 18.0);
         let half_width = self.radius(EYE_AT, FRAC_PI_2);
-        let eye = |side: f64| {
+        [1.0, -1.0].map(|side| {
             let half = [0.044 * self.length_um, 46.0 * u, 25.0 * u];
             self.tucked(ellipsoid_mesh([x, y, z + side * (half_width - 27.0 * u)], half, 48, 48))
-        };
-        eye(1.0).with(&eye(-1.0))
+        })
     }
 
     fn brain(&self) -> Mesh {

@@ -1,0 +1,29 @@
+//! What lies inside a larva: organs that the views show through its body.
+//!
+//! ```text
+//!  Picture + Profile ── Shade, per view: light that passed the specimen, of that beside it
+//!                         │
+//!  Shade x projections ── dark parts that all views agree on ── two ellipsoids ── Eyes
+//! ```
+//! An organ that is not found is `None` with the reason. It is never 0.
+
+mod dark;
+mod ellipsoid;
+mod eyes;
+mod shade;
+#[cfg(test)]
+mod tests;
+
+pub use ellipsoid::Ellipsoid;
+pub use eyes::{Eye, Eyes, EyesMissing, Side};
+pub use shade::Shade;
+
+use crate::geometry::Projection;
+
+/// A view of the specimen with its light.
+pub(crate) struct Lit<'a> {
+    /// The calibrated projection.
+    pub projection: &'a Projection,
+    /// The light in it.
+    pub shade: &'a Shade,
+}
