@@ -40,7 +40,7 @@ const MAY_DEPEND_ON: &[(&str, &[&str])] = &[
 ];
 
 /// The modules of the science. Each may use those before it, and the macro `ranges!`.
-const ORDER_OF_SCIENCE: [&str; 17] = [
+const ORDER_OF_SCIENCE: [&str; 18] = [
     "range",
     "flag",
     "units",
@@ -50,6 +50,7 @@ const ORDER_OF_SCIENCE: [&str; 17] = [
     "assay",
     "geometry",
     "profile",
+    "inside",
     "carver",
     "calibration",
     "fins",

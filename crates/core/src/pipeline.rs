@@ -15,7 +15,7 @@ use crate::calibration::{Calibration, ViewState};
 use crate::carver::Leaves;
 use crate::flag::StoredFlag;
 use crate::frame::RawFrame;
-use crate::geometry::{Camera, Projection, VoxelGrid};
+use crate::geometry::{BoxUm, Camera, Projection, VoxelGrid};
 use crate::inside::{Eyes, Lit, Shade};
 use crate::measure::facing::Facing;
 use crate::measure::shape::{Body, Shape};
@@ -405,7 +405,9 @@ impl Pipeline {
             .filter(|((index, _), _)| is_used(**index))
             .filter_map(|((_, projection), shade)| Some(Lit { projection, shade: shade.as_ref()? }))
             .collect();
-        Some(Eyes::find(&views, &extents(mesh)?, body))
+        let around = extents(mesh)?;
+        let around = BoxUm { min: around.min, max: around.max };
+        Some(Eyes::find(&views, &around, body.and_then(Body::left), body.and_then(Body::axis_at_head)))
     }
 
     /// Why the views do not show one specimen that turns, the cause before its consequences.

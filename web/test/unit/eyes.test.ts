@@ -59,10 +59,10 @@ test("eyes are said with their sides, or why they were not found", () => {
   };
   assert.match(
     eyesWords({ ...both, reason: null }),
-    /^Eyes \(± 1 SD\): left 9\.4 ± 0\.5.nL, right 9\.4 ± 0\.5.nL, 310 ± 5.µm apart\.$/u,
+    /^Eyes \(± 1 SD\): left 9\.40 ± 0\.50.nL, right 9\.40 ± 0\.50.nL, 310 ± 5.µm apart\.$/u,
   );
   const one = { ...nothing, eyes: [eye([1, 1, 1], { side: null })], distance_um: null, distance_sd_um: null };
-  assert.match(eyesWords({ ...one, reason: "only_one" }), /^Eyes \(± 1 SD\): 9\.4 .* One was not found: only one part/);
+  assert.match(eyesWords({ ...one, reason: "only_one" }), /^Eyes \(± 1 SD\): 9\.40 .* One was not found: only one part/);
   assert.match(eyesWords({ ...one, eyes: [], reason: "not_dark" }), /^Eyes: not found, because no part/);
   assert.equal(eyesWords(null), "");
 });

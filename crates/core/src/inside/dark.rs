@@ -2,7 +2,7 @@
 
 use super::Lit;
 use super::ellipsoid::Ellipsoid;
-use crate::measure::Extents;
+use crate::geometry::BoxUm;
 use crate::parallel::prelude::*;
 use nalgebra::{Matrix3, Vector3};
 
@@ -32,8 +32,8 @@ struct Block {
 }
 
 impl Block {
-    fn of(extents: &Extents) -> Self {
-        let sides = extents.sides();
+    fn of(extents: &BoxUm) -> Self {
+        let sides: [f64; 3] = std::array::from_fn(|a| extents.max[a] - extents.min[a]);
         Self { at: extents.min, counts: sides.map(|side| (side / VOXEL_UM).ceil().max(1.0) as usize) }
     }
 
@@ -60,9 +60,9 @@ impl Block {
 
 /// The two thickest dark parts near one end of the specimen as rough ellipsoids, the thicker first. They are up to 30 % too large or too small.
 /// One where there are no two beside each other. A pixel is dark up to transmission `level`.
-pub(super) fn thickest(views: &[Lit], extents: &Extents, level: f64) -> Vec<Ellipsoid> {
+pub(super) fn thickest(views: &[Lit], extents: &BoxUm, level: f64) -> Vec<Ellipsoid> {
     let block = Block::of(extents);
-    let reach_um = HEAD * extents.sides()[0];
+    let reach_um = HEAD * (extents.max[0] - extents.min[0]);
     let dark = dark(&block, views, level);
     let near_end = |is_left: bool| {
         let is_near = |voxel: usize| {
@@ -110,9 +110,9 @@ fn two(block: &Block, depths: &[u8]) -> Vec<Ellipsoid> {
 fn dark(block: &Block, views: &[Lit], level: f64) -> Vec<bool> {
     let most = (MISSES * views.len() as f64) as usize;
     let lookups: Vec<_> = views.iter().map(|view| (view.projection.lookup(), view.shade)).collect();
-    // Views that are next to each other show nearly the same. A stride leaves them for the end.
-    let stride = (1..).map(|k| views.len() * 2 / 5 + k).find(|&k| coprime(k, views.len().max(1))).unwrap_or(1);
-    let order: Vec<usize> = (0..views.len()).map(|k| k * stride % views.len()).collect();
+    // Views that are next to each other show nearly the same, so every fifth comes first.
+    let mut order: Vec<usize> = (0..views.len()).collect();
+    order.sort_by_key(|k| k % 5);
     let is_dark = |voxel: usize| {
         let at: [f64; 3] = block.centre(voxel).into();
         let mut misses = 0;
@@ -128,14 +128,6 @@ fn dark(block: &Block, views: &[Lit], level: f64) -> Vec<bool> {
         true
     };
     (0..block.counts.iter().product()).into_par_iter().with_min_len(4096).map(is_dark).collect()
-}
-
-fn coprime(a: usize, b: usize) -> bool {
-    let (mut a, mut b) = (a, b);
-    while b != 0 {
-        (a, b) = (b, a % b);
-    }
-    a == 1
 }
 
 /// How many voxels deep each dark voxel lies. 0 for one that is not dark, 1 at the surface.

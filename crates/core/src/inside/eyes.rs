@@ -10,8 +10,7 @@
 use super::Lit;
 use super::dark::{LEVELS, thickest};
 use super::ellipsoid::{Ellipse, Ellipsoid, Linear};
-use crate::measure::Extents;
-use crate::measure::shape::Body;
+use crate::geometry::BoxUm;
 use crate::parallel::prelude::*;
 use crate::statistics::median;
 use nalgebra::{Matrix3, SMatrix, SVector, Vector2, Vector3};
@@ -139,16 +138,16 @@ struct Fit {
 }
 
 impl Eyes {
-    /// From the views that count and the extents of the mesh. `body` gives the sides.
-    pub(crate) fn find(views: &[Lit], extents: &Extents, body: Option<&Body>) -> Self {
+    /// From the views that count and the box around the mesh. `left` is the direction to the left of the larva, and `along` that of its axis at the
+    /// head, where they are known.
+    pub(crate) fn find(views: &[Lit], extents: &BoxUm, left: Option<[f64; 3]>, along: Option<[f64; 3]>) -> Self {
         match fitted(views, extents) {
-            Ok(fits) => Self::of(&fits, body),
+            Ok(fits) => Self::of(&fits, left.map(Vector3::from), along.map(Vector3::from)),
             Err(reason) => Self { reason: Some(reason), ..Self::default() },
         }
     }
 
-    fn of(fits: &[Fit], body: Option<&Body>) -> Self {
-        let left = body.and_then(leftwards);
+    fn of(fits: &[Fit], left: Option<Vector3<f64>>, along: Option<Vector3<f64>>) -> Self {
         let middle = fits.iter().map(|fit| fit.eye.centre).sum::<Vector3<f64>>() / fits.len() as f64;
         let mut eyes: Vec<Eye> = fits
             .iter()
@@ -168,7 +167,6 @@ impl Eyes {
             _ => None,
         };
         let mean = |of: fn(&Eye) -> f64| (eyes.len() == 2).then(|| eyes.iter().map(of).sum::<f64>() / 2.0);
-        let along = body.filter(|body| body.head.end.is_some()).and_then(axis_at_head);
         Self {
             // The place of the edges is off by the same amount in both eyes, so that the mean is not known better than one.
             mean_volume_um3: mean(|eye| eye.volume_um3),
@@ -186,22 +184,8 @@ fn root_of_squares(parts: impl Iterator<Item = f64>) -> f64 {
     parts.map(|p| p * p).sum::<f64>().sqrt()
 }
 
-/// The direction to the left of the larva. `None` where head and back are not determined.
-fn leftwards(body: &Body) -> Option<Vector3<f64>> {
-    body.dorsal.direction?;
-    // The body's own frame is that of a larva that looks to the left with its back up: its left side faces whoever looks at it.
-    Some(-Vector3::from(body.to_body.rotation[2]))
-}
-
-/// The direction of the body axis at the head.
-fn axis_at_head(body: &Body) -> Option<Vector3<f64>> {
-    const STATIONS: [usize; 2] = [3, 15];
-    let [from, to] = STATIONS.map(|i| body.stations.get(i).map(|station| Vector3::from(station.centre_um)));
-    (to? - from?).try_normalize(0.0)
-}
-
 /// The pair whose eyes are most alike, over the levels of darkness. A dense head can take the place of an eye at one level.
-fn fitted(views: &[Lit], extents: &Extents) -> Result<Vec<Fit>, EyesMissing> {
+fn fitted(views: &[Lit], extents: &BoxUm) -> Result<Vec<Fit>, EyesMissing> {
     if views.len() < LEAST_VIEWS {
         return Err(EyesMissing::FewViews);
     }

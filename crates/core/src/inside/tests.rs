@@ -3,8 +3,7 @@
 use super::ellipsoid::{Ellipsoid, Linear};
 use super::*;
 use crate::frame::{PixelFormat, RawFrame};
-use crate::geometry::Camera;
-use crate::measure::Extents;
+use crate::geometry::{BoxUm, Camera};
 use crate::profile::{Mask, Picture};
 use nalgebra::{Matrix3, Vector2, Vector3};
 use std::f64::consts::TAU;
@@ -42,7 +41,7 @@ fn found(black: &[Ellipsoid], views: u32) -> Eyes {
     };
     let shades: Vec<_> = projections.iter().map(shade).collect();
     let views: Vec<Lit> = projections.iter().zip(&shades).map(|(projection, shade)| Lit { projection, shade }).collect();
-    Eyes::find(&views, &Extents { min: BODY.map(|a| -a), max: BODY }, None)
+    Eyes::find(&views, &BoxUm { min: BODY.map(|a| -a), max: BODY }, None, None)
 }
 
 const LEFT: [f64; 3] = [-1400.0, 20.0, -120.0];

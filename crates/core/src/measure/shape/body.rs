@@ -41,6 +41,22 @@ pub struct Body {
     pub stations: Vec<Station>,
 }
 
+impl Body {
+    /// The direction to the left of the larva. `None` where its head and back are not determined.
+    pub fn left(&self) -> Option<[f64; 3]> {
+        self.dorsal.direction?;
+        // The body's own frame is that of a larva that looks to the left with its back up: its left side faces whoever looks at it.
+        Some(self.to_body.rotation[2].map(|z| -z))
+    }
+
+    /// The direction of the axis at the head, tailwards: from the slice at 4 to that at 16 % of the length. `None` where the head is not determined.
+    pub fn axis_at_head(&self) -> Option<[f64; 3]> {
+        self.head.end?;
+        let [from, to] = [3, 15].map(|i| self.stations.get(i).map(|station| Vector::from(station.centre_um)));
+        Some((to? - from?).try_normalize(0.0)?.into())
+    }
+}
+
 /// One slice across the axis.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
