@@ -132,14 +132,7 @@ impl Daemon {
             // The driver may be within a write to a slow disk. The motors do not wait for it.
             let at_once = last.clone();
             tokio::task::spawn_blocking(move || at_once.stop_motors());
-            // A second signal ends the process without waiting for the driver.
-            tokio::spawn(async move {
-                let name = signals.next().await;
-                last.stop_motors();
-                let _late = tokio::time::timeout(JOURNALLED, last.until_ending()).await;
-                tracing::warn!("{name}, a second signal: ending at once");
-                std::process::exit(1);
-            });
+            tokio::spawn(end_at_the_next(signals, last));
             end_with_systemd(&informs, heartbeat);
             client.abort();
             let served = match served {
@@ -156,6 +149,15 @@ impl Daemon {
         drove?;
         served
     }
+}
+
+/// A second signal ends the process without waiting for the driver.
+async fn end_at_the_next(mut signals: Signals, session: SessionHandle) {
+    let name = signals.next().await;
+    session.stop_motors();
+    let _late = tokio::time::timeout(JOURNALLED, session.until_ending()).await;
+    tracing::warn!("{name}, a second signal: ending at once");
+    std::process::exit(1);
 }
 
 /// Reports readiness, then the `doing` of every revision, and pings the watchdog while the driver's heartbeat is recent.

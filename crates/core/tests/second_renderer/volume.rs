@@ -116,7 +116,7 @@ fn settings(scene: &Scene, planned_views: u32, sphere: bool) -> PipelineSettings
 
 impl Turn {
     /// Measures a specimen.
-    fn of(kind: Kind, dirt: Dirt, seed: u64) -> Result<Self, PipelineError> {
+    pub fn of(kind: Kind, dirt: Dirt, seed: u64) -> Result<Self, PipelineError> {
         let scene = scene(kind, Size::Crop, dirt, seed);
         let specimen = scene.specimen.as_ref().unwrap();
         let of_all = settings(&scene, VIEWS, kind == Kind::Bead);
