@@ -397,11 +397,11 @@ impl Pipeline {
             return None;
         }
         let is_used = |index: u32| self.views.iter().any(|v| v.index == index && v.used);
-        let views: Vec<Lit> = self
-            .carved
-            .iter()
-            .zip(projections)
-            .zip(&self.shades)
+        // By number, so that the result does not depend on the order in which the views came.
+        let mut carved: Vec<_> = self.carved.iter().zip(projections).zip(&self.shades).collect();
+        carved.sort_by_key(|((index, _), _)| **index);
+        let views: Vec<Lit> = carved
+            .into_iter()
             .filter(|((index, _), _)| is_used(**index))
             .filter_map(|((_, projection), shade)| Some(Lit { projection, shade: shade.as_ref()? }))
             .collect();

@@ -62,7 +62,10 @@ test("eyes are said with their sides, or why they were not found", () => {
     /^Eyes \(± 1 SD\): left 9\.40 ± 0\.50.nL, right 9\.40 ± 0\.50.nL, 310 ± 5.µm apart\.$/u,
   );
   const one = { ...nothing, eyes: [eye([1, 1, 1], { side: null })], distance_um: null, distance_sd_um: null };
-  assert.match(eyesWords({ ...one, reason: "only_one" }), /^Eyes \(± 1 SD\): 9\.40 .* One was not found: only one part/);
+  assert.match(
+    eyesWords({ ...one, reason: "only_one" }),
+    /^Eyes \(± 1 SD\): 9\.40 .* One was not found: only one part/,
+  );
   assert.match(eyesWords({ ...one, eyes: [], reason: "not_dark" }), /^Eyes: not found, because no part/);
   assert.equal(eyesWords(null), "");
 });
