@@ -6,7 +6,7 @@ use std::f64::consts::PI;
 
 /// An ellipsoid: all x with (x - centre) S^-1 (x - centre) <= 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Ellipsoid {
+pub(super) struct Ellipsoid {
     /// Centre, um.
     pub centre: Vector3<f64>,
     /// S, um^2: its eigenvalues are the squared half axes.

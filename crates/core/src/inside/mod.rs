@@ -14,7 +14,6 @@ mod shade;
 #[cfg(test)]
 mod tests;
 
-pub use ellipsoid::Ellipsoid;
 pub use eyes::{Eye, Eyes, EyesMissing, Side};
 pub use shade::Shade;
 

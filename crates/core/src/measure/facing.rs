@@ -76,7 +76,7 @@ impl Facing {
 /// Belly shares from which on the side of the belly is meant and sure, in a median plane that the eyes confirm. Phantoms have at least 0.0099
 /// there.
 const BELLY_WITH_EYES: [f64; 2] = [0.004, 0.009];
-/// Largest angle between the median planes of the shape and of the eyes, deg.
+/// Largest angle between the median planes of the shape and of the eyes, deg. Beyond it, what was taken for eyes may be something else.
 const MOST_APART_DEG: f64 = 20.0;
 
 /// The direction of the back, and its confidence: that of the shape, across the line from eye to eye where there are two.
@@ -94,7 +94,10 @@ fn back(body: &Body, centroid_um: [f64; 3], eyes: Option<&Eyes>) -> Option<([f64
     let upright = Vector3::from(of_shape);
     let back = (upright - upright.dot(&across) * across).try_normalize(0.0)?;
     let apart_deg = back.dot(&upright).clamp(-1.0, 1.0).acos().to_degrees();
+    if apart_deg > MOST_APART_DEG {
+        return Some((of_shape, dorsal.confidence));
+    }
     let [least, sure] = BELLY_WITH_EYES;
-    let with_eyes = if apart_deg < MOST_APART_DEG { ((dorsal.belly_share - least) / (sure - least)).clamp(0.0, 1.0) } else { 0.0 };
+    let with_eyes = ((dorsal.belly_share - least) / (sure - least)).clamp(0.0, 1.0);
     Some((back.into(), dorsal.confidence.max(with_eyes)))
 }
