@@ -299,7 +299,7 @@ fn a_signal_stops_the_motors_and_the_light_and_the_same_command_goes_on() {
     assert!(code != Some(0) && said.contains("standard input ended before the set-up did"), "{said}");
 }
 
-/// `carved setup` on the rig that it emulates itself, with each controller.
+/// `carved setup` on the rig that it emulates itself, with each controller but Grbl, which the other tests here have.
 #[test]
 fn each_controller_is_set_up() {
     for (controller, steps, identity) in [("tmcl", "6400", "TMCM"), ("zaber", "6400", "Zaber"), ("relay", "500", "relay")] {
@@ -314,6 +314,18 @@ fn each_controller_is_set_up() {
         let said = String::from_utf8_lossy(&output.stdout).into_owned();
         assert!(output.status.success() && said.contains("The bead is right"), "{controller}: {said}\n{}", stderr(&output));
         assert!(said.contains(identity) && (number(&config, "optics", "ky_px_per_um") * 5.2 - 1.0).abs() < 0.005, "{said}");
+    }
+    // Those that have nothing to be set up say where their configuration is described.
+    for (controller, page) in [("vast-bridge", "docs/vast.md"), ("folder", "docs/vast-folder.md")] {
+        let dir = tempfile::tempdir().unwrap();
+        let (config, answers) = (dir.path().join("rig.toml"), dir.path().join("answers.toml"));
+        std::fs::write(&answers, "").unwrap();
+        let mut command = carved();
+        let output =
+            command.args(["setup", "--simulate", "--controller", controller]).arg("--out").arg(&config).arg("--answers").arg(&answers);
+        let output = output.output().unwrap();
+        assert!(!output.status.success() && !config.exists(), "{controller}");
+        assert!(stderr(&output).contains(page), "{controller}: {}", stderr(&output));
     }
 }
 

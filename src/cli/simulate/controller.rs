@@ -43,9 +43,12 @@ impl Make {
     /// The shipped configuration of such an instrument.
     ///
     /// # Errors
-    /// There is none.
+    /// It has no controller.
     pub fn shipped(self) -> anyhow::Result<Config> {
-        let Example { file, text } = &self.entry().context("another program has the capillary")?.example;
+        let entry = self.entry().context(
+            "another program turns the capillary and takes the pictures: there is no controller to set up; docs/vast-folder.md describes its configuration",
+        )?;
+        let Example { file, text } = &entry.example;
         Ok(Config::parse(text, &Path::new("config").join(file))?)
     }
 
