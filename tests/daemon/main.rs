@@ -25,6 +25,7 @@ mod run_life;
 mod second_camera;
 mod serve;
 mod start;
+mod stuck_camera;
 mod sweep;
 mod systemd;
 mod translation;

@@ -3,7 +3,7 @@
 use crate::closures;
 use carved::cli::emulated;
 use carved_core::frame::{PixelFormat, RawFrame};
-use carved_core::inside::{Eye, Side};
+use carved_core::inside::{BodySide, Eye};
 use carved_core::pipeline::{Pipeline, PipelineSettings, SpecimenRecord};
 use hardware_sim::scene::phantom::OrganTruth;
 use hardware_sim::scene::{Exposure, Larva, Look, Placement, Scene, SceneSettings};
@@ -70,7 +70,7 @@ impl Measured {
         let is_first = apart(a.centre_um, self.eyes[0].centre_um) < apart(b.centre_um, self.eyes[0].centre_um);
         let [of_a, of_b] = if is_first { self.eyes } else { [self.eyes[1], self.eyes[0]] };
         let off = |eye: &Eye, truth: &OrganTruth| eye.volume_um3 - truth.volume_um3;
-        let sides = if is_first { [Side::Right, Side::Left] } else { [Side::Left, Side::Right] };
+        let sides = if is_first { [BodySide::Right, BodySide::Left] } else { [BodySide::Left, BodySide::Right] };
         // The back lies at -y of the larva's own frame. It faces the camera, which is at -z, when it has no part along y.
         let (sin, cos) = self.roll_rad.sin_cos();
         let back_deg = self.record.facing.as_ref().map(|facing| {

@@ -643,6 +643,8 @@ export interface StoredBody {
   to_body: StoredToBody;
 }
 
+export type StoredBodySide = "left" | "right";
+
 export interface StoredBoxUm {
   max: [number, number, number];
   min: [number, number, number];
@@ -794,7 +796,7 @@ export interface StoredEye {
   centre_um: [number, number, number];
   half_axes_um: [number, number, number];
   residual_px: number;
-  side?: StoredSide | null;
+  side?: StoredBodySide | null;
   spread_um2: [number, number, number, number, number, number];
   volume_sd_um3: number;
   volume_um3: number;
@@ -893,7 +895,7 @@ export interface StoredHead {
 
 export interface StoredHeadInPicture {
   confidence: number;
-  side?: StoredSide2 | null;
+  side?: StoredSide | null;
 }
 
 export interface StoredInstrumentIdentity {
@@ -1234,8 +1236,6 @@ export interface StoredShape {
 }
 
 export type StoredSide = "left" | "right";
-
-export type StoredSide2 = "left" | "right";
 
 export interface StoredSoftware {
   commit?: string;

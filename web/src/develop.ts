@@ -9,6 +9,7 @@ import type { StoredEye, StoredViewRecord } from "./status.ts";
 const PROFILE = [255, 64, 160] as const;
 const MODEL = [16, 92, 255] as const;
 const FIN = "rgb(64, 220, 255)";
+const EYE = "rgb(255, 196, 0)";
 
 type Rgb = readonly [number, number, number];
 
@@ -65,7 +66,7 @@ export function modelOutline(
     MODEL,
   );
   const drawing = canvas.getContext("2d")!;
-  drawing.strokeStyle = `rgb(${MODEL.join(", ")})`;
+  drawing.strokeStyle = EYE;
   drawing.lineWidth = 2;
   for (const eye of eyes) {
     const seen = ellipseOf(eye, p);

@@ -36,15 +36,20 @@ async function isValidGltf(page: Page, file: string): Promise<void> {
 /** Share of the model's outline that is within `near` px of the outline of the profile or of a fin, in the view on screen. */
 async function fit(page: Page, near: number): Promise<number> {
   return page.evaluate((near) => {
-    const pixels = (id: string) => {
+    // The eyes are drawn with the model, in a colour with more red.
+    const pixels = (id: string, mostRed: number) => {
       const image = document.querySelector<HTMLImageElement>(id)!;
       const [width, height] = [image.naturalWidth, image.naturalHeight];
       const canvas = new OffscreenCanvas(width, height).getContext("2d")!;
       canvas.drawImage(image, 0, 0);
       const { data } = canvas.getImageData(0, 0, width, height);
-      return { width, height, at: [...Array(width * height).keys()].filter((i) => data[4 * i + 3]! > 0) };
+      return {
+        width,
+        height,
+        at: [...Array(width * height).keys()].filter((i) => data[4 * i + 3]! > 0 && data[4 * i]! <= mostRed),
+      };
     };
-    const [model, profile] = [pixels("#model-image"), pixels("#profile-image")];
+    const [model, profile] = [pixels("#model-image", 128), pixels("#profile-image", 255)];
     const { width, height } = profile;
     if (model.width !== width || model.height !== height) throw new Error("pictures of different sizes");
     const around = new Uint8Array(width * height);

@@ -21,7 +21,7 @@ use std::f64::consts::{PI, TAU};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
-pub enum Side {
+pub enum BodySide {
     /// Left.
     Left,
     /// Right.
@@ -33,7 +33,7 @@ pub enum Side {
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Eye {
     /// The side of the larva. `None` where the back is not determined.
-    pub side: Option<Side>,
+    pub side: Option<BodySide>,
     /// Volume of the ellipsoid.
     pub volume_um3: f64,
     /// Standard deviation of the volume: by the views, the form and the place of the edges.
@@ -154,12 +154,12 @@ impl Eyes {
             .map(|fit| {
                 let side = left
                     .filter(|_| fits.len() == 2)
-                    .map(|left| if (fit.eye.centre - middle).dot(&left) > 0.0 { Side::Left } else { Side::Right });
+                    .map(|left| if (fit.eye.centre - middle).dot(&left) > 0.0 { BodySide::Left } else { BodySide::Right });
                 fit.eye(side)
             })
             .collect();
         eyes.sort_by(|a, b| {
-            let key = |eye: &Eye| (eye.side != Some(Side::Left), -eye.volume_um3);
+            let key = |eye: &Eye| (eye.side != Some(BodySide::Left), -eye.volume_um3);
             key(a).0.cmp(&key(b).0).then(key(a).1.total_cmp(&key(b).1))
         });
         let apart = match fits {
@@ -279,7 +279,7 @@ impl Fit {
         root_of_squares([views / 3f64.sqrt(), px[0], px[1]].into_iter())
     }
 
-    fn eye(&self, side: Option<Side>) -> Eye {
+    fn eye(&self, side: Option<BodySide>) -> Eye {
         let volume = self.eye.volume_um3();
         let radius_px = (volume * 0.75 / PI).cbrt() * self.px_per_um();
         let [views, _] = self.jackknife();

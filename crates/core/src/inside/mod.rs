@@ -14,7 +14,7 @@ mod shade;
 #[cfg(test)]
 mod tests;
 
-pub use eyes::{Eye, Eyes, EyesMissing, Side};
+pub use eyes::{BodySide, Eye, Eyes, EyesMissing};
 pub use shade::Shade;
 
 use crate::geometry::Projection;
