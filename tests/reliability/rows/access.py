@@ -39,7 +39,8 @@ def _routes(contract: dict[str, Any], mutating: bool) -> Iterator[tuple[str, str
         for method, operation in item.items():
             if method in ("get", *_MUTATING) and (method in _MUTATING) == mutating:
                 path = template
-                for name, value in (("run_id", "r1"), ("well", "A01"), ("seq", "1"), ("view", "0.png"), ("name", "n1")):
+                examples = {"run_id": "r1", "well": "A01", "seq": "1", "view": "0.png", "picture": "lateral.png", "name": "n1"}
+                for name, value in examples.items():
                     path = path.replace(f"{{{name}}}", value)
                 if "{" in path:
                     raise ValueError(f"{template} has a parameter without an example value")
