@@ -14,7 +14,7 @@ struct Stuck {
     scene: Arc<Scene>,
     /// The newest picture of each angle, in ten-thousandths of a turn.
     seen: Mutex<BTreeMap<i64, Pixels>>,
-    is_stuck: AtomicBool,
+    repeats: AtomicBool,
 }
 
 impl Sight for Stuck {
@@ -25,7 +25,7 @@ impl Sight for Stuck {
     fn look(&self, exposure: &Exposure, format: PixelFormat) -> Pixels {
         let angle = (exposure.angle_rad.rem_euclid(TAU) / TAU * 10_000.0).round() as i64 % 10_000;
         let mut seen = self.seen.lock().unwrap();
-        if self.is_stuck.load(Ordering::SeqCst)
+        if self.repeats.load(Ordering::SeqCst)
             && let Some(nearest) = seen.iter().min_by_key(|(at, _)| (**at - angle).abs()).map(|(_, pixels)| pixels)
         {
             return nearest.clone();
@@ -40,7 +40,7 @@ impl Sight for Stuck {
 fn a_second_well_of_a_live_camera_that_shows_the_pictures_of_the_first_fails_and_the_first_stays() {
     let mut sight = None;
     let bench = Bench::seen_by(|scene| {
-        let stuck = Arc::new(Stuck { scene: scene.clone(), seen: Mutex::default(), is_stuck: AtomicBool::new(false) });
+        let stuck = Arc::new(Stuck { scene: scene.clone(), seen: Mutex::default(), repeats: AtomicBool::new(false) });
         sight = Some(stuck.clone());
         stuck
     });
@@ -51,7 +51,7 @@ fn a_second_well_of_a_live_camera_that_shows_the_pictures_of_the_first_fails_and
     let outcomes = |status: &serde_json::Value| [0, 1].map(|k| status["run"]["results"][k]["outcome"].clone());
     assert_eq!(outcomes(&both), ["succeeded", "succeeded"], "the same larva, and a camera that takes pictures: {both}");
 
-    sight.unwrap().is_stuck.store(true, Ordering::SeqCst);
+    sight.unwrap().repeats.store(true, Ordering::SeqCst);
     let status = bench.measured(&daemon, "stuck", "standard", &[larva("A01"), larva("A02")]);
     assert_eq!(outcomes(&status), ["succeeded", "failed"], "{status}");
     let reason = status["run"]["results"][1]["reason"].as_str().unwrap();
