@@ -18,7 +18,7 @@ const MOST_ASKEW: f64 = 0.6;
 const LEAST_SHARE: f64 = 0.04;
 /// Share of the views that may show a dark voxel brighter, as beside a reflection.
 const MISSES: f64 = 0.1;
-/// A part is thicker than twice this many voxels. The pigment of the skin is thinner.
+/// A part reaches at least this many voxels deep, so it is three voxels thick or more. The pigment of the skin is thinner.
 const LEAST_DEPTH: u8 = 2;
 /// Thickest parts among which the pair is chosen.
 const MOST_PARTS: usize = 4;
