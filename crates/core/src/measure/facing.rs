@@ -10,8 +10,8 @@
 //! ```
 //! The back is where [`Dorsal`](super::shape::Dorsal) puts it, with the confidence stated there: in the direction in which the slices are
 //! longest, on the side away from the belly's bulge. Where both eyes are found, it is turned until the line from eye to eye runs from side to
-//! side: the shape gives that direction to some degrees, the eyes of rendered larvae to less than two. Where the shape does not determine a back, or the eyes lie
-//! at the other end than its head, there is no such view.
+//! side: the shape gives that direction to some degrees, the eyes of rendered larvae to less than two. Where the shape does not determine a
+//! back, or the eyes lie at the other end than its head, there is no such view.
 
 use super::shape::{Body, End, Shape};
 use crate::geometry::Camera;
