@@ -32,7 +32,7 @@ pub use ink::InkDot;
 pub use nuisance::{Drift, Dust, HotPixels, LightCentre, Marks, Motion, Nuisances};
 pub use optics::Optics;
 pub use outline::Outline;
-pub use phantom::{Condition, Larva, Look, Mesh, Narrowest, Placement, PlacementError, Specimen, Truth};
+pub use phantom::{Bladder, Condition, Larva, Look, Mesh, Narrowest, Placement, PlacementError, Specimen, Truth};
 pub use real::NOISE as REAL_NOISE;
 
 use nuisance::Turned;

@@ -4,7 +4,7 @@ use crate::dust::Dirt;
 use crate::optics::Optics;
 use crate::random::Random;
 use crate::scene::{Glass, Lamp, Scene, Sensor, View};
-use crate::shape::{Fins, Material, Specimen};
+use crate::shape::{Bladder, Fins, Material, Specimen};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
@@ -24,6 +24,11 @@ pub enum Size {
 
 /// An instrument and a specimen, both decided by the seed.
 pub fn scene(kind: Kind, size: Size, dirt: Dirt, seed: u64) -> Scene {
+    scene_with(kind, Bladder::Usual, size, dirt, seed)
+}
+
+/// The same with another swim bladder.
+pub fn scene_with(kind: Kind, bladder: Bladder, size: Size, dirt: Dirt, seed: u64) -> Scene {
     let mut r = Random::new(seed.wrapping_mul(31) ^ 0xca5e);
     let px_um = r.uniform(5.4, 5.5);
     let bore_px = r.uniform(110.0, 140.0);
@@ -69,7 +74,7 @@ pub fn scene(kind: Kind, size: Size, dirt: Dirt, seed: u64) -> Scene {
         }
         Kind::Finned | Kind::Finless => {
             let fins = Fins { fold_per_um: 0.0015 * [1.3, 0.5, 2.0, 0.85][quarter], pectoral_per_um: [0.016, 0.008, 0.012, 0.02][quarter] };
-            Specimen::larva(seed, (kind == Kind::Finned).then_some(fins), bore_um, step_um)
+            Specimen::larva(seed, (kind == Kind::Finned).then_some(fins), bladder, bore_um, step_um)
         }
     };
     let specks = dirt.specks(seed, [width, height], bore_um, px_um, Some(&specimen));

@@ -1,11 +1,11 @@
 //! The renderer itself: light, edges, noise, dust and the sense of rotation.
 
-use crate::cases::{Kind, Size, scene};
+use crate::cases::{Kind, Size, scene, scene_with};
 use crate::dust::{Dirt, Place, Speck};
 use crate::optics::{FINE, Optics, image};
 use crate::random::Random;
 use crate::scene::{Glass, Lamp, Scene, Sensor, View};
-use crate::shape::{Material, Section, Specimen, area, convex_hull};
+use crate::shape::{Bladder, Material, Section, Specimen, area, back, convex_hull, gas};
 use crate::truth::{mask, outlines};
 use carved_core::geometry::Camera;
 use std::f64::consts::{PI, TAU};
@@ -330,5 +330,56 @@ fn larvae_are_what_was_asked_for() {
         );
         assert!(fins > 1000 && none == 0, "seed {seed}: {fins} and {none} px of fins");
         assert!(hull > bare_hull + 0.02 && bare_hull > 1.0 && bare_hull < 1.05, "seed {seed}: hull over body {hull:.3}, {bare_hull:.3}");
+    }
+}
+
+/// Seen from the side, gas is a dark ellipse with a bright middle: its border bends all light past the lens. A collapsed bladder lets light
+/// through everywhere.
+#[test]
+fn gas_has_a_bright_middle_and_a_dark_rim() {
+    let seed = 11;
+    let light = |bladder: Bladder, lobe: usize, like: Bladder| {
+        let scene = scene_with(Kind::Finless, bladder, Size::Crop, Dirt::NONE, seed);
+        let [y, z] = back(seed, scene.glass.bore_um);
+        // The view in which the back is up.
+        let omega = z.atan2(-y);
+        let ([_, green, _], _) = scene.light(omega);
+        let (at, half) = gas(seed, like, scene.glass.bore_um)[lobe];
+        let [u, v] = scene.view.project(at, omega);
+        let row =
+            |offset_um: f64| green[(v + offset_um / scene.view.px_um).round() as usize * scene.view.width + u.round() as usize] / 226.0;
+        // The middle, and six tenths of the way to the upper and the lower border.
+        [row(0.0), row(-0.6 * half[1]), row(0.6 * half[1])]
+    };
+    for (bladder, lobes) in [(Bladder::Usual, 1), (Bladder::Large, 1), (Bladder::TwoLobes, 2)] {
+        for lobe in 0..lobes {
+            let [middle, above, below] = light(bladder, lobe, bladder);
+            assert!(
+                above < 0.05 && below < 0.05 && middle > 1.5 * above.max(below),
+                "{bladder:?}, lobe {lobe}: {middle}, {above}, {below}"
+            );
+        }
+    }
+    for bladder in [Bladder::NotInflated, Bladder::Absent] {
+        assert!(gas(seed, bladder, 300.0).is_empty());
+        let seen = light(bladder, 0, Bladder::Large);
+        assert!(seen.iter().all(|light| *light > 0.08), "{bladder:?}: {seen:?}");
+    }
+}
+
+/// The volume of the polygons of each form is that of its ellipsoids, and the body around them is the same.
+#[test]
+fn a_bladder_has_its_volume_and_leaves_the_body_as_it_is() {
+    let body = |bladder| scene_with(Kind::Finless, bladder, Size::Crop, Dirt::NONE, 11).specimen.unwrap().body_um3();
+    for bladder in [Bladder::Large, Bladder::TwoLobes, Bladder::NotInflated, Bladder::Absent] {
+        assert!((body(bladder) - body(Bladder::Usual)).abs() < 1.0, "{bladder:?}");
+    }
+    let scene = scene_with(Kind::Finless, Bladder::TwoLobes, Size::Crop, Dirt::NONE, 11);
+    let specimen = scene.specimen.unwrap();
+    // The lobes are the first parts after skin, eyes and yolk.
+    for (part, (_, half)) in specimen.parts[4..6].iter().zip(gas(11, Bladder::TwoLobes, scene.glass.bore_um)) {
+        let of_polygons = part.sections.iter().map(|section| area(section)).sum::<f64>() * specimen.step_um;
+        let exact = 4.0 / 3.0 * PI * half.iter().product::<f64>();
+        assert!((of_polygons / exact - 1.0).abs() < 0.01, "{of_polygons:e}, {exact:e}");
     }
 }

@@ -1,7 +1,7 @@
 //! Exact silhouettes through glass tubes, measured: volumes, and what is subtracted for noise.
 
 use crate::random::Random;
-use crate::shape::{Fins, Material, Section, Specimen, convex_hull};
+use crate::shape::{Bladder, Fins, Material, Section, Specimen, convex_hull};
 use crate::tube::{BORE_UM, GLASS, ORIGIN_PX, PX_UM, SIZE, Slices, Tube, WATER};
 use carved_core::carver::Leaves;
 use carved_core::geometry::{BoxUm, Camera, GlassTube, VoxelGrid};
@@ -30,7 +30,7 @@ const SOLIDS: [Solid; 5] = [Solid::Ellipsoid, Solid::Smooth, Solid::Fold, Solid:
 
 impl Solid {
     fn slices(self, off_um: f64) -> Slices {
-        let larva = |fins| Specimen::larva(21, fins, BORE_UM, STEP_UM);
+        let larva = |fins| Specimen::larva(21, fins, Bladder::Usual, BORE_UM, STEP_UM);
         let specimen = match self {
             Self::Ellipsoid => Specimen::ellipsoid([0.0; 3], [900.0, 180.0, 130.0], [0.0; 2], Material::brown(0.001, 0.0), STEP_UM),
             Self::Smooth | Self::Fold => return Slices::of(&swept(self == Self::Fold), STEP_UM, off_um, FILL),

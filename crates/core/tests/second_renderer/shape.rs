@@ -167,9 +167,29 @@ impl Specimen {
     }
 
     /// A larva in a bore of radius `bore_um`. The seed decides its size, bend, pose and pigment.
-    pub fn larva(seed: u64, fins: Option<Fins>, bore_um: f64, step_um: f64) -> Self {
-        Larva::of(seed, bore_um).specimen(fins, bore_um, step_um)
+    pub fn larva(seed: u64, fins: Option<Fins>, bladder: Bladder, bore_um: f64, step_um: f64) -> Self {
+        Larva::of(seed, bore_um).specimen(fins, bladder, bore_um, step_um)
     }
+}
+
+/// The swim bladder of a larva. All but the usual one are made for tests of the bladder.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Bladder {
+    /// A small ellipsoid of gas, as just inflated.
+    Usual,
+    /// Twice as wide and 1.4 times as long.
+    Large,
+    /// Two ellipsoids of gas behind each other, the smaller one in front.
+    TwoLobes,
+    /// A tube of tissue without gas under dense pigment.
+    NotInflated,
+    /// Nothing.
+    Absent,
+}
+
+/// Centres and half axes of the gas in the larva of this seed, um.
+pub fn gas(seed: u64, bladder: Bladder, bore_um: f64) -> Vec<(Point, [f64; 3])> {
+    Larva::of(seed, bore_um).gas(bladder)
 }
 
 /// Centres and half axes of the eyes of the larva of this seed, um.
@@ -349,6 +369,21 @@ impl Larva {
         (self.beside(0.25, (225.0 - self.yolk_um[1]) * -self.girth, 0.0), half)
     }
 
+    /// Lobes of the swim bladder that hold gas.
+    fn gas(&self, bladder: Bladder) -> Vec<(Point, [f64; 3])> {
+        let lobe =
+            |share: f64, up: f64, [a, b, c]: [f64; 3]| (self.beside(share, up * self.girth, 0.0), [a, b * self.girth, c * self.girth]);
+        match bladder {
+            Bladder::Usual => vec![lobe(0.26, 70.0, [130.0, 45.0, 50.0])],
+            Bladder::Large => vec![lobe(0.27, 62.0, [185.0, 88.0, 82.0])],
+            Bladder::TwoLobes => {
+                let apart = 265.0 / self.length_um;
+                vec![lobe(0.22, 70.0, [95.0, 62.0, 60.0]), lobe(0.22 + apart, 66.0, [165.0, 80.0, 76.0])]
+            }
+            Bladder::NotInflated | Bladder::Absent => Vec::new(),
+        }
+    }
+
     /// About the distance from the surface of the body, um, negative inside: the smooth union of a generalised cylinder with sections
     /// across the curved spine, a head, and the skin over yolk and eyes.
     fn form(&self, p: Point, lumps: &[Lump]) -> f64 {
@@ -389,7 +424,7 @@ impl Larva {
         [over(self.yolk(), 8.0, 0.25, 40.0), over(self.eye(-1.0), 6.0, 0.085, 15.0), over(self.eye(1.0), 6.0, 0.085, 15.0)]
     }
 
-    fn specimen(&self, fins: Option<Fins>, bore_um: f64, step_um: f64) -> Specimen {
+    fn specimen(&self, fins: Option<Fins>, bladder: Bladder, bore_um: f64, step_um: f64) -> Specimen {
         let centre = |x: f64| [self.spine(x)[1], self.spine(x)[2]];
         let half = self.length_um / 2.0;
         let lumps = self.lumps();
@@ -404,8 +439,19 @@ impl Larva {
             organ(self.eye(side), 0.085, Material::brown(0.035, 0.01));
         }
         organ(self.yolk(), 0.25, Material::brown(r.uniform(0.001, 0.004), 0.012));
-        let bladder = (self.beside(0.26, 70.0 * self.girth, 0.0), [130.0, 45.0 * self.girth, 50.0 * self.girth]);
-        organ(bladder, 0.26, Material::brown(0.004, -0.25));
+        for lobe in self.gas(bladder) {
+            organ(lobe, 0.26, Material::brown(0.004, -0.25));
+        }
+        if bladder == Bladder::NotInflated {
+            organ((self.beside(0.26, 70.0 * self.girth, 0.0), [110.0, 18.0, 18.0]), 0.26, Material::brown(0.006, 0.008));
+            // The pigment that covers a swim bladder.
+            let mut r = Random::new(self.seed ^ 0x91a5);
+            for _ in 0..60 {
+                let at = self.beside(0.26 + 0.03 * r.normal(), 95.0 * self.girth, 25.0 * r.normal());
+                let size = r.uniform(8.0, 16.0);
+                organ((at, [1.5 * size, 0.6 * size, size]), 0.26, Material::brown(0.06, 0.0));
+            }
+        }
         // Muscle, gut and brain as lumps, some denser and some clearer than the tissue around them.
         for _ in 0..40 {
             let q = r.uniform(0.04, 0.9);

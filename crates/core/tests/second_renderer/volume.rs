@@ -117,7 +117,11 @@ fn settings(scene: &Scene, planned_views: u32, sphere: bool) -> PipelineSettings
 impl Turn {
     /// Measures a specimen.
     pub fn of(kind: Kind, dirt: Dirt, seed: u64) -> Result<Self, PipelineError> {
-        let scene = scene(kind, Size::Crop, dirt, seed);
+        Self::of_scene(scene(kind, Size::Crop, dirt, seed), kind, seed)
+    }
+
+    /// Measures the specimen of a scene.
+    pub fn of_scene(scene: Scene, kind: Kind, seed: u64) -> Result<Self, PipelineError> {
         let specimen = scene.specimen.as_ref().unwrap();
         let of_all = settings(&scene, VIEWS, kind == Kind::Bead);
         let few = |seen: &[(SegmentedFrame, Mask, Vec<Polygon>)]| {

@@ -22,7 +22,7 @@ use super::hull::ideal_hull;
 use super::truth::AskedTruth;
 use super::{Mesh, Part, Placement, Specimen, Truth, Within};
 use crate::scene::seeded::Seeded;
-pub use look::{Condition, Look};
+pub use look::{Bladder, Condition, Look};
 use organs::EYE_AT;
 pub use organs::OrganTruth;
 use shape::{Age, Shape};
@@ -427,7 +427,8 @@ mod tests {
         let reference = [(3, 1), (4, 2), (5, 3), (5, 4)].map(|(dpf, seed)| (dpf, seed, Look::default()));
         let drawn = (2..=7).map(|dpf| (dpf, 5, Look::healthy(dpf, 5)));
         let sick = Condition::SICK.map(|condition| (4, 6, Look { condition, ..Look::healthy(4, 6) }));
-        for (dpf, seed, look) in reference.into_iter().chain(drawn).chain(sick) {
+        let bladders = [Bladder::TwoLobes, Bladder::NotInflated].map(|bladder| (6, 7, Look { bladder, ..Look::healthy(6, 7) }));
+        for (dpf, seed, look) in reference.into_iter().chain(drawn).chain(sick).chain(bladders) {
             let larva = Larva::new(dpf, seed).unwrap().with_look(look);
             for part in larva.organs() {
                 let mesh = part.mesh.closed().unwrap();
@@ -527,6 +528,23 @@ mod tests {
         let black = |specimen: &Specimen| specimen.spots.iter().filter(|spot| spot.density > 0.6).count();
         assert!(black(&larva(Condition::Unpigmented).specimen()) * 20 < black(&specimen));
         assert_eq!(larva(Condition::NoSwimBladder).specimen().parts.len() + 1, specimen.parts.len());
+    }
+
+    #[test]
+    fn the_gas_of_each_form_of_swim_bladder_has_a_volume() {
+        let larva = |dpf, bladder| Larva::new(dpf, 2).unwrap().with_look(Look { bladder, ..Look::healthy(dpf, 2) });
+        let gas = |dpf, bladder| larva(dpf, bladder).true_bladder();
+        let (one, two) = (gas(5, Bladder::OneLobe).unwrap(), gas(5, Bladder::TwoLobes).unwrap());
+        assert!(gas(5, Bladder::NotInflated).is_none() && gas(3, Bladder::OneLobe).is_none());
+        let none = larva(5, Bladder::OneLobe).with_look(Look { condition: Condition::NoSwimBladder, ..Look::healthy(5, 2) });
+        assert!(none.true_bladder().is_none());
+        // 4/3 pi times the half axes, less the facets.
+        let (unit, length) = (larva(5, Bladder::OneLobe).unit_um(), larva(5, Bladder::OneLobe).length_um);
+        let ball = |[a, b, c]: [f64; 3]| 4.0 / 3.0 * PI * a * length * b * c * unit * unit;
+        assert!((one.volume_um3 / ball([0.046, 25.0, 22.0]) - 1.0).abs() < 0.01, "{one:?}");
+        let of_both = ball([0.019, 18.0, 17.0]) + ball([0.031, 24.0, 22.0]);
+        assert!((two.volume_um3 / of_both - 1.0).abs() < 0.01, "{two:?}, {of_both:e}");
+        assert!((one.centre_um[0] - length * (organs::BLADDER_AT - 0.5)).abs() < 1.0, "{one:?}");
     }
 
     #[test]

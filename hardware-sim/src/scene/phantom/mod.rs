@@ -21,7 +21,7 @@ mod spline;
 mod truth;
 
 pub use hull::{Hull, ideal_hull};
-pub use larva::{Condition, Larva, LarvaError, Look, OrganTruth};
+pub use larva::{Bladder, Condition, Larva, LarvaError, Look, OrganTruth};
 pub use mesh::{Mesh, MeshError};
 pub use pigment::Spot;
 pub use placement::{Narrowest, Placement, PlacementError};

@@ -28,6 +28,8 @@ pub struct Look {
     /// Factor on how far the eyes bulge.
     pub eyes: f64,
     pub condition: Condition,
+    /// The swim bladder, at ages that have one.
+    pub bladder: Bladder,
 }
 
 impl Default for Look {
@@ -41,8 +43,22 @@ impl Default for Look {
             trunk: 1.0,
             eyes: 1.0,
             condition: Condition::Healthy,
+            bladder: Bladder::OneLobe,
         }
     }
+}
+
+/// The form of a swim bladder.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Bladder {
+    /// One ellipsoid of gas.
+    #[default]
+    OneLobe,
+    /// Two ellipsoids of gas behind each other, the smaller one in front.
+    TwoLobes,
+    /// A narrow tube of tissue without gas, below the pigment that covers a swim bladder.
+    NotInflated,
 }
 
 /// What ails a larva.
@@ -118,6 +134,7 @@ impl Look {
             trunk: draw.between(0.80, 0.90),
             eyes: draw.between(1.4, 2.2),
             condition: Condition::Healthy,
+            bladder: Bladder::OneLobe,
         }
     }
 }

@@ -1,7 +1,7 @@
 //! The visible organs of a larva: eyes, brain, ear, yolk, pericardium, notochord, swim bladder. All lie inside the body, so they change
 //! the brightness and never the outline.
 
-use super::{Condition, Larva, cap, smooth_step, stations};
+use super::{Bladder, Condition, Larva, cap, smooth_step, stations};
 use crate::scene::phantom::solid::ellipsoid_mesh;
 use crate::scene::phantom::{Material, Mesh, Part, Within};
 use std::f64::consts::{FRAC_PI_2, TAU};
@@ -19,6 +19,8 @@ const CLEAR: Material = Material { absorption_per_mm: [-0.9, -1.0, -1.4], index_
 const EAR: Material = Material { absorption_per_mm: [-0.7, -0.75, -0.9], index_step: -0.006 };
 const NOTOCHORD: Material = Material { absorption_per_mm: [-4.0, -4.4, -6.2], index_step: -0.006 };
 const BLADDER: Material = Material { absorption_per_mm: [-0.5, -0.6, -0.9], index_step: -0.085 };
+/// The wall of a bladder without gas.
+const COLLAPSED: Material = Material { absorption_per_mm: [1.0, 1.1, 1.5], index_step: 0.006 };
 
 /// Smallest distance between organs and skin, um.
 const SKIN_UM: f64 = 6.0;
@@ -52,11 +54,8 @@ impl Larva {
             part(self.ears(), EAR),
         ];
         if self.bladder > 0.0 {
-            let size = self.bladder.cbrt();
-            // Below the gut line, which covers its upper side with pigment.
-            let [x, y, z] = self.lateral(BLADDER_AT, self.shape.gut_line.at(BLADDER_AT) + 20.0 * size);
-            let half = [0.046 * size * self.length_um, 25.0 * size * self.unit_um(), 22.0 * size * self.unit_um()];
-            parts.push(part(self.tucked(ellipsoid_mesh([x, y, z], half, 64, 48)), BLADDER));
+            let material = if self.look.bladder == Bladder::NotInflated { COLLAPSED } else { BLADDER };
+            parts.push(part(self.bladder_mesh(), material));
         }
         parts
     }
@@ -75,6 +74,29 @@ impl Larva {
     /// The true values of both eyes, in the larva's own frame.
     pub fn true_eyes(&self) -> [OrganTruth; 2] {
         self.eyes().each_ref().map(OrganTruth::of)
+    }
+
+    /// The true values of the gas in the swim bladder, in the larva's own frame. `None` without gas.
+    pub fn true_bladder(&self) -> Option<OrganTruth> {
+        (self.bladder > 0.0 && self.look.bladder != Bladder::NotInflated).then(|| OrganTruth::of(&self.bladder_mesh()))
+    }
+
+    /// The swim bladder, below the gut line, which covers its upper side with pigment.
+    fn bladder_mesh(&self) -> Mesh {
+        let size = self.bladder.cbrt();
+        let lobe = |s: f64, [a, b, c]: [f64; 3]| {
+            let at = self.lateral(s, self.shape.gut_line.at(BLADDER_AT) + 20.0 * size);
+            let half = [a * size * self.length_um, b * size * self.unit_um(), c * size * self.unit_um()];
+            self.tucked(ellipsoid_mesh(at, half, 64, 48))
+        };
+        match self.look.bladder {
+            Bladder::OneLobe => lobe(BLADDER_AT, [0.046, 25.0, 22.0]),
+            // They nearly touch.
+            Bladder::TwoLobes => {
+                lobe(BLADDER_AT - 0.031 * size, [0.019, 18.0, 17.0]).with(&lobe(BLADDER_AT + 0.020 * size, [0.031, 24.0, 22.0]))
+            }
+            Bladder::NotInflated => lobe(BLADDER_AT, [0.030, 6.0, 6.0]),
+        }
     }
 
     /// Both eyes, below the middle of the head. Their distance is the width of the head.
