@@ -156,8 +156,9 @@ fn what_carries_out_the_decisions_of_the_driver_calls_in_one_direction() {
         ("course", &["driver_state", "missing"]),
         ("checks", &["driver_state", "course"]),
         ("people", &["driver_state"]),
-        ("requests", &["driver_state", "course", "people"]),
-        ("restart", &["driver_state", "missing", "course", "people"]),
+        ("queue", &["driver_state"]),
+        ("requests", &["driver_state", "course", "people", "queue"]),
+        ("restart", &["driver_state", "missing", "course", "people", "queue"]),
     ];
     for (file, may_call) in calls {
         let code = code(&driver.join(format!("{file}.rs")));

@@ -22,8 +22,8 @@ pub use event::Event;
 pub use instrument::{Check, Fault, FaultCode, HandoffNeeds, MethodOffer};
 pub use plate_map::PlateMap;
 pub use status::{
-    CameraStatus, HardwareStatus, Hold, NextCommand, NoticesStatus, OutputState, OutputStatus, Pending, Plate, RotationStatus, RunStatus,
-    SpecimenStatus, State, Status, TranslationStatus, VolumeEstimate, VolumeWait,
+    CameraStatus, HardwareStatus, Hold, NextCommand, NoticesStatus, OutputState, OutputStatus, Pending, Plate, QueuedPlate, RotationStatus,
+    RunStatus, SpecimenStatus, State, Status, TranslationStatus, VolumeEstimate, VolumeWait,
 };
 
 #[cfg(test)]

@@ -403,6 +403,20 @@ pub struct NoticesStatus {
     pub trouble: Option<String>,
 }
 
+/// A plate that waits for its turn.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct QueuedPlate {
+    /// Name of the run that it will be. `GET /v1/queue/{run_id}` has its plan.
+    pub run: String,
+    pub plate_barcode: String,
+    pub method: String,
+    pub operator: String,
+    /// Number of wells of its plan.
+    pub wells: u32,
+    /// Why it cannot begin as it is, for example because the configuration has no such method any more. `null` if nothing is known.
+    pub trouble: Option<String>,
+}
+
 /// `GET /v1/status`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct Status {
@@ -423,6 +437,9 @@ pub struct Status {
     pub doing: String,
     pub pending: Pending,
     pub plate: Plate,
+    /// The plates that wait for their turn, the next one first.
+    #[serde(default)]
+    pub queue: Vec<QueuedPlate>,
     /// The run under way, or the last one until the next starts.
     pub run: Option<RunStatus>,
     pub specimen: Option<SpecimenStatus>,

@@ -32,6 +32,7 @@ pub mod parsers;
 mod plate;
 mod plate_maps;
 mod problem;
+mod queue;
 mod results;
 mod runs;
 mod safety;

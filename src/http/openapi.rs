@@ -1,8 +1,8 @@
 //! The contract. One list defines the routes and their descriptions, so that both always have the same entries.
 
 use super::{
-    AppState, access, docs, events, fault_codes, health, lease, live, methods, metrics, pace, page, plate, plate_maps, problem, results,
-    runs, safety, status, stored,
+    AppState, access, docs, events, fault_codes, health, lease, live, methods, metrics, pace, page, plate, plate_maps, problem, queue,
+    results, runs, safety, status, stored,
 };
 use axum::extract::State;
 use axum::http::header;
@@ -38,6 +38,9 @@ pub(super) fn routes() -> OpenApiRouter<AppState> {
         .routes(routes!(plate::handoff))
         .routes(routes!(plate::completed))
         .routes(routes!(plate::aborted))
+        .routes(routes!(queue::order))
+        .routes(routes!(queue::put, queue::get, queue::delete))
+        .routes(routes!(queue::next))
         .routes(routes!(plate::preflight))
         .routes(routes!(events::get))
         .routes(routes!(fault_codes::get))

@@ -1,7 +1,7 @@
 //! Every error of the server: `application/problem+json` (RFC 9457) with the scheduler's reaction.
 
 use crate::api::{Mistake, SchedulerAction, State, Status};
-use crate::session::Refusal;
+use crate::session::{QueueRefusal, Refusal};
 use axum::Json;
 use axum::extract::rejection::{PathRejection, QueryRejection};
 use axum::http::{HeaderValue, StatusCode, header};
@@ -164,6 +164,11 @@ impl Problem {
             Refusal::WillNotFit { .. } | Refusal::OverBudget { .. } => {
                 Self::new(StatusCode::INSUFFICIENT_STORAGE, "will_not_fit", detail).action(SchedulerAction::PauseInstrument)
             }
+            Refusal::Queued { .. } => conflict("queued"),
+            Refusal::Queue { kind: QueueRefusal::Unknown, .. } => Self::new(StatusCode::NOT_FOUND, "not_queued", detail),
+            Refusal::Queue { kind: QueueRefusal::OtherPlate, .. } => conflict("other_plate_next").action(SchedulerAction::RejectPlate),
+            Refusal::Queue { kind: QueueRefusal::Empty, .. } => conflict("queue_empty").action(SchedulerAction::PauseInstrument),
+            Refusal::Queue { kind: QueueRefusal::Conflict, .. } => conflict("queue_conflict"),
             Refusal::Busy => conflict("busy").action(SchedulerAction::Retry),
             Refusal::ShuttingDown => unavailable("shutting_down"),
         }

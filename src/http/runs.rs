@@ -71,8 +71,17 @@ pub(super) fn refused(app: &AppState, refusal: Refusal) -> Problem {
     Problem::refused(refusal, &app.session.status())
 }
 
-fn acknowledged(app: &AppState, run: String) -> Json<Acknowledged> {
+pub(super) fn acknowledged(app: &AppState, run: String) -> Json<Acknowledged> {
     Json(Acknowledged { run, revision: app.session.status().revision })
+}
+
+/// The answer to a request that creates something at `location`, or finds it there.
+pub(super) fn accepted(app: &AppState, accepted: Accepted, location: String, run: String) -> Response {
+    let body = acknowledged(app, run);
+    match accepted {
+        Accepted::Created => (StatusCode::CREATED, [("location", location)], body).into_response(),
+        Accepted::Same => body.into_response(),
+    }
 }
 
 /// Registers a run under a name that the client chooses, and starts it.
@@ -99,13 +108,8 @@ pub(super) async fn put(
         let detail = format!("{id:?} is not a run id: use 1 to 64 letters, digits, '-', '_' or '.', the first not a '.'");
         return Err(Problem { detail, ..Problem::unprocessable("invalid_run_id", Vec::<Mistake>::new()) });
     }
-    let accepted = app.session.put_run(id.clone(), plan).await.map_err(|refusal| refused(&app, refusal))?;
-    let location = format!("/v1/runs/{id}");
-    let body = acknowledged(&app, id);
-    Ok(match accepted {
-        Accepted::Created => (StatusCode::CREATED, [("location", location)], body).into_response(),
-        Accepted::Same => body.into_response(),
-    })
+    let done = app.session.put_run(id.clone(), plan).await.map_err(|refusal| refused(&app, refusal))?;
+    Ok(accepted(&app, done, format!("/v1/runs/{id}"), id))
 }
 
 /// The command is in the path. A body is not read, so that an abort does not wait for a slow client.

@@ -193,6 +193,7 @@ pub(super) mod tests {
             doing: "Held: 1 < 2 & so on.".into(),
             pending: Pending::default(),
             plate: Plate::default(),
+            queue: Vec::new(),
             run: None,
             specimen: None,
             hardware: crate::api::HardwareStatus::default(),

@@ -7,7 +7,7 @@ use super::{Check, State, Status};
 use crate::api::{HandoffNeeds, RunOutcome};
 use crate::notify::Notices;
 use carved_records::{Event, FieldError, Handoff, HandoffEnd, HandoffIntent, Method, RunPlan, SaidBy, WellNote};
-use carved_store::{StoreError, size};
+use carved_store::{QueueError, StoreError, size};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
@@ -67,10 +67,27 @@ pub enum Refusal {
     Busy,
     #[error("there is no picture: {why}")]
     NoPicture { why: String },
+    #[error("{why}")]
+    Queue { why: String, kind: QueueRefusal },
+    #[error("run {id} is queued. It begins in its turn: report its plate as the next one, or remove it from the queue")]
+    Queued { id: String },
     #[error("the disk refused the write: {why}")]
     Store { why: String, full: bool },
     #[error("the instrument is shutting down")]
     ShuttingDown,
+}
+
+/// What a refusal of the queue of plates is about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum QueueRefusal {
+    /// The entry that the request names does not exist.
+    Unknown,
+    /// Another plate than the next one was reported.
+    OtherPlate,
+    /// No plate is queued.
+    Empty,
+    /// The change does not fit the queue as it is.
+    Conflict,
 }
 
 /// What comes before the handover of a plate while another one is inside.
@@ -90,6 +107,19 @@ fn sentence(text: &str) -> String {
 impl From<StoreError> for Refusal {
     fn from(e: StoreError) -> Self {
         Self::Store { full: e.is_full(), why: e.to_string() }
+    }
+}
+
+impl From<QueueError> for Refusal {
+    fn from(error: QueueError) -> Self {
+        let kind = match error {
+            QueueError::Store(error) => return error.into(),
+            QueueError::Unknown { .. } => QueueRefusal::Unknown,
+            QueueError::OtherBarcode { .. } => QueueRefusal::OtherPlate,
+            QueueError::Empty { .. } => QueueRefusal::Empty,
+            QueueError::QueuedAlready { .. } | QueueError::Full | QueueError::OtherPlates { .. } => QueueRefusal::Conflict,
+        };
+        Self::Queue { why: error.to_string(), kind }
     }
 }
 
@@ -126,12 +156,44 @@ pub enum Said {
     Note(WellNote),
 }
 
+/// A change of the queue of plates.
+#[derive(Debug, Clone, PartialEq)]
+pub enum QueueChange {
+    /// A plate at the end, or another plan for the one that waits for this run.
+    Put {
+        run: String,
+        plan: RunPlan,
+    },
+    Remove {
+        run: String,
+    },
+    /// All runs that wait, in their new order.
+    Order {
+        runs: Vec<String>,
+    },
+}
+
 /// A command with the channel for its answer.
 pub enum Command {
     PutRun {
         id: String,
         plan: RunPlan,
         answer: oneshot::Sender<Result<Accepted, Refusal>>,
+    },
+    /// Changes the queue of plates.
+    Queue {
+        change: QueueChange,
+        answer: oneshot::Sender<Result<Accepted, Refusal>>,
+    },
+    /// The plan of a queued plate.
+    Queued {
+        run: String,
+        answer: oneshot::Sender<Result<RunPlan, Refusal>>,
+    },
+    /// The plate of this barcode is in its place. Begins its run if it is the next one. Returns the name of the run.
+    NextPlate {
+        barcode: String,
+        answer: oneshot::Sender<Result<(String, Accepted), Refusal>>,
     },
     /// Changes the state of a run.
     Steer {
@@ -287,6 +349,21 @@ impl SessionHandle {
     /// Starts a run under the client's name for it. The answer comes once the run is on disk.
     pub async fn put_run(&self, id: String, plan: RunPlan) -> Result<Accepted, Refusal> {
         self.ask(|answer| Command::PutRun { id, plan, answer }).await
+    }
+
+    /// Changes the queue of plates. The answer comes once the change is on disk.
+    pub async fn change_queue(&self, change: QueueChange) -> Result<Accepted, Refusal> {
+        self.ask(|answer| Command::Queue { change, answer }).await
+    }
+
+    /// The plan of the plate that waits for this run.
+    pub async fn queued(&self, run: String) -> Result<RunPlan, Refusal> {
+        self.ask(|answer| Command::Queued { run, answer }).await
+    }
+
+    /// Begins the run of the next plate in the queue, if this is its barcode.
+    pub async fn next_plate(&self, barcode: String) -> Result<(String, Accepted), Refusal> {
+        self.ask(|answer| Command::NextPlate { barcode, answer }).await
     }
 
     /// Holds, continues, stops or aborts a run, for the person of this name. The answer comes once the request is in the journal, and not

@@ -28,7 +28,9 @@ mod worker;
 
 pub use driver::{Departure, Driver, DriverError};
 pub use halt::Halt;
-pub use handle::{Accepted, Command, EventLog, Live, Missed, Publisher, Refusal, Said, SessionHandle, Shown, Towards, channel};
+pub use handle::{
+    Accepted, Command, EventLog, Live, Missed, Publisher, QueueChange, QueueRefusal, Refusal, Said, SessionHandle, Shown, Towards, channel,
+};
 pub use heartbeat::Heartbeat;
 pub use instrument::Instrument;
 pub use tally::Tally;

@@ -4,7 +4,7 @@ use crate::wire::{self, Answer};
 use carved::api::{Check, HandoffNeeds, HardwareStatus, InstrumentIdentity, Mode, Pending, Plate, State, Status};
 use carved::config::HttpSettings;
 use carved::http::{HttpError, bind, serve};
-use carved::session::{Accepted, Command, Publisher, Refusal, channel};
+use carved::session::{Accepted, Command, Publisher, QueueRefusal, Refusal, channel};
 use carved_records::{Event, EventBody, EventData, Method, RunPlan, ViewTaken};
 use carved_store::StoreReader;
 use serde_json::{Value, json};
@@ -62,6 +62,7 @@ pub fn status() -> Status {
         doing: "Waiting for a run.".into(),
         pending: Pending::default(),
         plate: Plate::default(),
+        queue: Vec::new(),
         run: None,
         specimen: None,
         hardware: HardwareStatus::default(),
@@ -180,6 +181,18 @@ async fn drive(mut mailbox: mpsc::Receiver<Command>, refusal: Arc<Mutex<Option<R
                     }),
                 };
                 answer.send(verdict).unwrap();
+            }
+            Command::Queue { change, answer } => {
+                commands.lock().unwrap().push(format!("{change:?}"));
+                answer.send(refusal.map_or(Ok(Accepted::Created), Err)).unwrap();
+            }
+            Command::Queued { run, answer } => {
+                let unknown = Refusal::Queue { why: format!("no plate is queued for run {run}"), kind: QueueRefusal::Unknown };
+                answer.send(refusal.map_or_else(|| runs.get(&run).cloned().ok_or(unknown), Err)).unwrap();
+            }
+            Command::NextPlate { barcode, answer } => {
+                commands.lock().unwrap().push(format!("next {barcode}"));
+                answer.send(refusal.map_or(Ok(("night-1".into(), Accepted::Created)), Err)).unwrap();
             }
             Command::Steer { id, towards, answer, .. } => {
                 commands.lock().unwrap().push(format!("{towards:?} {id}").to_lowercase());

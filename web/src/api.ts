@@ -1,16 +1,19 @@
 // The page's requests to the daemon.
 
 import type {
+  Acknowledged,
   Check,
   GateRow,
   Gates,
   MethodOffer,
   Methods,
   Mistake,
+  NextPlate,
   NoteOnWell,
   PlateMap,
   Preflight,
   Problem,
+  QueueOrder,
   ReplayRequest,
   RunDetail,
   RunEvents,
@@ -171,6 +174,39 @@ export async function startRun(id: string, plan: RunPlan): Promise<boolean> {
   const response = await sendJson("PUT", `/v1/runs/${encodeURIComponent(id)}`, plan, WORK_MS);
   await response.body?.cancel();
   return response.status === 201;
+}
+
+/** Queues a plate, or changes the plan of the one that waits for this run. */
+export async function queuePlate(run: string, plan: RunPlan): Promise<void> {
+  const response = await sendJson("PUT", `/v1/queue/${encodeURIComponent(run)}`, plan, WORK_MS);
+  await response.body?.cancel();
+}
+
+/** The plan of a queued plate. */
+export async function fetchQueued(run: string): Promise<RunPlan> {
+  const response = await ask(`/v1/queue/${encodeURIComponent(run)}`);
+  if (!response.ok) throw await refusal(response);
+  return (await response.json().catch(away)) as RunPlan;
+}
+
+/** Takes a plate out of the queue. */
+export async function unqueue(run: string): Promise<void> {
+  const response = await command(`/v1/queue/${encodeURIComponent(run)}`, { method: "DELETE" });
+  await response.body?.cancel();
+}
+
+/** Puts the queue into the order of these runs. */
+export async function orderQueue(runs: string[]): Promise<void> {
+  const body: QueueOrder = { runs };
+  const response = await sendJson("PUT", "/v1/queue", body);
+  await response.body?.cancel();
+}
+
+/** Reports the plate that is in its place. Returns the name of its run, which begins if it is the next plate of the queue. */
+export async function beginNext(barcode: string): Promise<string> {
+  const body: NextPlate = { barcode };
+  const response = await sendJson("PUT", "/v1/plate/next", body, WORK_MS);
+  return ((await response.json().catch(away)) as Acknowledged).run;
 }
 
 /** The wells in a plate map's file, as the daemon reads it. With `wells`: on a plate of so many. A refusal lists every mistake. */

@@ -301,6 +301,10 @@ export type Mode = "hardware" | "simulated" | "imported";
 
 export type NextCommand = "acknowledge" | "unhold";
 
+export interface NextPlate {
+  barcode: string;
+}
+
 export interface NoteOnWell {
   by: string;
   comment?: string;
@@ -398,6 +402,19 @@ export interface QuantityStatistics {
   responses: DoseSeries[];
   unit: string;
   windows: ControlWindow[];
+}
+
+export interface QueueOrder {
+  runs: string[];
+}
+
+export interface QueuedPlate {
+  method: string;
+  operator: string;
+  plate_barcode: string;
+  run: string;
+  trouble: string | null;
+  wells: number;
 }
 
 export interface ReferenceStatus {
@@ -605,6 +622,7 @@ export interface Status {
   notices: NoticesStatus | null;
   pending: Pending;
   plate: Plate;
+  queue: QueuedPlate[];
   ready: boolean;
   revision: number;
   run: RunStatus | null;

@@ -26,6 +26,7 @@ import { LastDone } from "./lastdone.ts";
 import { ModelView, type Look } from "./model.ts";
 import { NewRun } from "./newrun.ts";
 import { PlateView } from "./plate.ts";
+import { QueueView } from "./queue.ts";
 import { counted } from "./format.ts";
 import {
   canStart,
@@ -83,6 +84,7 @@ const chart = new VolumeChart(byId("chart"), byId("chart-caption"), byId<HTMLInp
 const rig = new RigView(byId("rig"));
 const commands = new CommandRow(byId);
 const newRun = new NewRun(byId, (words) => commands.tell(words));
+const queue = new QueueView(byId, newRun);
 const token = new TokenForm(byId("token-form"), byId("token"));
 const colouring = new PlateColouring(byId("colour-by"), byId("scale-legend"), redraw);
 const results = new ResultsTable(byId("results"), byId("results-table"), lookAt);
@@ -283,6 +285,7 @@ function instrument(status: Status): void {
   faults.update(status.faults, nextStep(status));
   commands.update(status);
   newRun.update(status);
+  queue.update(status);
   rig.update(status);
 }
 

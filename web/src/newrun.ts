@@ -1,8 +1,9 @@
 // A new run: plate map, method, barcode, operator, a drawing of the plate, and a list of everything that is checked before anything moves.
 //
 //   file ──check──> mistakes by line, or the contents of the plate ──preflight──> failed conditions ──start──> the run
+//                                                                  └──> the queue, also during a run
 
-import { checkPlateMap, fetchMethods, preflight, Refused, startRun } from "./api.ts";
+import { checkPlateMap, fetchMethods, preflight, queuePlate, Refused, startRun } from "./api.ts";
 import { CellEdit } from "./celledit.ts";
 import { bringIntoView, element, setText, show } from "./dom.ts";
 import { save } from "./downloads.ts";
@@ -29,17 +30,27 @@ export class NewRun {
   readonly #list: HTMLElement;
   readonly #preflight: HTMLButtonElement;
   readonly #start: HTMLButtonElement;
+  readonly #toQueue: HTMLButtonElement;
+  readonly #leave: HTMLButtonElement;
   readonly #format: HTMLSelectElement;
   readonly #plate: PlanPlate;
   readonly #cell: CellEdit;
   #methods: readonly MethodOffer[] = [];
   #methodsOf: string | null = null;
+  /** The start of the daemon that the newest status is from. */
+  #boot = "";
+  /** The method of the plan in the form, which the list may not have yet. */
+  #wanted: string | null = null;
   #map: PlateMap | null = null;
   /** The plate that the operator chose, by its number of wells. Without a choice the map names its plate. */
   #chosen: number | null = null;
   /** Number of checks of a map that were begun. Only the newest counts. */
   #checks = 0;
   #startable = false;
+  /** Whether the form was opened for a queued plate: it is then shown during a run too. */
+  #isForQueue = false;
+  /** The run of the queued plate that is changed. */
+  #changes: string | null = null;
   /** Why the instrument would not accept a run now. */
   #notReady: string | null = null;
   #busy = false;
@@ -70,6 +81,8 @@ export class NewRun {
     this.#list = find("new-run-list");
     this.#preflight = find("preflight");
     this.#start = find("start");
+    this.#toQueue = find("to-queue");
+    this.#leave = find("leave-queued");
     this.#format = find("plate-format");
     this.#plate = new PlanPlate({ box: find("plan"), table: find("plan-plate"), legend: find("plan-legend") });
     this.#cell = new CellEdit(
@@ -87,21 +100,60 @@ export class NewRun {
     });
     this.#operator.value = person();
     this.#file.addEventListener("change", () => void this.#check());
-    this.#method.addEventListener("change", () => this.#explain());
+    this.#method.addEventListener("change", () => {
+      this.#wanted = null;
+      this.#explain();
+    });
     this.#form.addEventListener("input", () => {
       // Messages about another plan do not apply to this one. Mistakes in the file come with its check.
       if (this.#map !== null) this.#clear();
       this.#enable();
     });
     this.#preflight.addEventListener("click", () => void this.#look());
+    this.#toQueue.addEventListener("click", () => void this.#enqueue());
+    this.#leave.addEventListener("click", () => {
+      this.#empty();
+      this.#clear();
+      this.#enable();
+    });
     this.#form.addEventListener("submit", (event) => {
       event.preventDefault();
-      void this.#begin();
+      // The key Enter in a field means the button that is shown.
+      void (this.#canBegin() ? this.#begin() : this.#enqueue());
     });
+  }
+
+  /** Opens the form for a plate that is queued. */
+  forQueue(): void {
+    this.#isForQueue = true;
+    this.#open();
+  }
+
+  /** Opens the form with the plan of a queued plate. */
+  change(run: string, plan: RunPlan): void {
+    this.#isForQueue = true;
+    this.#changes = run;
+    this.#fill(plan, `Queued for run ${run}`);
+    this.#operator.value = plan.operator;
+    this.#id.value = run;
+    this.#enable();
   }
 
   /** Plans a run of these wells, which the operator starts. `of`: the run that they are from. */
   offer(plan: RunPlan, of: string): void {
+    this.#changes = null;
+    this.#fill(plan, `Of run ${of}`);
+  }
+
+  #open(): void {
+    show(this.#panel, true);
+    this.#panel.open = true;
+    this.#readMethods();
+    this.#enable();
+    bringIntoView(this.#panel);
+  }
+
+  #fill(plan: RunPlan, whose: string): void {
     this.#checks += 1;
     this.#clear();
     const { plate_map, plate_format = null, metadata = {} } = plan;
@@ -113,14 +165,13 @@ export class NewRun {
     this.#barcode.value = plan.plate_barcode;
     this.#operator.value = person() || plan.operator;
     this.#id.value = "";
+    this.#wanted = plan.method;
     if (this.#methods.some((m) => m.name === plan.method)) this.#method.value = plan.method;
     this.#explain();
-    setText(this.#holds, `Of run ${of}: ${contents(plate_map)}`);
+    setText(this.#holds, `${whose}: ${contents(plate_map)}`);
     show(this.#holds, true);
     this.#draw();
-    this.#panel.open = true;
-    this.#enable();
-    bringIntoView(this.#panel);
+    this.#open();
   }
 
   update(status: Status): void {
@@ -132,9 +183,15 @@ export class NewRun {
     if (condition !== this.#condition && this.#map !== null) this.#clear();
     this.#condition = condition;
     if (!this.#startable && refused !== null) this.#refuse(refused);
-    show(this.#panel, this.#startable);
-    if (this.#startable && this.#methodsOf !== status.boot_id) void this.#loadMethods(status.boot_id);
+    this.#boot = status.boot_id;
+    const isShown = this.#startable || this.#isForQueue;
+    show(this.#panel, isShown);
+    if (isShown) this.#readMethods();
     this.#enable();
+  }
+
+  #readMethods(): void {
+    if (this.#methodsOf !== this.#boot) void this.#loadMethods(this.#boot);
   }
 
   async #loadMethods(boot: string): Promise<void> {
@@ -147,7 +204,7 @@ export class NewRun {
       this.#say(`The methods could not be read: ${reason(error)}.`);
       return;
     }
-    const chosen = this.#method.value;
+    const chosen = this.#wanted ?? this.#method.value;
     this.#method.replaceChildren(
       ...this.#methods.map((m) => {
         const option = element("option", "", m.name);
@@ -167,14 +224,25 @@ export class NewRun {
 
   #enable(): void {
     const missing = this.#whatIsMissing();
-    const planned = this.#startable && !this.#busy && missing.length === 0;
+    const planned = !this.#busy && missing.length === 0;
+    this.#toQueue.disabled = !planned;
+    setText(this.#toQueue, this.#changes === null ? "Add to the queue" : "Change it in the queue");
+    show(this.#leave, this.#changes !== null);
+    this.#id.readOnly = this.#changes !== null;
+    show(this.#start, this.#canBegin());
     this.#start.disabled = !planned || this.#notReady !== null;
-    this.#preflight.disabled = !planned;
+    this.#preflight.disabled = !planned || !this.#startable;
     const words = [];
     if (missing.length > 0) words.push(`Still needed: ${missing.join(", ")}.`);
-    if (this.#notReady !== null) words.push(`No run can start yet: ${this.#notReady.replace(/\.$/, "")}.`);
+    if (this.#notReady !== null && this.#canBegin())
+      words.push(`No run can start yet: ${this.#notReady.replace(/\.$/, "")}.`);
     setText(this.#missing, words.join(" "));
     show(this.#missing, words.length > 0 && !this.#busy);
+  }
+
+  /** Whether the form can begin a run at once. */
+  #canBegin(): boolean {
+    return this.#startable && this.#changes === null;
   }
 
   #whatIsMissing(): string[] {
@@ -255,17 +323,39 @@ export class NewRun {
         this.#refuse(`Run ${id} exists already; nothing was started. Choose another run name, or leave it empty.`);
         return;
       }
-      this.#file.value = "";
-      this.#barcode.value = "";
-      this.#id.value = "";
-      this.#map = null;
-      this.#file.required = true;
-      show(this.#holds, false);
-      this.#format.value = "";
-      this.#chosen = null;
-      this.#draw();
+      this.#empty();
+      this.#isForQueue = false;
     };
     await this.#work(job, "The run was not started", (words) => this.#refuse(words));
+  }
+
+  async #enqueue(): Promise<void> {
+    const plan = this.#plan();
+    if (!plan) return;
+    if (this.#changes === null) keepPerson(plan.operator);
+    const id = this.#changes ?? (this.#id.value.trim() || freshName(plan.plate_barcode));
+    this.#clear();
+    await this.#work(async () => {
+      await queuePlate(id, plan);
+      const done = this.#changes === null ? "is queued" : "is changed in the queue";
+      this.#empty();
+      this.#say(`Plate ${plan.plate_barcode} ${done}, for run ${id}.`);
+    }, "The queue was not changed");
+  }
+
+  /** Empties the form for the next plate. */
+  #empty(): void {
+    this.#checks += 1;
+    this.#file.value = "";
+    this.#barcode.value = "";
+    this.#id.value = "";
+    this.#map = null;
+    this.#changes = null;
+    this.#file.required = true;
+    show(this.#holds, false);
+    this.#format.value = "";
+    this.#chosen = null;
+    this.#draw();
   }
 
   #plan(): RunPlan | null {

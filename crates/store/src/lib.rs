@@ -4,6 +4,7 @@
 //! DATA/events.jsonl               append-only, synced line by line
 //! DATA/index.sqlite               for lookups; rebuilt from the rest if it is missing (see `index`)
 //! DATA/instrument.json            the uuid of the instrument (see `instrument`)
+//! DATA/queue.json                 the plates that wait for their turn (see `queue`)
 //! DATA/calibrations/              calibrations of the rig (see `calibrations`)
 //! DATA/runs/RUN/run.json          plan, method, outcome, one entry per well
 //! DATA/runs/RUN/events.jsonl      the events of this run, as in the journal
@@ -30,6 +31,7 @@ mod objects;
 mod pack;
 #[cfg(test)]
 mod power_loss;
+mod queue;
 mod reader;
 mod receipt;
 mod recording;
@@ -57,6 +59,7 @@ pub use journal::{Journal, now};
 pub use lines::EVENTS;
 pub use objects::{Objects, Reach, is_address};
 pub use pack::{Pack, RecordingFiles};
+pub use queue::{MOST_PLATES, PlateQueue, QueueError, QueuedPlate};
 pub use reader::{SpecimenFile, StoreReader, StoredFile, StoredSpecimen};
 pub use receipt::Receipt;
 pub use recording::{MEASUREMENT, MeasurementFile, Recording, RecordingReader, RecordingWriter, RigRecord, SecondRecord, fluorescence};
@@ -222,6 +225,11 @@ impl Store {
             events.extend(is_meant.then_some(event));
         })?;
         Ok(events)
+    }
+
+    /// The plates that wait for their turn.
+    pub fn queue(&self) -> PlateQueue {
+        PlateQueue::open(&self.root)
     }
 
     /// Why the index lacks something that is on disk. `None` if it is complete. Runs continue in any case.

@@ -23,7 +23,7 @@ use carved_records::{
     Asked, CalibrationStatus, Device, Event, EventData, Fault, FaultsCleared, InstrumentIdentity, InstrumentState, Mode, PlannedWell,
     RunState, Specimens, Work,
 };
-use carved_store::{RunRecord, StoreError};
+use carved_store::{PlateQueue, RunRecord, StoreError};
 use std::collections::VecDeque;
 use std::sync::Arc;
 
@@ -35,6 +35,8 @@ pub(super) struct DriverState {
     pub(super) publisher: Publisher,
     notices: Option<Notices>,
     pub(super) outbox: Outbox,
+    /// The plates that wait for their turn.
+    pub(super) queue: PlateQueue,
     pub(super) devices: Devices,
     pub(super) loader: Loader,
     room: DiskRoom,
@@ -61,6 +63,7 @@ impl DriverState {
             publisher.tail().iter().map(|event| Event::clone(event)).collect()
         });
         Self {
+            queue: store.queue(),
             outbox: Outbox::new(store, journal, publisher.log(), InstrumentState::after(&remembered)),
             loader: Loader::new(interlock, instrument.sampler.as_ref()),
             devices: Devices::new(instrument),

@@ -21,6 +21,7 @@
 //! | `Loader` | who fills the capillary; the channel to a waiting worker; what a message of the loader means |
 //! | `DiskRoom` (`room.rs`) | whether the smallest run would fit |
 //! | `commands`, `faults` | rules: which command is accepted, which fault prevents a run |
+//! | `PlateQueue` (of the store) | the plates that wait for their turn, and which one is next |
 //! | `plates`, `interrupt` | rules: plate handovers, what happens to interrupted specimens |
 //! | `resume`, `start` | rules: when a held run continues, what a start restores |
 //! | `snapshot`, `progress` | what a revision of the status shows |
@@ -50,6 +51,7 @@ mod outbox;
 mod people;
 mod plates;
 mod progress;
+mod queue;
 mod recovery;
 mod released;
 mod reports;
@@ -149,6 +151,7 @@ impl Driver {
             doing: "Starting.".into(),
             pending: super::Pending::default(),
             plate: Plate::default(),
+            queue: Vec::new(),
             run: None,
             specimen: None,
             hardware: super::HardwareStatus::default(),

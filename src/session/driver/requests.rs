@@ -9,7 +9,7 @@ use super::driver_state::DriverState;
 use super::loader::{LoaderMessage, capillary_full};
 use super::plates::Surroundings;
 use super::room;
-use super::{course, faults, people};
+use super::{course, faults, people, queue};
 use crate::api::{self, HandoffNeeds};
 use carved_records::{EventData, Fault, Handoff, HandoffEnd, Report, ResumedBy, RunPlan, WellLoaded, Work, fault_table};
 use std::future::Future;
@@ -73,6 +73,9 @@ pub(super) fn command(d: &mut DriverState, command: Command) {
     }
     match command {
         Command::PutRun { id, plan, answer } => reply(answer, put_run(d, &id, plan)),
+        Command::Queue { change, answer } => reply(answer, queue::change(d, change)),
+        Command::Queued { run, answer } => reply(answer, queue::plan_of(d, &run)),
+        Command::NextPlate { barcode, answer } => reply(answer, next_plate(d, &barcode)),
         Command::Steer { id, towards, by, answer } => reply(answer, steer(d, &id, towards, by)),
         Command::EmergencyStop { answer } => reply(answer, emergency_stopped(d)),
         Command::Acknowledge { seq, by, answer } => reply(answer, acknowledge(d, seq, by)),
@@ -88,6 +91,24 @@ pub(super) fn command(d: &mut DriverState, command: Command) {
 
 fn put_run(d: &mut DriverState, id: &str, plan: RunPlan) -> Result<Accepted, Refusal> {
     commands::check_run_name(id)?;
+    if d.queue.get(id).is_some() {
+        return Err(Refusal::Queued { id: id.to_owned() });
+    }
+    begin(d, id, plan)
+}
+
+/// Begins the run of the next plate. A repeat of the message while this run is under way changes nothing.
+fn next_plate(d: &mut DriverState, barcode: &str) -> Result<(String, Accepted), Refusal> {
+    if let Some(current) = d.run.as_ref().map(|run| run.record()).filter(|record| record.plan.plate_barcode == barcode) {
+        return Ok((current.id.clone(), Accepted::Same));
+    }
+    let next = d.queue.next(barcode)?.clone();
+    let accepted = begin(d, &next.run, next.plan)?;
+    queue::take_begun(d);
+    Ok((next.run, accepted))
+}
+
+fn begin(d: &mut DriverState, id: &str, plan: RunPlan) -> Result<Accepted, Refusal> {
     let store = d.outbox.store();
     if let Some(known) = store.run(id).map_err(Refusal::from)? {
         return if known.plan == plan { Ok(Accepted::Same) } else { Err(Refusal::OtherPlan { id: id.to_owned() }) };

@@ -7,7 +7,7 @@ use super::interrupt::Fate;
 use super::run::RunInProgress;
 use super::sealing::seal_run;
 use super::snapshot::{run_status, show_left};
-use super::{Life, course, missing, people, resume, start};
+use super::{Life, course, missing, people, queue, resume, start};
 use carved_records::{DaemonStarted, EndRequest, EventData, RunInterrupted, RunState};
 use carved_store::RunRecord;
 
@@ -22,6 +22,7 @@ pub(super) fn first_report(d: &mut DriverState) {
     let calibration = gate::calibration(&d.config, d.mode);
     let open = open_runs(d);
     d.event(None, EventData::DaemonStarted(DaemonStarted { version: env!("CARGO_PKG_VERSION").into(), mode: d.mode }));
+    queue::restore(d);
     d.calibration = calibration;
     d.publish(|s| {
         if let Some((rotation, camera)) = identities {

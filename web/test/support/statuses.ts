@@ -133,6 +133,7 @@ export function status(change: Partial<Status> = {}): Status {
     doing: "waiting for a run",
     pending: { hold: false, stop: false, abort: false },
     plate: { barcode: null, present: false, removable: true, needs: null, take_out: null, bring: null },
+    queue: [],
     run: null,
     specimen: null,
     hardware: {

@@ -147,6 +147,35 @@ class CarvedClient(Results):
         body = plan.to_json() if isinstance(plan, RunPlan) else dict(plan)
         return self._command("PUT", f"/v1/runs/{_name(run_id)}", body)
 
+    # The queue of plates
+
+    def queue(self, run_id: str, plan: RunPlan | Mapping[str, Any]) -> Acknowledged:
+        """Queues a plate as the last one, or changes the plan of the one that waits for this run."""
+        body = plan.to_json() if isinstance(plan, RunPlan) else dict(plan)
+        return self._command("PUT", f"/v1/queue/{_name(run_id)}", body)
+
+    def queued(self, run_id: str) -> dict[str, Any]:
+        """The plan of a queued plate."""
+        return decode(dict[str, Any], self._json("GET", f"/v1/queue/{_name(run_id)}"))
+
+    def unqueue(self, run_id: str) -> Acknowledged:
+        """Takes a plate out of the queue. `not_queued` is the answer if it has begun or is out already."""
+        return self._command("DELETE", f"/v1/queue/{_name(run_id)}")
+
+    def order_queue(self, run_ids: Iterable[str]) -> Acknowledged:
+        """Puts the queue into this order. It names every queued run once."""
+        return self._command("PUT", "/v1/queue", {"runs": list(run_ids)})
+
+    def next_plate(self, barcode: str) -> Acknowledged:
+        """Reports the plate that is in its place, by the barcode that was read from it.
+
+        If it is the next one of the queue, its run begins; `run` is its name. Any other barcode is refused
+        (`other_plate_next`), and nothing changes.
+        """
+        return self._command("PUT", "/v1/plate/next", {"barcode": barcode})
+
+    # The course of a run
+
     def hold(self, run_id: str) -> Acknowledged:
         """Holds the run after the current specimen."""
         return self._command("POST", f"/v1/runs/{_name(run_id)}/hold")

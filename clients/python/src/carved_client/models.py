@@ -291,6 +291,21 @@ class CalibrationStatus:
 
 
 @dataclass(frozen=True)
+class QueuedPlate:
+    """A plate that waits for its turn."""
+
+    #: Name of the run that it will be.
+    run: str
+    plate_barcode: str
+    method: str
+    operator: str
+    #: Number of wells of its plan.
+    wells: int
+    #: Why it cannot begin as it is; None if nothing is known.
+    trouble: str | None = None
+
+
+@dataclass(frozen=True)
 class Status:
     """`GET /v1/status`: one snapshot."""
 
@@ -312,6 +327,8 @@ class Status:
     #: Axes, camera and disk, in the format of the daemon.
     hardware: dict[str, Any]
     faults: tuple[Fault, ...] = ()
+    #: The plates that wait for their turn, the next one first.
+    queue: tuple[QueuedPlate, ...] = ()
     instrument: InstrumentIdentity = InstrumentIdentity()
     #: None if the configuration names no receiver.
     notices: NoticesStatus | None = None

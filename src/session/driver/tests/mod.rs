@@ -7,6 +7,7 @@ mod kept;
 mod life;
 mod loader;
 mod people;
+mod queue;
 mod rebuilt;
 mod recovery;
 mod replayed;
