@@ -129,6 +129,11 @@ impl Desk {
         })
     }
 
+    /// The holder of the lease with this token.
+    fn holder(&self, now: Instant, shown: Option<&str>) -> Option<String> {
+        self.at(now, |held| held.as_ref().filter(|held| shown == Some(held.token.as_str())).map(|held| held.holder.clone()))
+    }
+
     fn status(&self, now: Instant) -> LeaseStatus {
         self.at(now, |held| {
             let left = |h: &Held| LeaseStatus { holder: Some(h.holder.clone()), expires_in_s: Some((h.until - now).as_secs_f64()) };
@@ -140,6 +145,11 @@ impl Desk {
 fn shown(headers: &HeaderMap) -> Option<&str> {
     // A header that is not text cannot be a token, and is refused like a wrong one.
     headers.get(HEADER).map(|token| token.to_str().unwrap_or_default())
+}
+
+/// The holder of the lease whose token these headers show.
+pub(super) fn holder(app: &AppState, headers: &HeaderMap) -> Option<String> {
+    app.lease.holder(Instant::now(), shown(headers))
 }
 
 fn refusal(refused: Refused) -> Problem {

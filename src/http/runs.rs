@@ -2,17 +2,21 @@
 
 use super::AppState;
 use super::body::{self, Body};
+use super::lease;
+use super::pace::Peer;
 use super::problem::Problem;
 use crate::api::RunPlan;
 use crate::session::{Accepted, Refusal, Said, Towards};
 use axum::Json;
 use axum::extract::rejection::{PathRejection, QueryRejection};
-use axum::extract::{Path, Query, State};
+use axum::extract::{FromRequestParts, Path, Query, State};
+use axum::http::request::Parts;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
 use carved_records::plate_map::Mistake;
-use carved_records::{SaidBy, WellNote, is_plain_name};
+use carved_records::{Asked, SaidBy, WellNote, is_plain_name};
 use serde::{Deserialize, Serialize};
+use std::convert::Infallible;
 use utoipa::{IntoParams, ToSchema};
 
 /// The command was accepted. The status shows its effect from this revision on.
@@ -61,9 +65,29 @@ pub(super) struct By {
 impl By {
     /// The first 64 characters of the name, without control characters and white space around it. No command is refused for its label: an
     /// empty name, and a query that cannot be read, name nobody.
-    pub fn name(by: Result<Query<Self>, QueryRejection>) -> Option<String> {
+    fn name(by: Result<Query<Self>, QueryRejection>) -> Option<String> {
         let name: String = by.ok()?.0.by?.chars().filter(|c| !c.is_control()).take(64).collect();
         Some(name.trim().to_owned()).filter(|name| !name.is_empty())
+    }
+}
+
+/// Who asks, and from where: for the events of the run.
+pub(super) struct Asking(pub Asked);
+
+impl FromRequestParts<AppState> for Asking {
+    type Rejection = Infallible;
+
+    async fn from_request_parts(parts: &mut Parts, app: &AppState) -> Result<Self, Infallible> {
+        let by = By::name(Query::try_from_uri(&parts.uri));
+        let address = parts.extensions.get::<Peer>().map(|peer| match peer.0 {
+            own if own.is_loopback() => "the instrument's computer".to_owned(),
+            other => other.to_string(),
+        });
+        let from = address.map(|address| match lease::holder(app, &parts.headers) {
+            Some(holder) => format!("{address}, with the lease of {holder}"),
+            None => address,
+        });
+        Ok(Self(Asked { by, from }))
     }
 }
 
@@ -116,13 +140,13 @@ pub(super) async fn put(
 async fn steer(
     app: &AppState,
     path: Result<Path<String>, PathRejection>,
-    by: Result<Query<By>, QueryRejection>,
+    Asking(asked): Asking,
     headers: &HeaderMap,
     towards: Towards,
 ) -> Result<Json<Acknowledged>, Problem> {
     body::within(headers, body::SMALL)?;
     let Path(id) = path?;
-    app.session.steer(id.clone(), towards, By::name(by)).await.map_err(|refusal| refused(app, refusal))?;
+    app.session.steer(id.clone(), towards, asked).await.map_err(|refusal| refused(app, refusal))?;
     Ok(acknowledged(app, id))
 }
 
@@ -138,10 +162,10 @@ async fn steer(
 pub(super) async fn hold(
     State(app): State<AppState>,
     path: Result<Path<String>, PathRejection>,
-    by: Result<Query<By>, QueryRejection>,
+    asking: Asking,
     headers: HeaderMap,
 ) -> Result<Json<Acknowledged>, Problem> {
-    steer(&app, path, by, &headers, Towards::Hold).await
+    steer(&app, path, asking, &headers, Towards::Hold).await
 }
 
 /// Continues a held run at its current well.
@@ -156,10 +180,10 @@ pub(super) async fn hold(
 pub(super) async fn unhold(
     State(app): State<AppState>,
     path: Result<Path<String>, PathRejection>,
-    by: Result<Query<By>, QueryRejection>,
+    asking: Asking,
     headers: HeaderMap,
 ) -> Result<Json<Acknowledged>, Problem> {
-    steer(&app, path, by, &headers, Towards::Unhold).await
+    steer(&app, path, asking, &headers, Towards::Unhold).await
 }
 
 /// Ends a run after the current specimen.
@@ -174,10 +198,10 @@ pub(super) async fn unhold(
 pub(super) async fn stop(
     State(app): State<AppState>,
     path: Result<Path<String>, PathRejection>,
-    by: Result<Query<By>, QueryRejection>,
+    asking: Asking,
     headers: HeaderMap,
 ) -> Result<Json<Acknowledged>, Problem> {
-    steer(&app, path, by, &headers, Towards::Stop).await
+    steer(&app, path, asking, &headers, Towards::Stop).await
 }
 
 /// Aborts a run. The motors are stopped first.
@@ -193,10 +217,10 @@ pub(super) async fn stop(
 pub(super) async fn abort(
     State(app): State<AppState>,
     path: Result<Path<String>, PathRejection>,
-    by: Result<Query<By>, QueryRejection>,
+    asking: Asking,
     headers: HeaderMap,
 ) -> Result<Json<Acknowledged>, Problem> {
-    steer(&app, path, by, &headers, Towards::Abort).await
+    steer(&app, path, asking, &headers, Towards::Abort).await
 }
 
 /// The loader reports that the specimen of this well is in the capillary, or that it was taken out.

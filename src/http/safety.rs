@@ -3,10 +3,10 @@
 use super::AppState;
 use super::body;
 use super::problem::Problem;
-use super::runs::{By, refused};
+use super::runs::{Asking, By, refused};
 use axum::Json;
-use axum::extract::rejection::{PathRejection, QueryRejection};
-use axum::extract::{Path, Query, State};
+use axum::extract::rejection::PathRejection;
+use axum::extract::{Path, State};
 use axum::http::{HeaderMap, StatusCode};
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
@@ -64,11 +64,11 @@ pub(super) async fn emergency_stop(State(app): State<AppState>, headers: HeaderM
 pub(super) async fn acknowledge(
     State(app): State<AppState>,
     path: Result<Path<u64>, PathRejection>,
-    by: Result<Query<By>, QueryRejection>,
+    Asking(asked): Asking,
     headers: HeaderMap,
 ) -> Result<Json<Noted>, Problem> {
     body::within(&headers, body::SMALL)?;
     let Path(seq) = path?;
-    app.session.acknowledge(seq, By::name(by)).await.map_err(|refusal| refused(&app, refusal))?;
+    app.session.acknowledge(seq, asked).await.map_err(|refusal| refused(&app, refusal))?;
     Ok(noted(&app))
 }

@@ -6,7 +6,7 @@ use super::tally::Tally;
 use super::{Check, State, Status};
 use crate::api::{HandoffNeeds, RunOutcome};
 use crate::notify::Notices;
-use carved_records::{Event, FieldError, Handoff, HandoffEnd, HandoffIntent, Method, RunPlan, SaidBy, WellNote};
+use carved_records::{Asked, Event, FieldError, Handoff, HandoffEnd, HandoffIntent, Method, RunPlan, SaidBy, WellNote};
 use carved_store::{QueueError, StoreError, size};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -199,7 +199,7 @@ pub enum Command {
     Steer {
         id: String,
         towards: Towards,
-        by: Option<String>,
+        asked: Asked,
         answer: oneshot::Sender<Result<(), Refusal>>,
     },
     /// The motors have stopped already.
@@ -208,7 +208,7 @@ pub enum Command {
     },
     Acknowledge {
         seq: u64,
-        by: Option<String>,
+        asked: Asked,
         answer: oneshot::Sender<Result<(), Refusal>>,
     },
     /// What a person says about a well.
@@ -366,10 +366,10 @@ impl SessionHandle {
         self.ask(|answer| Command::NextPlate { barcode, answer }).await
     }
 
-    /// Holds, continues, stops or aborts a run, for the person of this name. The answer comes once the request is in the journal, and not
+    /// Holds, continues, stops or aborts a run. `asked` says for whom. The answer comes once the request is in the journal, and not
     /// once the state is reached.
-    pub async fn steer(&self, id: String, towards: Towards, by: Option<String>) -> Result<(), Refusal> {
-        self.ask(|answer| Command::Steer { id, towards, by, answer }).await
+    pub async fn steer(&self, id: String, towards: Towards, asked: Asked) -> Result<(), Refusal> {
+        self.ask(|answer| Command::Steer { id, towards, asked, answer }).await
     }
 
     /// Carries out what a person says about a well. The answer comes once it is on disk.
@@ -398,8 +398,8 @@ impl SessionHandle {
     }
 
     /// Acknowledges a fault for the operator.
-    pub async fn acknowledge(&self, seq: u64, by: Option<String>) -> Result<(), Refusal> {
-        self.ask(|answer| Command::Acknowledge { seq, by, answer }).await
+    pub async fn acknowledge(&self, seq: u64, asked: Asked) -> Result<(), Refusal> {
+        self.ask(|answer| Command::Acknowledge { seq, asked, answer }).await
     }
 
     /// Announces that a plate will be brought or taken away. Returns what must happen first.

@@ -153,7 +153,11 @@ fn a_token_is_asked_for_wherever_the_contract_says_so() {
     ];
     let mut asked = 0;
     for (method, path) in operations(&rig) {
-        let pattern = path.replace("/runs/r", "/runs/{run_id}").replace("/A01", "/{well}").replace("/0.png", "/{view}");
+        let pattern = path
+            .replace("/runs/r", "/runs/{run_id}")
+            .replace("/queue/r", "/queue/{run_id}")
+            .replace("/A01", "/{well}")
+            .replace("/0.png", "/{view}");
         let pattern = pattern.replace("/faults/1", "/faults/{seq}");
         let secured = rig.contract()["paths"][&pattern][method.to_lowercase()].get("security").is_some();
         if !secured {

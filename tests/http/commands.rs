@@ -4,10 +4,10 @@ use crate::rig::{PLAN, Rig, settings};
 use crate::wire::{connect, read_answer};
 use carved::api::{Fault, SchedulerAction, State};
 use carved::config::HttpSettings;
-use carved::session::Refusal;
+use carved::session::{QueueRefusal, Refusal};
 use carved_devices::StopHandle;
 use carved_devices::cancel::CancelToken;
-use carved_records::{FieldError, HandoffIntent};
+use carved_records::{Asked, FieldError, HandoffIntent};
 use std::io::Write;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -134,6 +134,48 @@ fn a_run_is_held_let_go_on_and_stopped_by_its_name() {
         let detail = stands.json()["detail"].as_str().unwrap().to_owned();
         assert!(detail.contains("/v1/faults/3/acknowledge") && detail.contains("open. "), "{detail}");
         assert_eq!(detail.matches("stands").count(), 1, "{detail}");
+    }
+}
+
+#[test]
+fn a_command_says_from_where_it_came_also_without_a_name() {
+    let rig = Rig::start();
+    rig.put("/v1/runs/r", PLAN);
+    rig.send("POST", "/v1/runs/r/hold", &[], "");
+    rig.send("POST", "/v1/runs/r/hold?by=kim", &[], "");
+    let lease = rig.put("/v1/lease", r#"{"holder": "loader 1", "ttl_s": 60, "token": "0123456789abcdef"}"#);
+    assert_eq!(lease.status, 201);
+    rig.send("POST", "/v1/runs/r/hold", &[("Carved-Lease", "0123456789abcdef")], "");
+    // An abort passes the lease of another client, which it does not have.
+    rig.send("POST", "/v1/runs/r/abort", &[("Carved-Lease", "another-token-of-16")], "");
+    let own = "the instrument's computer";
+    let of = |by: Option<&str>, from: &str| Asked { by: by.map(str::to_owned), from: Some(from.to_owned()) };
+    let wanted = [of(None, own), of(Some("kim"), own), of(None, &format!("{own}, with the lease of loader 1")), of(None, own)];
+    assert_eq!(*rig.asked.lock().unwrap(), wanted);
+}
+
+#[test]
+fn plates_are_queued_ordered_removed_and_begun() {
+    let rig = Rig::start();
+    let queued = rig.put("/v1/queue/n-1", PLAN);
+    assert_eq!((queued.status, queued.header("location")), (201, Some("/v1/queue/n-1")));
+    assert_eq!(rig.get("/v1/queue/n-9").problem(), "not_queued");
+    assert_eq!(rig.put("/v1/queue", r#"{"runs": ["n-2", "n-1"]}"#).status, 200);
+    assert_eq!(rig.send("DELETE", "/v1/queue/n-2", &[], "").status, 200);
+    let begun = rig.put("/v1/plate/next", r#"{"barcode": "P-1"}"#);
+    assert_eq!((begun.status, begun.header("location"), &begun.json()["run"]), (201, Some("/v1/runs/night-1"), &"night-1".into()));
+    for (path, body) in [("/v1/queue", r#"{"order": []}"#), ("/v1/plate/next", r#"{"barcode": 7}"#), ("/v1/plate/next", "{}")] {
+        assert_eq!(rig.put(path, body).status, 422, "{path} {body}");
+    }
+    for (kind, code, action) in [
+        (QueueRefusal::OtherPlate, "other_plate_next", "reject_plate"),
+        (QueueRefusal::Empty, "queue_empty", "pause_instrument"),
+        (QueueRefusal::Conflict, "queue_conflict", "escalate_operator"),
+    ] {
+        rig.refuse(Refusal::Queue { why: "plate P-1 is next".into(), kind });
+        let refused = rig.put("/v1/plate/next", r#"{"barcode": "P-2"}"#);
+        assert_eq!((refused.status, refused.problem().as_str()), (409, code));
+        assert_eq!((&refused.json()["scheduler_action"], &refused.json()["detail"]), (&action.into(), &"plate P-1 is next".into()));
     }
 }
 

@@ -29,6 +29,7 @@ fn the_contract_names_every_route_and_leads_nowhere_into_the_void() {
         .collect();
     let mut expected = vec![
         "delete /v1/lease",
+        "delete /v1/queue/{run_id}",
         "get /",
         "get /docs",
         "get /docs/api",
@@ -43,6 +44,7 @@ fn the_contract_names_every_route_and_leads_nowhere_into_the_void() {
         "get /v1/live/mesh.glb",
         "get /v1/live/profile.png",
         "get /v1/methods",
+        "get /v1/queue/{run_id}",
         "get /v1/runs",
         "get /v1/runs/{run_id}",
         "get /v1/runs/{run_id}/events",
@@ -75,6 +77,9 @@ fn the_contract_names_every_route_and_leads_nowhere_into_the_void() {
         "put /v1/plate/handoff",
         "put /v1/plate/handoff/aborted",
         "put /v1/plate/handoff/completed",
+        "put /v1/plate/next",
+        "put /v1/queue",
+        "put /v1/queue/{run_id}",
         "put /v1/runs/{run_id}",
         "put /v1/runs/{run_id}/replays/{name}",
         "put /v1/runs/{run_id}/wells/{well}",

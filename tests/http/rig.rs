@@ -5,7 +5,7 @@ use carved::api::{Check, HandoffNeeds, HardwareStatus, InstrumentIdentity, Mode,
 use carved::config::HttpSettings;
 use carved::http::{HttpError, bind, serve};
 use carved::session::{Accepted, Command, Publisher, QueueRefusal, Refusal, channel};
-use carved_records::{Event, EventBody, EventData, Method, RunPlan, ViewTaken};
+use carved_records::{Asked, Event, EventBody, EventData, Method, RunPlan, ViewTaken};
 use carved_store::StoreReader;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -34,6 +34,8 @@ pub struct Rig {
     pub refusal: Arc<Mutex<Option<Refusal>>>,
     /// Commands that reached the driver.
     pub commands: Arc<Mutex<Vec<String>>>,
+    /// Who asked for the commands that change a run, and from where.
+    pub asked: Arc<Mutex<Vec<Asked>>>,
     /// The data folder that results are read from; empty, without an index, until a test fills it.
     pub data: tempfile::TempDir,
     contract: Value,
@@ -91,7 +93,8 @@ impl Rig {
         let (session, mailbox, driver) = channel(status(), tail);
         let session = session.offering(methods());
         let (refusal, commands) = <(Arc<Mutex<Option<Refusal>>>, Arc<Mutex<Vec<String>>>)>::default();
-        runtime.spawn(drive(mailbox, refusal.clone(), commands.clone()));
+        let asked = Arc::default();
+        runtime.spawn(drive(mailbox, refusal.clone(), commands.clone(), Arc::clone(&asked)));
         let data = tempfile::tempdir().unwrap();
         let reader = StoreReader::new(data.path());
         let listener = bind(&settings).unwrap();
@@ -103,7 +106,7 @@ impl Rig {
         });
         let contract = wire::exchange(address, b"GET /openapi.json HTTP/1.1\r\nHost: localhost\r\n\r\n").json();
         let driver = Arc::new(driver);
-        Self { address, driver, refusal, commands, data, contract, runtime, server: Some(server), stop: Some(stop) }
+        Self { address, driver, refusal, commands, asked, data, contract, runtime, server: Some(server), stop: Some(stop) }
     }
 
     pub fn contract(&self) -> &Value {
@@ -163,7 +166,12 @@ impl Rig {
     }
 }
 
-async fn drive(mut mailbox: mpsc::Receiver<Command>, refusal: Arc<Mutex<Option<Refusal>>>, commands: Arc<Mutex<Vec<String>>>) {
+async fn drive(
+    mut mailbox: mpsc::Receiver<Command>,
+    refusal: Arc<Mutex<Option<Refusal>>>,
+    commands: Arc<Mutex<Vec<String>>>,
+    asking: Arc<Mutex<Vec<Asked>>>,
+) {
     let methods = methods();
     let mut runs: BTreeMap<String, RunPlan> = BTreeMap::new();
     while let Some(command) = mailbox.recv().await {
@@ -194,7 +202,8 @@ async fn drive(mut mailbox: mpsc::Receiver<Command>, refusal: Arc<Mutex<Option<R
                 commands.lock().unwrap().push(format!("next {barcode}"));
                 answer.send(refusal.map_or(Ok(("night-1".into(), Accepted::Created)), Err)).unwrap();
             }
-            Command::Steer { id, towards, answer, .. } => {
+            Command::Steer { id, towards, asked, answer } => {
+                asking.lock().unwrap().push(asked);
                 commands.lock().unwrap().push(format!("{towards:?} {id}").to_lowercase());
                 let known = runs.contains_key(&id);
                 let unknown = Refusal::UnknownRun { id, newest: runs.keys().next_back().cloned() };

@@ -16,7 +16,7 @@ import {
   runsNow,
   underWay,
 } from "./plain.ts";
-import { byPerson } from "./person.ts";
+import { byPerson, NameRequest } from "./person.ts";
 import type { Status } from "./status.ts";
 
 interface Command {
@@ -32,6 +32,8 @@ interface Command {
   send: (status: Status, run: string) => Promise<void>;
   /** Whether it is sent after a few seconds, in which it can be undone. */
   canBeUndone?: true;
+  /** Whether its event names the person. */
+  isNamed?: true;
   /** Whether the command ends the run. */
   ends: boolean;
   /** What to do if the command fails. */
@@ -56,6 +58,7 @@ const COMMANDS: readonly Command[] = [
     isEnabled: always,
     question: null,
     send: (s) => post(`/v1/faults/${nextStep(s)?.fault}/acknowledge${byPerson()}`),
+    isNamed: true,
     ends: false,
     otherwise: "The fault is still open.",
   },
@@ -69,6 +72,7 @@ const COMMANDS: readonly Command[] = [
     isEnabled: canHold,
     question: null,
     send: steer("hold"),
+    isNamed: true,
     ends: false,
     otherwise: "",
   },
@@ -81,6 +85,7 @@ const COMMANDS: readonly Command[] = [
     isEnabled: canGoOn,
     question: null,
     send: steer("unhold"),
+    isNamed: true,
     ends: false,
     otherwise: "The run is still held.",
   },
@@ -97,6 +102,7 @@ const COMMANDS: readonly Command[] = [
       no: isAtRest(s) ? "Keep the run" : "Keep running",
     }),
     send: steer("stop"),
+    isNamed: true,
     ends: true,
     otherwise: "The run is not ended.",
   },
@@ -113,6 +119,7 @@ const COMMANDS: readonly Command[] = [
       no: s.state === "Held" ? "Leave it held" : "Keep running",
     }),
     send: steer("abort"),
+    isNamed: true,
     ends: true,
     otherwise: HALT,
   },
@@ -167,6 +174,7 @@ export class CommandRow {
   readonly #buttons: [Command, HTMLButtonElement][];
   readonly #asker: Asker;
   readonly #undo: Undo;
+  readonly #who: NameRequest;
   /** Resolves with the first status that the report by key waits for. */
   #awaited: { meets: (status: Status) => boolean; resolve: () => void } | null = null;
   readonly #answer: HTMLElement;
@@ -181,6 +189,7 @@ export class CommandRow {
     this.#buttons = COMMANDS.map((command) => [command, find<HTMLButtonElement>(command.name)]);
     this.#asker = new Asker(find);
     this.#undo = new Undo(find);
+    this.#who = new NameRequest(find);
     document.addEventListener("keydown", (event) => {
       const isTyped = event.target instanceof Element && event.target.closest("input, select, textarea") !== null;
       if (event.key.toLowerCase() !== NEXT_KEY || event.repeat || event.ctrlKey || event.altKey || event.metaKey)
@@ -257,6 +266,7 @@ export class CommandRow {
     const moved = (now: Status) => at(now) !== at(status);
     try {
       await command.send(status, run);
+      if (command.isNamed === true) this.#who.commanded();
       this.#say(`${label}: accepted.`, (now) => moved(now) && !command.isUnderWay(now));
     } catch (error) {
       this.#say(refusal(label, error, command), moved);

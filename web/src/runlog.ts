@@ -55,11 +55,7 @@ const WORDS: Record<string, (data: Data, well: string) => Entry> = {
     return d["by"] === "operator" ? news(cause) : trouble(cause);
   },
   "run.resumed": (d) =>
-    news(
-      d["by"] === "instrument"
-        ? "The run continues by itself."
-        : `${text(d["name"]) || "An operator"} lets the run go on.`,
-    ),
+    news(d["by"] === "instrument" ? "The run continues by itself." : `${asked(d, "name")} lets the run go on.`),
   "run.interrupted": () => trouble("The program was started again and found the run open."),
   "run.unreadable": (d) => trouble(sentence(`the record of the run could not be read: ${text(d["why"])}`)),
   "run.ended": (d) => news(`The run ${OUTCOMES[text(d["outcome"]) as RunOutcome] ?? "ended"}.`),
@@ -94,8 +90,7 @@ const WORDS: Record<string, (data: Data, well: string) => Entry> = {
   "specimen.done": done,
   // An early journal has no meaning of a fault.
   "fault.raised": (d) => trouble(said([d["meaning"], d["message"]]) || "A fault was raised."),
-  "fault.acknowledged": (d) =>
-    news(`The fault ${words(text(d["code"]))} was acknowledged${text(d["by"]) ? ` by ${text(d["by"])}` : ""}.`),
+  "fault.acknowledged": (d) => news(`${asked(d)} acknowledged the fault ${words(text(d["code"]))}.`),
   "fault.cleared": (d) => news(sentence(`a fault is over${d["why"] ? `: ${text(d["why"])}` : ""}`)),
   "daemon.stopping": () => trouble("The program was told to end while the run was open."),
   "store.regained": () => news("The disk takes writes again."),
@@ -113,9 +108,10 @@ function trouble(words: string): Entry {
   return { weight: "trouble", words };
 }
 
-/** Who asked for something. */
-function asked(data: Data): string {
-  return text(data["by"]) || "Somebody";
+/** Who asked for something. Without a name: what is known of the client. */
+function asked(data: Data, field: "by" | "name" = "by"): string {
+  const from = text(data["from"]);
+  return text(data[field]) || (from ? `A client at ${from} (no name given)` : "A client without a name");
 }
 
 function heldBy(data: Data): string {

@@ -298,6 +298,9 @@ pub struct Asked {
     /// Name of the person. `None` where the client gave none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub by: Option<String>,
+    /// Where the request came from, in words: the address of the client, and the holder of the lease that it showed. `None` in older journals.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub from: Option<String>,
 }
 
 /// Who continues a run.
@@ -318,6 +321,9 @@ pub struct RunResumed {
     /// Name of the operator. `None` where the client gave none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
+    /// Where the request came from, as in [`Asked`]. `None` where the instrument continues by itself.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub from: Option<String>,
 }
 
 /// Who fills the capillary.
@@ -457,6 +463,9 @@ pub struct FaultAcknowledged {
     /// Name of the person. `None` where the client gave none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub by: Option<String>,
+    /// Where the request came from, as in [`Asked`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub from: Option<String>,
 }
 
 /// Data of `fault.cleared`.

@@ -114,11 +114,11 @@ fn launch(d: &mut DriverState) {
 }
 
 /// Holds the run for an operator. This hold stays when other causes of a hold are over.
-pub(super) fn hold(d: &mut DriverState, state: State, by: Option<String>) -> Result<(), Refusal> {
+pub(super) fn hold(d: &mut DriverState, state: State, asked: Asked) -> Result<(), Refusal> {
     if d.is_held_by_operator() {
         return Ok(());
     }
-    d.commit(None, EventData::RunHoldRequested(Asked { by }))?;
+    d.commit(None, EventData::RunHoldRequested(asked))?;
     if matches!(state, State::Holding | State::Held) {
         d.publish(|_| ());
         return Ok(());
@@ -131,8 +131,8 @@ pub(super) fn hold(d: &mut DriverState, state: State, by: Option<String>) -> Res
     Ok(())
 }
 
-pub(super) fn stop(d: &mut DriverState, by: Option<String>) -> Result<(), Refusal> {
-    d.commit(None, EventData::RunStopRequested(Asked { by }))?;
+pub(super) fn stop(d: &mut DriverState, asked: Asked) -> Result<(), Refusal> {
+    d.commit(None, EventData::RunStopRequested(asked))?;
     d.ask(Request::Stop);
     d.transition(Trigger::Stop);
     if d.has_idle_run() {
@@ -142,23 +142,23 @@ pub(super) fn stop(d: &mut DriverState, by: Option<String>) -> Result<(), Refusa
 }
 
 /// Aborts the run even if the disk fails. The event is written as soon as possible.
-pub(super) fn abort(d: &mut DriverState, by: Option<String>) {
+pub(super) fn abort(d: &mut DriverState, asked: Asked) {
     d.ask(Request::Abort);
     d.transition(Trigger::Abort);
-    d.event(None, EventData::RunAbortRequested(Asked { by }));
+    d.event(None, EventData::RunAbortRequested(asked));
     if d.has_idle_run() {
         end_run(d);
     }
 }
 
 /// Continues a held run, once the causes of the hold are over.
-pub(super) fn unhold(d: &mut DriverState, by: ResumedBy, name: Option<String>) -> Result<(), Refusal> {
+pub(super) fn unhold(d: &mut DriverState, by: ResumedBy, asked: Asked) -> Result<(), Refusal> {
     d.check_faults()?;
     let Some(run) = &mut d.run else { return Ok(()) };
     if d.devices.at_rest().is_none() {
         return Err(Refusal::Busy);
     }
-    d.outbox.commit_with(run.record(), EventData::RunResumed(RunResumed { by, name }))?;
+    d.outbox.commit_with(run.record(), EventData::RunResumed(RunResumed { by, name: asked.by, from: asked.from }))?;
     run.set_may_go_on(false);
     let status = run_status(run.record());
     d.transition_with(Trigger::Unhold, |s| s.run = Some(status));
@@ -219,7 +219,7 @@ pub(super) fn go_on_if_it_may(d: &mut DriverState) {
     if !may || d.machine() != State::Held {
         return;
     }
-    match unhold(d, ResumedBy::Instrument, None) {
+    match unhold(d, ResumedBy::Instrument, Asked::default()) {
         // Tried again when the task returns the instrument, or when the disk accepts writes.
         Ok(()) | Err(Refusal::Busy | Refusal::Store { .. }) => {}
         Err(refusal) => {
@@ -260,7 +260,7 @@ pub(super) fn worker_ended(d: &mut DriverState, (instrument, end): (Instrument, 
             interrupt_specimens(d, "the run could not be stored", Fate::PoseLost);
             rest(d, true);
         }
-        AfterWork::Abort => abort(d, None),
+        AfterWork::Abort => abort(d, Asked::default()),
     }
 }
 
@@ -339,7 +339,7 @@ pub(super) fn taken_out_at_work(d: &mut DriverState, well: &str) -> Result<(), R
     }
     let state = d.machine();
     match commands::steer(Towards::Hold, state) {
-        Ok(true) => hold(d, state, None),
+        Ok(true) => hold(d, state, Asked::default()),
         // It is being held or ended already.
         Ok(false) | Err(_) => Ok(()),
     }

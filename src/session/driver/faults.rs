@@ -2,7 +2,7 @@
 //! them.
 
 use super::super::Refusal;
-use carved_records::{Device, FaultAcknowledged, HoldCause, OpenFaults, fault_table};
+use carved_records::{Asked, Device, FaultAcknowledged, HoldCause, OpenFaults, fault_table};
 
 /// Refuses a run while a device is lost or a fault needs an operator.
 ///
@@ -29,10 +29,13 @@ pub(super) fn of_the_disk(faults: &OpenFaults) -> Option<Refusal> {
 ///
 /// # Errors
 /// There was never a fault of this number.
-pub(super) fn acknowledge(faults: &OpenFaults, seq: u64, by: Option<String>) -> Result<Option<(FaultAcknowledged, bool)>, Refusal> {
+pub(super) fn acknowledge(faults: &OpenFaults, seq: u64, asked: Asked) -> Result<Option<(FaultAcknowledged, bool)>, Refusal> {
     let newest = faults.newest();
     match faults.open().iter().find(|f| f.seq == seq) {
-        Some(fault) => Ok(Some((FaultAcknowledged { seq, code: fault.code.clone(), by }, !fault.ends_by_itself()))),
+        Some(fault) => {
+            let Asked { by, from } = asked;
+            Ok(Some((FaultAcknowledged { seq, code: fault.code.clone(), by, from }, !fault.ends_by_itself())))
+        }
         None if (1..=newest).contains(&seq) => Ok(None),
         None => Err(Refusal::UnknownFault { seq, newest }),
     }
@@ -81,7 +84,7 @@ mod tests {
     #[test]
     fn an_acknowledgement_ends_a_fault_unless_it_ends_with_its_cause() {
         let faults = open(&[&fault_table::EMERGENCY_STOP, &fault_table::CAMERA_LOST]);
-        let ends = |seq| acknowledge(&faults, seq, None).map(|found| found.map(|(_, ends)| ends));
+        let ends = |seq| acknowledge(&faults, seq, Asked::default()).map(|found| found.map(|(_, ends)| ends));
         assert_eq!((ends(1), ends(2)), (Ok(Some(true)), Ok(Some(false))));
         assert_eq!(
             (ends(0), ends(3)),
@@ -89,7 +92,7 @@ mod tests {
         );
         let mut later = OpenFaults::default();
         later.number_from(7);
-        assert_eq!(acknowledge(&later, 7, None), Ok(None), "it is over already");
+        assert_eq!(acknowledge(&later, 7, Asked::default()), Ok(None), "it is over already");
     }
 
     #[test]

@@ -11,13 +11,13 @@ use super::plates::Surroundings;
 use super::room;
 use super::{course, faults, people, queue};
 use crate::api::{self, HandoffNeeds};
-use carved_records::{EventData, Fault, Handoff, HandoffEnd, Report, ResumedBy, RunPlan, WellLoaded, Work, fault_table};
+use carved_records::{Asked, EventData, Fault, Handoff, HandoffEnd, Report, ResumedBy, RunPlan, WellLoaded, Work, fault_table};
 use std::future::Future;
 use std::pin::pin;
 use tokio::sync::{mpsc, oneshot};
 
-pub(super) fn acknowledge(d: &mut DriverState, seq: u64, by: Option<String>) -> Result<(), Refusal> {
-    if let Some((known, ends)) = faults::acknowledge(&d.state().faults, seq, by)? {
+pub(super) fn acknowledge(d: &mut DriverState, seq: u64, asked: Asked) -> Result<(), Refusal> {
+    if let Some((known, ends)) = faults::acknowledge(&d.state().faults, seq, asked)? {
         d.commit(None, EventData::FaultAcknowledged(known))?;
         if ends {
             d.publish(|_| ());
@@ -44,7 +44,7 @@ pub(super) fn emergency_pressed(d: &mut DriverState) {
     }
     let state = d.machine();
     if d.run.is_some() && state != State::Aborting {
-        course::abort(d, None);
+        course::abort(d, Asked::default());
     } else if d.run.is_none() && state != State::Aborted {
         d.abort_left_run();
         d.transition(Trigger::Abort);
@@ -76,9 +76,9 @@ pub(super) fn command(d: &mut DriverState, command: Command) {
         Command::Queue { change, answer } => reply(answer, queue::change(d, change)),
         Command::Queued { run, answer } => reply(answer, queue::plan_of(d, &run)),
         Command::NextPlate { barcode, answer } => reply(answer, next_plate(d, &barcode)),
-        Command::Steer { id, towards, by, answer } => reply(answer, steer(d, &id, towards, by)),
+        Command::Steer { id, towards, asked, answer } => reply(answer, steer(d, &id, towards, asked)),
         Command::EmergencyStop { answer } => reply(answer, emergency_stopped(d)),
-        Command::Acknowledge { seq, by, answer } => reply(answer, acknowledge(d, seq, by)),
+        Command::Acknowledge { seq, asked, answer } => reply(answer, acknowledge(d, seq, asked)),
         Command::OfWell { run, well, said, answer } => reply(answer, people::said(d, &run, &well, said)),
         Command::Loaded { run, well, loaded: true, answer } => reply(answer, loaded(d, &run, &well)),
         Command::Loaded { run, well, loaded: false, answer } => reply(answer, unloaded(d, &run, &well)),
@@ -133,7 +133,7 @@ fn begin(d: &mut DriverState, id: &str, plan: RunPlan) -> Result<Accepted, Refus
     Ok(Accepted::Created)
 }
 
-fn steer(d: &mut DriverState, id: &str, towards: Towards, by: Option<String>) -> Result<(), Refusal> {
+fn steer(d: &mut DriverState, id: &str, towards: Towards, asked: Asked) -> Result<(), Refusal> {
     let state = d.machine();
     if !d.is(id) {
         let stored = d.outbox.store().run(id).map_err(Refusal::from)?;
@@ -144,12 +144,12 @@ fn steer(d: &mut DriverState, id: &str, towards: Towards, by: Option<String>) ->
     }
     match towards {
         Towards::Abort => {
-            course::abort(d, by);
+            course::abort(d, asked);
             d.outbox.on_disk()
         }
-        Towards::Stop => course::stop(d, by),
-        Towards::Hold => course::hold(d, state, by),
-        Towards::Unhold => course::unhold(d, ResumedBy::Operator, by),
+        Towards::Stop => course::stop(d, asked),
+        Towards::Hold => course::hold(d, state, asked),
+        Towards::Unhold => course::unhold(d, ResumedBy::Operator, asked),
     }
 }
 

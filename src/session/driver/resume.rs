@@ -112,7 +112,7 @@ mod tests {
     }
 
     fn resumed() -> EventData {
-        EventData::RunResumed(RunResumed { by: ResumedBy::Instrument, name: None })
+        EventData::RunResumed(RunResumed { by: ResumedBy::Instrument, name: None, from: None })
     }
 
     #[test]

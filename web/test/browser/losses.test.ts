@@ -74,14 +74,21 @@ async function axisLostInATurn(t: Ends): Promise<void> {
   await page.locator("#fault-list", { hasText: "was away and is back" }).waitFor();
   await shoot(page, "control-axis-back");
   await page.getByRole("button", { name: "Acknowledge" }).first().click();
+  // Who has not given a name is asked once, and nothing waits for the answer.
+  await page.getByLabel("Your name, for the record of what you ask").fill("Kim");
+  await shoot(page, "control-name");
+  await page.getByRole("button", { name: "Keep it" }).click();
+  await page.locator("#who").waitFor({ state: "hidden" });
   await page.locator("#unhold").click();
   await daemon.follow((s) => s.state === "Execute" && s.faults.length === 0);
+  assert.equal(await page.locator("#who").isVisible(), false);
   const done = await daemon.follow((s) => s.run?.outcome != null);
   assert.equal(done.run!.results[0]!.outcome, "succeeded", JSON.stringify(done.run));
   await page.getByText("What happened in this run").click();
   await until(page, "log-list", /A01 was interrupted .*: it is measured again from the start\./);
   await until(page, "log-list", /The run is held: The axis' controller does not answer/);
-  await until(page, "log-list", /An operator lets the run go on\./);
+  await until(page, "log-list", /A client at the instrument's computer \(no name given\) acknowledged the fault/);
+  await until(page, "log-list", /Kim lets the run go on\./);
   const stored = (await (await fetch(`${daemon.url}/v1/runs/lost/specimens/A01`)).json()) as {
     earlier_attempts: number[];
   };

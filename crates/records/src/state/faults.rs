@@ -65,7 +65,7 @@ mod tests {
     }
 
     fn acknowledged(seq: u64) -> EventData {
-        EventData::FaultAcknowledged(FaultAcknowledged { seq, code: String::new(), by: None })
+        EventData::FaultAcknowledged(FaultAcknowledged { seq, code: String::new(), by: None, from: None })
     }
 
     fn started() -> EventData {
@@ -88,7 +88,7 @@ mod tests {
     #[test]
     fn what_asks_to_be_tried_again_is_over_once_it_is() {
         let suspect = raised(1, &fault_table::ROTATION_SUSPECT);
-        let resumed = EventData::RunResumed(RunResumed { by: ResumedBy::Operator, name: None });
+        let resumed = EventData::RunResumed(RunResumed { by: ResumedBy::Operator, name: None, from: None });
         assert_eq!(after(std::slice::from_ref(&suspect)), [1]);
         assert!(after(&[suspect.clone(), resumed]).is_empty());
         assert!(after(&[suspect, started()]).is_empty());

@@ -379,7 +379,7 @@ mod tests {
     /// After two crashes, the second start must not count the specimen that the first one ejected as begun.
     #[test]
     fn an_attempt_that_was_thrown_out_is_over() {
-        let resumed = event(None, EventData::RunResumed(RunResumed { by: ResumedBy::Operator, name: None }));
+        let resumed = event(None, EventData::RunResumed(RunResumed { by: ResumedBy::Operator, name: None, from: None }));
         let revolve = phase("A01", Phase::Revolve, true);
         let ejected = [phase("A01", Phase::Eject, true), phase("A01", Phase::Eject, false)];
         let state = after(&[&[revolve, interrupted("A01", false), resumed][..], &ejected].concat());
@@ -391,7 +391,7 @@ mod tests {
         let hold = event(None, EventData::RunHoldRequested(Asked::default()));
         let held =
             event(None, EventData::RunHeld(RunHeld { by: HeldBy::Operator, code: Some("operator".into()), cause: Some("x".into()) }));
-        let resumed = event(None, EventData::RunResumed(RunResumed { by: ResumedBy::Operator, name: None }));
+        let resumed = event(None, EventData::RunResumed(RunResumed { by: ResumedBy::Operator, name: None, from: None }));
         let state = after(&[hold.clone(), phase("A01", Phase::Load, false), held.clone()]);
         assert_eq!((state.is_held_by_operator(), state.times_held_by("operator"), state.specimens().begun()), (true, 1, Vec::new()));
         assert_eq!(state.held_by().map(|cause| cause.code.as_str()), Some("operator"));
@@ -409,7 +409,7 @@ mod tests {
     /// A specimen on which the daemon crashes each time must not be begun without limit.
     #[test]
     fn going_on_by_itself_is_counted_over_crashes_until_a_well_is_done() {
-        let resumed = |by| event(None, EventData::RunResumed(RunResumed { by, name: None }));
+        let resumed = |by| event(None, EventData::RunResumed(RunResumed { by, name: None, from: None }));
         let twice = [resumed(ResumedBy::Instrument), resumed(ResumedBy::Instrument)];
         assert_eq!(after(&twice).resumed_by_itself(), 2);
         assert_eq!(after(&[&twice[..], &[resumed(ResumedBy::Operator)]].concat()).resumed_by_itself(), 0);
@@ -419,8 +419,9 @@ mod tests {
     #[test]
     fn a_fault_that_an_operator_has_to_end_keeps_the_run_waiting_until_somebody_continues_it() {
         let raised = |code: &FaultCode| event(None, EventData::FaultRaised(Fault::new(7, code, String::new(), String::new())));
-        let acknowledged = event(None, EventData::FaultAcknowledged(FaultAcknowledged { seq: 7, code: String::new(), by: None }));
-        let resumed = event(None, EventData::RunResumed(RunResumed { by: ResumedBy::Operator, name: None }));
+        let acknowledged =
+            event(None, EventData::FaultAcknowledged(FaultAcknowledged { seq: 7, code: String::new(), by: None, from: None }));
+        let resumed = event(None, EventData::RunResumed(RunResumed { by: ResumedBy::Operator, name: None, from: None }));
         let waits = |events: &[EventBody]| after(events).waits_for_operator();
         assert!(!waits(&[raised(&fault_table::CAMERA_LOST)]) && !waits(&[raised(&fault_table::DISK_FULL)]));
         for code in

@@ -6,7 +6,7 @@ use crate::session::handle::{Refusal, Towards};
 use crate::session::search::DevicesFound;
 use crate::session::worker::RunEnd;
 use carved_devices::DeviceError;
-use carved_records::{EventData, Handoff, HandoffEnd, HandoffIntent, Phase, fault_table};
+use carved_records::{Asked, EventData, Handoff, HandoffEnd, HandoffIntent, Phase, fault_table};
 
 fn held() -> DeviceError {
     DeviceError::Intervention { device: "rotation axis", what: "feed hold".into(), way_out: "Press cycle start" }
@@ -31,14 +31,14 @@ fn somebody_who_has_the_axis_is_a_fault_once_and_until_he_lets_go() {
         assert_eq!((status.faults[0].code.as_str(), status.ready), (fault_table::ROTATION_INTERVENTION.code, false));
         assert!(matches!(b.put_run(&plan(&["A01"])), Err(Refusal::FaultStands { .. })));
         // Acknowledged while the cause lasts, the fault is raised again.
-        requests::acknowledge(&mut b.d, status.faults[0].seq, None).unwrap();
+        requests::acknowledge(&mut b.d, status.faults[0].seq, Asked::default()).unwrap();
         look(&mut b, Err(held()), None);
         assert_eq!(b.status().faults.len(), 1);
         // It is not enough that the cause is over: an operator must acknowledge the fault.
         look(&mut b, Ok(()), None);
         let status = b.status();
         assert_eq!((status.faults.len(), status.ready), (1, false));
-        requests::acknowledge(&mut b.d, status.faults[0].seq, None).unwrap();
+        requests::acknowledge(&mut b.d, status.faults[0].seq, Asked::default()).unwrap();
         look(&mut b, Ok(()), None);
         assert!(b.status().ready && b.status().faults.is_empty());
         assert_eq!(count(&journalled(dir.path()), "fault.raised"), 2);
@@ -65,7 +65,7 @@ fn a_specimen_that_no_run_asked_for_is_said_and_neither_ready_nor_removable_goes
         assert!(matches!(b.put_run(&plan(&["A01"])), Err(Refusal::FaultStands { .. })));
         look(&mut b, Ok(()), Some(false));
         assert!(b.status().plate.removable && !b.status().ready, "somebody has to say that it is known");
-        requests::acknowledge(&mut b.d, status.faults[0].seq, None).unwrap();
+        requests::acknowledge(&mut b.d, status.faults[0].seq, Asked::default()).unwrap();
         assert!(b.status().ready);
     });
 }

@@ -10,7 +10,7 @@ use carved_devices::cancel::CancelToken;
 use carved_devices::sampler::{Expected, Loaded, Sampler};
 use carved_devices::testing::{FakeAxis, FakeCamera};
 use carved_devices::{DeviceError, Rig, RotationAxis};
-use carved_records::{Event, Interrupted, Mode, Phase, RunPlan, SpecimenOutcome, WellTimes};
+use carved_records::{Asked, Event, Interrupted, Mode, Phase, RunPlan, SpecimenOutcome, WellTimes};
 use carved_store::{Claim, EventsAfter};
 use std::path::Path;
 use std::sync::{Arc, Mutex};
@@ -188,7 +188,7 @@ impl Bench {
     }
 
     pub fn steer(&mut self, towards: Towards) -> Result<(), Refusal> {
-        self.ask(|answer| Command::Steer { id: RUN.into(), towards, by: None, answer })
+        self.ask(|answer| Command::Steer { id: RUN.into(), towards, asked: Asked::default(), answer })
     }
 
     pub fn said(&mut self, well: &str, said: Said) -> Result<(), Refusal> {

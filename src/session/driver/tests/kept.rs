@@ -10,7 +10,7 @@ use crate::session::worker::{OpticsFault, Progress, RunEnd, RunError};
 use carved_core::profile::ProfileError;
 use carved_devices::DeviceError;
 use carved_devices::testing::{FakeAxis, FakeCamera};
-use carved_records::{EventData, Interrupted, Phase, fault_table};
+use carved_records::{Asked, EventData, Interrupted, Phase, fault_table};
 use carved_store::RecordingWriter;
 use carved_store::testing::recording as a_recording;
 use std::sync::Arc;
@@ -74,7 +74,7 @@ fn what_the_instrument_could_not_see_stays_inside_and_the_run_goes_on_with_it() 
                 let fault = b.status().faults[0].clone();
                 assert_eq!((fault.code.as_str(), fault.operator_required), (code, true), "{when}");
                 assert!(matches!(b.steer(Towards::Unhold), Err(Refusal::FaultStands { .. })), "{when}");
-                requests::acknowledge(&mut b.d, fault.seq, None).unwrap();
+                requests::acknowledge(&mut b.d, fault.seq, Asked::default()).unwrap();
                 is_kept(&b, &when);
                 b.steer(Towards::Unhold).unwrap();
                 assert!(b.works(), "{when}: {:?}", b.status().state);
@@ -107,7 +107,7 @@ fn a_kept_specimen_that_is_said_to_be_out_is_brought_again() {
         assert_eq!((b.loaded("A02", true), b.loaded("A02", false)), (Ok(()), Ok(())));
         assert_eq!(b.inside_by_status(), None);
         let seq = b.status().faults[0].seq;
-        requests::acknowledge(&mut b.d, seq, None).unwrap();
+        requests::acknowledge(&mut b.d, seq, Asked::default()).unwrap();
         b.steer(Towards::Unhold).unwrap();
         b.report(Progress::Ready);
         b.asks_for("A02");
@@ -131,7 +131,7 @@ fn a_kept_specimen_is_not_forgotten_with_its_run() {
             let mut b = bench(dir.path(), outside);
             assert_eq!(b.inside_by_status().as_deref(), Some("A02"), "after a restart");
             let seq = b.status().faults[0].seq;
-            requests::acknowledge(&mut b.d, seq, None).unwrap();
+            requests::acknowledge(&mut b.d, seq, Asked::default()).unwrap();
             if !outside {
                 let ejected = Arc::default();
                 let sampler = Arm { brings_again: true, ejected: Arc::clone(&ejected), ..Arm::default() };
@@ -172,7 +172,7 @@ impl Bench {
 
     fn goes_on(&mut self) {
         let seq = self.status().faults[0].seq;
-        requests::acknowledge(&mut self.d, seq, None).unwrap();
+        requests::acknowledge(&mut self.d, seq, Asked::default()).unwrap();
         self.steer(Towards::Unhold).unwrap();
     }
 

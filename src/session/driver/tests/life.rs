@@ -9,7 +9,7 @@ use crate::session::search::DevicesFound;
 use crate::session::worker::{Progress, RunEnd, RunError};
 use carved_devices::DeviceError;
 use carved_devices::testing::FakeAxis;
-use carved_records::{EventData, Handoff, HandoffEnd, HandoffIntent, Phase, ResumedBy, ViewTaken, fault_table};
+use carved_records::{Asked, EventData, Handoff, HandoffEnd, HandoffIntent, Phase, ResumedBy, ViewTaken, fault_table};
 use futures::FutureExt;
 use std::cell::Cell;
 use std::future::{poll_fn, ready};
@@ -55,8 +55,8 @@ fn a_specimen_that_could_not_be_taken_out_is_not_forgotten_with_its_numbers() {
             assert_eq!(b.d.must_leave_first(), Some("A01"));
             // It is also ejected if the run has no further well.
             let seq = status.faults[0].seq;
-            requests::acknowledge(&mut b.d, seq, None).unwrap();
-            course::unhold(&mut b.d, ResumedBy::Operator, None).unwrap();
+            requests::acknowledge(&mut b.d, seq, Asked::default()).unwrap();
+            course::unhold(&mut b.d, ResumedBy::Operator, Asked::default()).unwrap();
             assert!(b.works(), "the run has ended with a specimen in the capillary");
         });
     }
@@ -75,7 +75,7 @@ async fn cut_short(root: &Path, error: DeviceError) -> Bench {
 /// Acknowledges the open faults.
 fn acknowledge_all(b: &mut Bench) {
     for fault in b.status().faults {
-        requests::acknowledge(&mut b.d, fault.seq, None).unwrap();
+        requests::acknowledge(&mut b.d, fault.seq, Asked::default()).unwrap();
     }
 }
 
@@ -91,7 +91,7 @@ fn an_axis_that_was_lost_waits_for_a_person_with_and_without_a_run() {
         let run = status.run.unwrap();
         assert_eq!((run.goes_on_by_itself, run.hold.unwrap().next_command), (false, None), "there is nothing to acknowledge yet");
         assert_eq!(status.faults[0].code, fault_table::ROTATION_LOST.code);
-        assert!(matches!(course::unhold(&mut b.d, ResumedBy::Operator, None), Err(Refusal::DeviceLost { .. })));
+        assert!(matches!(course::unhold(&mut b.d, ResumedBy::Operator, Asked::default()), Err(Refusal::DeviceLost { .. })));
         for _ in 0..2 {
             checks::searched(&mut b.d, found(Ok(())));
             let status = b.status();
@@ -108,7 +108,7 @@ fn an_axis_that_was_lost_waits_for_a_person_with_and_without_a_run() {
         drop(b);
         let mut b = bench(dir.path(), true);
         assert_eq!((b.status().state, b.works()), (State::Held, false), "the daemon was restarted");
-        course::unhold(&mut b.d, ResumedBy::Operator, None).unwrap();
+        course::unhold(&mut b.d, ResumedBy::Operator, Asked::default()).unwrap();
         assert_eq!(b.status().state, State::Suspended, "it goes on to have the specimen taken out");
 
         // The daemon is restarted while the axis is away.
@@ -147,7 +147,7 @@ fn a_run_that_has_to_go_on_without_its_instrument_waits_for_it() {
         b.d.devices.give_back(instrument);
         checks::searched(&mut b.d, DevicesFound { rotation: Ok(()), camera: Ok(()), outputs: Vec::new() });
         acknowledge_all(&mut b);
-        course::unhold(&mut b.d, ResumedBy::Operator, None).unwrap();
+        course::unhold(&mut b.d, ResumedBy::Operator, Asked::default()).unwrap();
         assert!(b.works(), "{:?}", b.status().state);
     });
 }
@@ -207,11 +207,11 @@ fn a_run_that_waited_for_the_loader_does_not_go_on_over_a_fault_of_a_person() {
             assert_eq!((b.status().state, b.status().plate.take_out.as_deref()), (State::Held, Some("A01")));
             let seq = b.status().faults[0].seq;
             if acknowledged_first {
-                requests::acknowledge(&mut b.d, seq, None).unwrap();
+                requests::acknowledge(&mut b.d, seq, Asked::default()).unwrap();
             }
             b.loaded("A01", false).unwrap();
             assert_eq!((b.status().state, b.works()), (State::Held, false), "the axis would turn");
-            requests::acknowledge(&mut b.d, seq, None).unwrap();
+            requests::acknowledge(&mut b.d, seq, Asked::default()).unwrap();
             assert!(!b.status().run.unwrap().goes_on_by_itself);
             checks::searched(&mut b.d, found(Err(gone())));
             checks::searched(&mut b.d, found(Ok(())));
@@ -221,7 +221,7 @@ fn a_run_that_waited_for_the_loader_does_not_go_on_over_a_fault_of_a_person() {
             let mut b = bench(dir.path(), true);
             assert_eq!((b.status().state, b.works()), (State::Held, false), "the daemon was restarted");
             assert!(b.status().run.unwrap().hold.is_some_and(|hold| hold.next_command == Some(crate::api::NextCommand::Unhold)));
-            course::unhold(&mut b.d, ResumedBy::Operator, None).unwrap();
+            course::unhold(&mut b.d, ResumedBy::Operator, Asked::default()).unwrap();
             assert!(b.works());
         });
     }
@@ -255,7 +255,7 @@ fn a_run_waits_for_a_person_after_a_restart_of_the_computer() {
             drop(b);
             b = bench_of(dir.path(), instrument(FakeAxis::new(), Arm::default()));
             assert!(!b.works(), "the daemon was restarted once more");
-            course::unhold(&mut b.d, ResumedBy::Operator, None).unwrap();
+            course::unhold(&mut b.d, ResumedBy::Operator, Asked::default()).unwrap();
             assert!(b.works());
         }
     });
@@ -267,7 +267,7 @@ fn a_run_that_a_person_has_continued_goes_on_when_the_loader_has_taken_the_speci
         let dir = scratch();
         let mut b = cut_short(dir.path(), DeviceError::Suspect { why: "it slipped".into() }).await;
         assert_eq!(b.status().state, State::Held);
-        course::unhold(&mut b.d, ResumedBy::Operator, None).unwrap();
+        course::unhold(&mut b.d, ResumedBy::Operator, Asked::default()).unwrap();
         assert_eq!((b.status().state, b.works()), (State::Suspended, false), "its specimen is still inside");
         b.loaded("A01", false).unwrap();
         assert!(b.works());
@@ -291,7 +291,7 @@ fn an_emergency_stop_that_comes_while_a_run_is_launched_ends_it_and_latches() {
         assert_eq!(requests::emergency_stopped(&mut b.d), Ok(()), "the word in the mailbox comes after all");
         assert_eq!(count(&journalled(dir.path()), "fault.raised"), 1);
         let seq = status.faults[0].seq;
-        requests::acknowledge(&mut b.d, seq, None).unwrap();
+        requests::acknowledge(&mut b.d, seq, Asked::default()).unwrap();
         assert!(requests::emergency_stopped(&mut b.d).is_ok() && b.status().faults.is_empty(), "it was seen to");
     });
 }
@@ -302,7 +302,7 @@ fn an_emergency_stop_that_never_got_into_the_mailbox_latches() {
     on_this_thread(async {
         let dir = scratch();
         let (driver, handle, mailbox) = driver(dir.path(), false);
-        while handle.acknowledge(99, None).now_or_never().is_none() && mailbox.len() < mailbox.max_capacity() {}
+        while handle.acknowledge(99, Asked::default()).now_or_never().is_none() && mailbox.len() < mailbox.max_capacity() {}
         handle.emergency_stop().await;
         assert_eq!(handle.latch_emergency_stop().now_or_never(), None, "it found room in the mailbox");
         let latched = async {
@@ -375,7 +375,7 @@ fn an_emergency_stop_at_a_daemon_that_has_nothing_left_to_do_is_journalled_befor
             let (driver, handle, mailbox) = driver(dir.path(), true);
             let at_rest = || async {
                 assert_eq!(count(&journalled(dir.path()), "daemon.stopped"), 1, "it has nothing left to do");
-                assert_eq!(handle.acknowledge(1, None).await, Err(Refusal::ShuttingDown));
+                assert_eq!(handle.acknowledge(1, Asked::default()).await, Err(Refusal::ShuttingDown));
                 handle.emergency_stop().await;
                 assert_eq!(handle.latch_emergency_stop().await, Ok(()));
                 assert_eq!(count(&journalled(dir.path()), "fault.raised"), 1, "answered before it was on disk");

@@ -8,7 +8,7 @@ use crate::session::search::DevicesFound;
 use crate::session::worker::{Progress, RunEnd, RunError};
 use carved_devices::DeviceError;
 use carved_devices::testing::FakeAxis;
-use carved_records::{EventData, Handoff, HandoffEnd, HandoffIntent, Phase, WellLoaded, fault_table, kind};
+use carved_records::{Asked, EventData, Handoff, HandoffEnd, HandoffIntent, Phase, WellLoaded, fault_table, kind};
 use carved_store::StoreError;
 use carved_store::testing::trace as disk_trace;
 use std::path::PathBuf;
@@ -244,7 +244,7 @@ fn a_specimen_that_came_late_or_unasked_can_be_taken_out() {
             let events = journalled(dir.path());
             assert_eq!((count(&events, kind::WELL_UNLOADED), count(&events, "specimen.interrupted")), (1, 1), "the load interrupted none");
             let seq = b.status().faults[0].seq;
-            requests::acknowledge(&mut b.d, seq, None).unwrap();
+            requests::acknowledge(&mut b.d, seq, Asked::default()).unwrap();
             b.steer(Towards::Unhold).unwrap();
             let left = b.d.run.as_ref().unwrap().wells_left(&std::collections::VecDeque::new());
             let asked = ["A01", "A02", "A03"].into_iter().filter(|planned| *planned != well).collect::<Vec<_>>();
@@ -355,7 +355,7 @@ fn the_plate_of_an_aborted_run_can_be_taken_from_a_driven_sampler() {
             }
             let faults: Vec<u64> = b.status().faults.iter().map(|fault| fault.seq).collect();
             for seq in faults {
-                requests::acknowledge(&mut b.d, seq, None).unwrap();
+                requests::acknowledge(&mut b.d, seq, Asked::default()).unwrap();
             }
             let plate = b.status().plate;
             assert_eq!((plate.removable, plate.take_out.as_deref(), plate.needs), (false, Some("A01"), Some(out("A01"))));

@@ -12,7 +12,7 @@ use crate::session::{Live, RotationStatus};
 use carved_devices::testing::FakeAxis;
 use carved_devices::{DeviceError, StreamCounters};
 use carved_records::{
-    Event, EventData, Handoff, HandoffEnd, HandoffIntent, InstrumentState, Interrupted, LiveEstimate, Phase, SpecimenOutcome,
+    Asked, Event, EventData, Handoff, HandoffEnd, HandoffIntent, InstrumentState, Interrupted, LiveEstimate, Phase, SpecimenOutcome,
 };
 use carved_store::RecordingWriter;
 use carved_store::testing::{recording as a_recording, trace as disk_trace};
@@ -202,7 +202,7 @@ pub(super) async fn takes(b: &mut Bench, axis_answers: &AtomicBool, step: &Step)
             error => b.d.raise(&error),
         },
         Step::AxisAnswers(answers) => axis_answers.store(answers, Ordering::SeqCst),
-        Step::Acknowledge(seq) => drop(requests::acknowledge(&mut b.d, seq, None)),
+        Step::Acknowledge(seq) => drop(requests::acknowledge(&mut b.d, seq, Asked::default())),
         Step::DiskFails(at) => disk_trace::fill(at, || ()),
         Step::DiskHasRoom => disk_trace::make_room(),
         Step::Beat => b.beat().await,

@@ -96,7 +96,7 @@ fn a_run_that_is_taken_up_and_goes_on_is_never_shown_as_waiting_for_somebody() {
 
         let mut b = bench(dir.path(), true);
         let seq = b.status().faults[0].seq;
-        requests::acknowledge(&mut b.d, seq, None).unwrap();
+        requests::acknowledge(&mut b.d, seq, Asked::default()).unwrap();
         b.d.event(None, EventData::RunStopRequested(Asked::default()));
         drop(b);
         for status in snapshots(dir.path()).iter().filter(|s| s.state == State::Held) {
@@ -287,7 +287,7 @@ fn an_operators_hold_and_an_acknowledged_fault_are_named_too() {
         b.report(Progress::Ready);
         b.ends(RunEnd::Failed(RunError::SpecimenThread)).await;
         let seq = b.status().faults[0].seq;
-        requests::acknowledge(&mut b.d, seq, None).unwrap();
+        requests::acknowledge(&mut b.d, seq, Asked::default()).unwrap();
         let status = b.status();
         let hold = status.run.unwrap().hold.unwrap();
         assert_eq!((hold.code.as_str(), hold.times), ("internal_error", 1));

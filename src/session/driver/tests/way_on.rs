@@ -8,7 +8,7 @@ use super::replayed::{Sampling, Step, WELLS, accepts, bench, recovers, sampling,
 use crate::api::NextCommand;
 use crate::session::handle::{Accepted, Refusal, Towards};
 use crate::session::worker::{Progress, RunEnd, RunError};
-use carved_records::{Handoff, HandoffEnd, HandoffIntent, Phase};
+use carved_records::{Asked, Handoff, HandoffEnd, HandoffIntent, Phase};
 use carved_store::testing::trace as disk_trace;
 use proptest::prelude::*;
 use std::sync::Arc;
@@ -147,13 +147,13 @@ async fn follows(b: &mut Bench, at: &mut At) -> Result<bool, String> {
     }
     let hold = run.as_ref().and_then(|run| run.hold.as_ref());
     match hold.and_then(|hold| hold.next_command.map(|command| (command, hold.fault_seq))) {
-        Some((NextCommand::Acknowledge, Some(seq))) => return said("acknowledge", requests::acknowledge(&mut b.d, seq, None)),
+        Some((NextCommand::Acknowledge, Some(seq))) => return said("acknowledge", requests::acknowledge(&mut b.d, seq, Asked::default())),
         Some((NextCommand::Acknowledge, None)) => return Err("which fault?".into()),
         Some((NextCommand::Unhold, _)) => return said("unhold", b.steer(Towards::Unhold)),
         None => {}
     }
     if let Some(fault) = status.faults.iter().find(|fault| !is_open && fault.operator_required && !fault.ends_by_itself) {
-        return said("acknowledge", requests::acknowledge(&mut b.d, fault.seq, None));
+        return said("acknowledge", requests::acknowledge(&mut b.d, fault.seq, Asked::default()));
     }
     // A cause that ends by itself, numbers that are computed, or a run that ends.
     if is_open || status.faults.iter().any(|fault| fault.ends_by_itself) {

@@ -259,7 +259,7 @@ fn what_a_person_did_at_the_axis_is_a_fault_until_it_is_acknowledged() {
             assert_eq!((codes, status.ready, status.hardware.rotation.connected), (vec!["rotation_intervention"], false, true));
         }
         let seq = b.status().faults[0].seq;
-        b.ask(|answer| Command::Acknowledge { seq, by: None, answer }).unwrap();
+        b.ask(|answer| Command::Acknowledge { seq, asked: carved_records::Asked::default(), answer }).unwrap();
         b.beat().await;
         assert!(b.status().faults.is_empty() && b.status().ready, "{:?}", b.status().not_ready_reason);
     });
