@@ -43,6 +43,19 @@ pub(super) struct PlateMapFile {
     pub format: Format,
 }
 
+impl PlateMapFile {
+    /// Only a CSV has columns that may be named.
+    pub fn must_be_csv(&self) -> Result<(), Problem> {
+        match self.format {
+            Format::Csv => Ok(()),
+            Format::Json => {
+                let detail = "a JSON file has no columns to be named; send text/csv";
+                Err(Problem::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, "not_a_plate_map", detail))
+            }
+        }
+    }
+}
+
 impl FromRequest<AppState> for PlateMapFile {
     type Rejection = Problem;
 

@@ -177,7 +177,7 @@ fn left_s(seconds: f64) -> u32 {
 }
 
 /// Commands that need no lease.
-const ALWAYS: [&str; 4] = ["/v1/emergency-stop", "/v1/runs/{run_id}/abort", "/v1/lease", "/v1/plate-maps/check"];
+const ALWAYS: [&str; 5] = ["/v1/emergency-stop", "/v1/runs/{run_id}/abort", "/v1/lease", "/v1/plate-maps/check", "/v1/plate-maps/columns"];
 
 /// Whether a route needs the lease.
 pub(super) fn guards(route: &str) -> bool {

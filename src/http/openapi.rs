@@ -15,7 +15,7 @@ use utoipa_axum::routes;
 #[derive(OpenApi)]
 #[openapi(
     info(title = "carved", description = "The instrument as its plate-loader, its page and its operators' programs see it."),
-    components(schemas(problem::Problem))
+    components(schemas(problem::Problem, carved_records::plate_map::MappedColumn))
 )]
 struct Contract;
 
@@ -45,6 +45,7 @@ pub(super) fn routes() -> OpenApiRouter<AppState> {
         .routes(routes!(events::get))
         .routes(routes!(fault_codes::get))
         .routes(routes!(plate_maps::check))
+        .routes(routes!(plate_maps::columns))
         .routes(routes!(results::list))
         .routes(routes!(results::run))
         .routes(routes!(results::rest))

@@ -6,7 +6,7 @@ use crate::api::PlateMap;
 use axum::Json;
 use axum::extract::Query;
 use axum::extract::rejection::QueryRejection;
-use carved_records::plate_map;
+use carved_records::plate_map::{self, ColumnProposal, MappedColumn};
 use serde::Deserialize;
 use utoipa::IntoParams;
 
@@ -19,6 +19,9 @@ pub(super) struct Which {
     /// Number of wells of the plate: 6, 12, 24, 48, 96, 384 or 1536. It counts before the one that the file names. A well that is not on this
     /// plate is a mistake.
     plate_format: Option<u32>,
+    /// What the columns of a CSV are, as JSON: a list of `MappedColumn`. Columns that it does not name are kept as they are. Without it the
+    /// headings say what the columns are.
+    columns: Option<String>,
 }
 
 /// Reads a plate map without starting anything.
@@ -34,7 +37,31 @@ pub(super) struct Which {
 )]
 pub(super) async fn check(query: Result<Query<Which>, QueryRejection>, file: PlateMapFile) -> Result<Json<PlateMap>, Problem> {
     let Query(which) = query?;
-    plate_map::read(&file.bytes, file.format, which.plate.as_deref(), which.plate_format)
-        .map(|map| Json(map.into()))
-        .map_err(|mistakes| Problem::unprocessable("invalid_plate_map", mistakes).of_a_plate())
+    let read = match &which.columns {
+        None => plate_map::read(&file.bytes, file.format, which.plate.as_deref(), which.plate_format),
+        Some(columns) => {
+            file.must_be_csv()?;
+            let columns: Vec<MappedColumn> = serde_json::from_str(columns)
+                .map_err(|e| Problem::bad_request("bad_query", format!("columns is no list of MappedColumn: {e}")))?;
+            plate_map::read_mapped(&file.bytes, which.plate_format, &columns)
+        }
+    };
+    read.map(|map| Json(map.into())).map_err(wrong)
+}
+
+/// Says what the columns of a foreign table seem to be. Nothing is read or stored.
+///
+/// A person corrects the answer. Then it is the `columns` of `POST /v1/plate-maps/check`.
+#[utoipa::path(
+    post, path = "/v1/plate-maps/columns", tag = "contract",
+    request_body(description = "CSV with a heading", content((String = "text/csv"))),
+    responses((status = 200, description = "What each column seems to be", body = ColumnProposal))
+)]
+pub(super) async fn columns(file: PlateMapFile) -> Result<Json<ColumnProposal>, Problem> {
+    file.must_be_csv()?;
+    plate_map::propose(&file.bytes).map(Json).map_err(wrong)
+}
+
+fn wrong(mistakes: Vec<plate_map::Mistake>) -> Problem {
+    Problem::unprocessable("invalid_plate_map", mistakes).of_a_plate()
 }

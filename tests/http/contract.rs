@@ -68,6 +68,7 @@ fn the_contract_names_every_route_and_leads_nowhere_into_the_void() {
         "post /v1/faults/{seq}/acknowledge",
         "post /v1/live/picture",
         "post /v1/plate-maps/check",
+        "post /v1/plate-maps/columns",
         "post /v1/preflight",
         "post /v1/runs/{run_id}/abort",
         "post /v1/runs/{run_id}/hold",

@@ -67,3 +67,32 @@ fn types_and_sizes_are_bounded() {
     assert_eq!(rig.send("POST", CHECK, &CSV, &padded(1 << 20)).status, 200);
     assert_eq!(rig.send("POST", CHECK, &CSV, &padded((1 << 20) + 1)).status, 413);
 }
+
+#[test]
+fn the_columns_of_a_foreign_table_are_proposed_and_read_as_a_person_says() {
+    let rig = Rig::start();
+    let table = "Position;Drug;Dose (uM)\r\na1;x;1,5\r\n";
+    assert_eq!(rig.send("POST", CHECK, &CSV, table).status, 422, "its columns are not known");
+    let columns = "/v1/plate-maps/columns";
+    let proposed = rig.send("POST", columns, &CSV, table);
+    assert_eq!(proposed.status, 200, "{}", proposed.json());
+    let proposed = proposed.json();
+    let of = |at: usize| (&proposed["columns"][at]["column"], &proposed["columns"][at]["unit"]);
+    assert_eq!(
+        [of(0), of(1), of(2)],
+        [(&json!("well"), &Value::Null), (&json!("compound"), &Value::Null), (&json!("concentration"), &json!("uM"))]
+    );
+    let said = json!([{"heading": "Position", "column": "well"}, {"heading": "Drug", "column": "strain"}, {"heading": "Dose (uM)", "column": null}]);
+    let query: String = said.to_string().bytes().map(|byte| format!("%{byte:02x}")).collect();
+    let read = rig.send("POST", &format!("{CHECK}?columns={query}"), &CSV, table);
+    assert_eq!(read.status, 200, "{}", read.json());
+    let map = read.json();
+    assert_eq!(map["plate_map"], json!([{"well": "A01", "specimen": "larva", "dpf": null, "strain": "x"}]));
+    assert_eq!((&map["metadata"]["columns"], &map["metadata"]["column_mapping"]), (&json!({"Dose (uM)": {"A01": "1,5"}}), &said));
+    assert_eq!(rig.send("POST", &format!("{CHECK}?columns=[7]"), &CSV, table).problem(), "bad_query");
+    for path in [columns, &format!("{CHECK}?columns=[]")] {
+        assert_eq!(rig.send("POST", path, &JSON, "[]").problem(), "not_a_plate_map", "{path}");
+    }
+    assert_eq!(rig.send("POST", columns, &CSV, "compound,1,2,3\nA,x,y,z\n").status, 422, "it is in the layout of the plate");
+    assert!(rig.commands.lock().unwrap().is_empty());
+}

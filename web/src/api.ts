@@ -3,8 +3,10 @@
 import type {
   Acknowledged,
   Check,
+  ColumnProposal,
   GateRow,
   Gates,
+  MappedColumn,
   MethodOffer,
   Methods,
   Mistake,
@@ -209,16 +211,36 @@ export async function beginNext(barcode: string): Promise<string> {
   return ((await response.json().catch(away)) as Acknowledged).run;
 }
 
-/** The wells in a plate map's file, as the daemon reads it. With `wells`: on a plate of so many. A refusal lists every mistake. */
-export async function checkPlateMap(file: File, wells: number | null): Promise<PlateMap> {
-  const type = /\.json$/i.test(file.name) ? "application/json" : "text/csv";
-  const init = { method: "POST", headers: { "Content-Type": type }, body: await file.arrayBuffer() };
-  const response = await command(
-    `/v1/plate-maps/check${wells === null ? "" : `?plate_format=${wells}`}`,
-    init,
-    WORK_MS,
-  );
+async function sendFile(path: string, file: File): Promise<Response> {
+  const type = isJson(file) ? "application/json" : "text/csv";
+  return command(path, { method: "POST", headers: { "Content-Type": type }, body: await file.arrayBuffer() }, WORK_MS);
+}
+
+/** Whether a plate map is JSON. Other files are tables. */
+export function isJson(file: File): boolean {
+  return /\.json$/i.test(file.name);
+}
+
+/**
+ * The wells in a plate map's file, as the daemon reads it. With `wells`: on a plate of so many; with `columns`: its columns are these. A
+ * refusal lists every mistake.
+ */
+export async function checkPlateMap(
+  file: File,
+  wells: number | null,
+  columns: readonly MappedColumn[] | null,
+): Promise<PlateMap> {
+  const query = new URLSearchParams();
+  if (wells !== null) query.set("plate_format", String(wells));
+  if (columns !== null) query.set("columns", JSON.stringify(columns));
+  const response = await sendFile(`/v1/plate-maps/check${`?${query}`.replace(/^\?$/, "")}`, file);
   return (await response.json().catch(away)) as PlateMap;
+}
+
+/** What the columns of a table seem to be. */
+export async function proposeColumns(file: File): Promise<ColumnProposal> {
+  const response = await sendFile("/v1/plate-maps/columns", file);
+  return (await response.json().catch(away)) as ColumnProposal;
 }
 
 /** Every precondition of a plan, whether it is met or not. */

@@ -37,6 +37,24 @@ export interface Check {
   what_to_do: string | null;
 }
 
+export type Column =
+  | "well"
+  | "specimen"
+  | "compound"
+  | "concentration"
+  | "concentration_unit"
+  | "dpf"
+  | "strain"
+  | "treatment"
+  | "control"
+  | "replicate";
+
+export interface ColumnProposal {
+  columns: ProposedColumn[];
+  line: number;
+  rows: number;
+}
+
 export type ConcentrationUnit =
   | "M"
   | "mM"
@@ -277,6 +295,12 @@ export interface Links {
   views: string[];
 }
 
+export interface MappedColumn {
+  column?: Column | null;
+  heading: string;
+  unit?: ConcentrationUnit | null;
+}
+
 export interface MethodOffer {
   asd: number;
   epsilon: number;
@@ -392,6 +416,14 @@ export interface Problem {
   status: number;
   title: string;
   type: string;
+}
+
+export interface ProposedColumn {
+  column: Column | null;
+  examples: string[];
+  heading: string;
+  is_own_name: boolean;
+  unit: ConcentrationUnit | null;
 }
 
 export interface QuantityStatistics {

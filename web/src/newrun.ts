@@ -3,15 +3,16 @@
 //   file ──check──> mistakes by line, or the contents of the plate ──preflight──> failed conditions ──start──> the run
 //                                                                  └──> the queue, also during a run
 
-import { checkPlateMap, fetchMethods, preflight, queuePlate, Refused, startRun } from "./api.ts";
+import { checkPlateMap, fetchMethods, isJson, preflight, queuePlate, Refused, startRun } from "./api.ts";
 import { CellEdit } from "./celledit.ts";
+import { ColumnsView, mappingWords } from "./columns.ts";
 import { bringIntoView, element, setText, show } from "./dom.ts";
 import { save } from "./downloads.ts";
 import { capitalised, counted, words } from "./format.ts";
 import { canStart } from "./plain.ts";
 import { keepPerson, person } from "./person.ts";
 import { PlanPlate } from "./planplate.ts";
-import type { Check, MethodOffer, Mistake, PlannedWell, PlateMap, RunPlan, Status } from "./status.ts";
+import type { Check, MappedColumn, MethodOffer, Mistake, PlannedWell, PlateMap, RunPlan, Status } from "./status.ts";
 import { templateOf } from "./template.ts";
 
 export class NewRun {
@@ -35,6 +36,8 @@ export class NewRun {
   readonly #format: HTMLSelectElement;
   readonly #plate: PlanPlate;
   readonly #cell: CellEdit;
+  readonly #columns: ColumnsView;
+  readonly #columnsButton: HTMLButtonElement;
   #methods: readonly MethodOffer[] = [];
   #methodsOf: string | null = null;
   /** The start of the daemon that the newest status is from. */
@@ -44,6 +47,8 @@ export class NewRun {
   #map: PlateMap | null = null;
   /** The plate that the operator chose, by its number of wells. Without a choice the map names its plate. */
   #chosen: number | null = null;
+  /** What the operator says that the columns of the file are. Without it the headings say so. */
+  #mapping: MappedColumn[] | null = null;
   /** Number of checks of a map that were begun. Only the newest counts. */
   #checks = 0;
   #startable = false;
@@ -90,6 +95,15 @@ export class NewRun {
       () => this.#map?.plate_map ?? [],
       (wells) => this.#correct(wells),
     );
+    this.#columns = new ColumnsView(find, (columns) => {
+      this.#mapping = columns;
+      void this.#check();
+    });
+    this.#columnsButton = find("columns-open");
+    this.#columnsButton.addEventListener("click", () => {
+      const file = this.#file.files?.[0];
+      if (file) void this.#columns.open(file, false);
+    });
     this.#format.addEventListener("change", () => {
       this.#chosen = this.#wells();
       void this.#check();
@@ -99,7 +113,11 @@ export class NewRun {
       save(new Blob([templateOf(wells)], { type: "text/csv" }), `plate-map-${wells}.csv`);
     });
     this.#operator.value = person();
-    this.#file.addEventListener("change", () => void this.#check());
+    this.#file.addEventListener("change", () => {
+      this.#mapping = null;
+      this.#columns.close();
+      void this.#check();
+    });
     this.#method.addEventListener("change", () => {
       this.#wanted = null;
       this.#explain();
@@ -161,6 +179,9 @@ export class NewRun {
     this.#chosen = plate_format;
     this.#format.value = String(plate_format ?? "");
     this.#file.value = "";
+    this.#mapping = null;
+    this.#columns.close();
+    show(this.#columnsButton, false);
     this.#file.required = false;
     this.#barcode.value = plan.plate_barcode;
     this.#operator.value = person() || plan.operator;
@@ -271,14 +292,15 @@ export class NewRun {
     show(this.#holds, false);
     this.#draw();
     this.#clear();
+    show(this.#columnsButton, file !== undefined && !isJson(file));
     if (!file) return this.#enable();
     await this.#work(async () => {
-      const map = await checkPlateMap(file, this.#chosen);
+      const map = await checkPlateMap(file, this.#chosen, this.#mapping);
       // Another file or plate was chosen while this one was read.
       if (this.#checks !== check) return;
       this.#map = map;
       this.#format.value = String(map.plate_format ?? "");
-      setText(this.#holds, contents(map.plate_map));
+      setText(this.#holds, `${contents(map.plate_map)} ${mappingWords(this.#mapping ?? [])}`.trim());
       show(this.#holds, true);
       this.#draw();
       this.#list.replaceChildren(
@@ -288,6 +310,9 @@ export class NewRun {
         ),
       );
     }, `${file.name} cannot be used`);
+    // A table of another program may be read once somebody has said what its columns are.
+    if (this.#checks === check && this.#map === null && this.#mapping === null && !isJson(file))
+      await this.#columns.open(file, true);
   }
 
   async #look(): Promise<void> {
@@ -350,6 +375,9 @@ export class NewRun {
     this.#barcode.value = "";
     this.#id.value = "";
     this.#map = null;
+    this.#mapping = null;
+    this.#columns.close();
+    show(this.#columnsButton, false);
     this.#changes = null;
     this.#file.required = true;
     show(this.#holds, false);

@@ -9,6 +9,7 @@ use super::driver_state::DriverState;
 use super::loader::{LoaderMessage, capillary_full};
 use super::plates::Surroundings;
 use super::room;
+use super::run::RunInProgress;
 use super::{course, faults, people, queue};
 use crate::api::{self, HandoffNeeds};
 use carved_records::{Asked, EventData, Fault, Handoff, HandoffEnd, Report, ResumedBy, RunPlan, WellLoaded, Work, fault_table};
@@ -99,7 +100,7 @@ fn put_run(d: &mut DriverState, id: &str, plan: RunPlan) -> Result<Accepted, Ref
 
 /// Begins the run of the next plate. A repeat of the message while this run is under way changes nothing.
 fn next_plate(d: &mut DriverState, barcode: &str) -> Result<(String, Accepted), Refusal> {
-    if let Some(current) = d.run.as_ref().map(|run| run.record()).filter(|record| record.plan.plate_barcode == barcode) {
+    if let Some(current) = d.run.as_ref().map(RunInProgress::record).filter(|record| record.plan.plate_barcode == barcode) {
         return Ok((current.id.clone(), Accepted::Same));
     }
     let next = d.queue.next(barcode)?.clone();

@@ -6,6 +6,7 @@ therefore retried, also the POSTs. `docs/loader.md` describes the contract.
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
@@ -238,13 +239,18 @@ class CarvedClient(Results):
         kind: Literal["text/csv", "application/json"] = "text/csv",
         plate: str | None = None,
         plate_format: int | None = None,
+        columns: Iterable[Mapping[str, Any]] | None = None,
     ) -> PlateMap:
         """Reads a plate map in a lab's own format. `ProblemError.problem.errors` lists every mistake with its line.
 
         `plate` names one of several plates of a MIHCSME file. `plate_format` is the number of wells of the plate: a
-        well that is not on it is a mistake.
+        well that is not on it is a mistake. `columns` says what the columns of a foreign CSV are, as
+        `propose_columns` answers and you correct it: `heading`, `column` and `unit` of each.
         """
-        chosen = {"plate": plate, "plate_format": plate_format}
+        chosen: dict[str, Any] = {"plate": plate, "plate_format": plate_format}
+        if columns is not None:
+            named = [{key: column.get(key) for key in ("heading", "column", "unit")} for column in columns]
+            chosen["columns"] = json.dumps(named)
         body = self._json(
             "POST",
             "/v1/plate-maps/check",
@@ -253,6 +259,12 @@ class CarvedClient(Results):
             idempotent=True,
         )
         return decode(PlateMap, body)
+
+    def propose_columns(self, text: str) -> list[dict[str, Any]]:
+        """What the columns of a foreign CSV seem to be. Nothing is read by it: correct it, then `check_plate_map`."""
+        content = (text.encode(), "text/csv")
+        answer = self._json("POST", "/v1/plate-maps/columns", content=content, idempotent=True)
+        return decode(list[dict[str, Any]], decode(dict[str, Any], answer)["columns"])
 
     def lease(self, holder: str, ttl_s: int = 60) -> Lease:
         """Holds a lease, so that only this client commands, until the block ends: `with client.lease("loader 1"):`."""

@@ -3,9 +3,12 @@
 use super::Place;
 use super::number::{self, Decimal};
 use crate::{ConcentrationUnit, Control, PlannedWell, SpecimenKind, is_well};
+use serde::{Deserialize, Serialize};
 
 /// A column that carved reads.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[serde(rename_all = "snake_case")]
 pub enum Column {
     Well,
     Specimen,

@@ -11,13 +11,15 @@
 mod cell;
 mod json;
 mod kept;
+mod mapping;
 mod mihcsme;
 mod number;
 mod table;
 mod text;
 
-pub use cell::well_of;
+pub use cell::{Column, well_of};
 pub use kept::{KeptColumns, kept_columns};
+pub use mapping::{ColumnProposal, MappedColumn, ProposedColumn, propose};
 pub use table::{UNCLOSED_QUOTE, unclosed_quote};
 
 use super::plan::off_plate;
@@ -106,13 +108,23 @@ const LISTED: usize = 1000;
 pub fn read(bytes: &[u8], format: Format, plate: Option<&str>, chosen: Option<u32>) -> Result<PlateMap, Vec<Mistake>> {
     let mut reading = Reading::default();
     match format {
-        Format::Csv => table::read(bytes, &mut reading),
+        Format::Csv => table::read(bytes, None, &mut reading),
         Format::Json => json::read(bytes, plate, &mut reading),
     }
-    if let Some(wells) = chosen {
-        reading.on_plate(&wells.into());
+    reading.finish_on(chosen)
+}
+
+/// Reads a CSV whose columns a person has named. The mapping is kept in the metadata, as `column_mapping`.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_mapped(bytes: &[u8], chosen: Option<u32>, columns: &[MappedColumn]) -> Result<PlateMap, Vec<Mistake>> {
+    let mut reading = Reading::default();
+    table::read(bytes, Some(columns), &mut reading);
+    if let Ok(mapping) = serde_json::to_value(columns) {
+        reading.map.metadata.insert("column_mapping".into(), mapping);
     }
-    reading.finish()
+    reading.finish_on(chosen)
 }
 
 /// A place in a file.
@@ -226,6 +238,13 @@ impl Reading {
             shown.wells()
         );
         self.note(note);
+    }
+
+    fn finish_on(mut self, chosen: Option<u32>) -> Result<PlateMap, Vec<Mistake>> {
+        if let Some(wells) = chosen {
+            self.on_plate(&wells.into());
+        }
+        self.finish()
     }
 
     fn finish(mut self) -> Result<PlateMap, Vec<Mistake>> {

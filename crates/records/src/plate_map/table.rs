@@ -8,19 +8,24 @@
 
 use super::cell::{Cell, Column, Row, well_of};
 use super::number::Decimal;
-use super::{Mistake, Place, Reading, text};
+use super::{MappedColumn, Mistake, Place, Reading, text};
 use csv::{ByteRecord, ReaderBuilder, StringRecord};
 use std::collections::BTreeSet;
 
-pub fn read(bytes: &[u8], reading: &mut Reading) {
+/// The records of a CSV, each with its line, and the decimal sign of its numbers. `None` after a mistake.
+fn records(bytes: &[u8], reading: &mut Reading) -> Option<(Vec<(u64, StringRecord)>, Decimal)> {
     let text = match text::decode(bytes) {
         Ok(text) => text,
-        Err(mistake) => return reading.wrong(mistake),
+        Err(mistake) => {
+            reading.wrong(mistake);
+            return None;
+        }
     };
     let (stated, text, lines_before) = stated_delimiter(&text);
     let delimiter = stated.unwrap_or_else(|| likely_delimiter(text));
     if let Some(line) = unclosed_quote(text.as_bytes(), delimiter, None) {
-        return reading.wrong(Mistake::in_line(lines_before + line, "", UNCLOSED_QUOTE));
+        reading.wrong(Mistake::in_line(lines_before + line, "", UNCLOSED_QUOTE));
+        return None;
     }
     let decimal = match delimiter {
         b';' => Decimal::Comma,
@@ -31,15 +36,67 @@ pub fn read(bytes: &[u8], reading: &mut Reading) {
     if rows.first().is_some_and(|(_, record)| record.get(0).is_some_and(|cell| cell.starts_with("# header"))) {
         rows.remove(0);
     }
-    if rows.first().is_some_and(|(_, record)| is_matrix_heading(record)) {
+    Some((rows, decimal))
+}
+
+/// A table by its headings.
+pub struct Headed {
+    /// Line of the headings.
+    pub line: u64,
+    pub headings: StringRecord,
+    pub rows: Vec<StringRecord>,
+    pub decimal: Decimal,
+}
+
+/// A table and its headings, whatever they say. `None` after a mistake.
+pub fn headed(bytes: &[u8], reading: &mut Reading) -> Option<Headed> {
+    let (rows, decimal) = records(bytes, reading)?;
+    if let Some((line, _)) = rows.first().filter(|(_, record)| is_matrix_heading(record)) {
+        reading.wrong(Mistake::in_line(*line, "", "the file is in the layout of the plate: its blocks are named in their corners"));
+        return None;
+    }
+    let begin = match heading(&rows, reading) {
+        // A title has one cell; the headings are the first line with all cells of the table.
+        0 => {
+            let widest = rows.iter().map(|(_, record)| record.len()).max().unwrap_or_default();
+            rows.iter().position(|(_, record)| record.len() == widest).unwrap_or_default()
+        }
+        found => found,
+    };
+    let mut rows = rows.into_iter().skip(begin);
+    let Some((line, headings)) = rows.next() else {
+        reading.wrong(Mistake::in_line(1, "", "the file is empty"));
+        return None;
+    };
+    Some(Headed { line, headings, rows: rows.map(|(_, record)| record).collect(), decimal })
+}
+
+/// Reads a table. With a `mapping`, its columns are what a person says.
+pub fn read(bytes: &[u8], mapping: Option<&[MappedColumn]>, reading: &mut Reading) {
+    let Some((rows, decimal)) = records(bytes, reading) else { return };
+    if mapping.is_none() && rows.first().is_some_and(|(_, record)| is_matrix_heading(record)) {
         return matrix(&rows, decimal, reading);
     }
-    let begin = heading(&rows, reading);
+    let begin = match mapping {
+        None => heading(&rows, reading),
+        Some(mapping) => {
+            let has_all = |record: &StringRecord| mapping.iter().all(|mapped| record.iter().any(|cell| cell == mapped.heading));
+            let Some(found) = rows.iter().position(|(_, record)| has_all(record)) else {
+                let names: Vec<&str> = mapping.iter().map(|mapped| mapped.heading.as_str()).collect();
+                return reading.wrong(Mistake::in_line(1, "", format!("no line has the columns {}", names.join(", "))));
+            };
+            found
+        }
+    };
     let mut rows = rows.into_iter().skip(begin);
     let Some((line, headings)) = rows.next() else {
         return reading.wrong(Mistake::in_line(1, "", format!("the file is empty; its first line names the columns: {}", Column::known())));
     };
-    let columns = columns(line, &headings, reading);
+    let columns = match mapping {
+        None => columns(line, &headings, reading),
+        Some(mapping) => mapped_columns(line, &headings, mapping, reading),
+    };
+    let unit = mapping.and_then(|mapping| mapping.iter().find_map(|mapped| Some((mapped.heading.as_str(), mapped.unit?.symbol()))));
     let rows: Vec<_> = rows.collect();
     one_plate(&rows, line, &columns, reading);
     let rows = transfers(rows, &columns, reading);
@@ -68,6 +125,10 @@ pub fn read(bytes: &[u8], reading: &mut Reading) {
         if cells.is_empty() && kept.is_empty() {
             continue;
         }
+        let has = |column: Column| cells.iter().any(|cell: &Cell| cell.column == column);
+        if let Some((heading, symbol)) = unit.filter(|_| has(Column::Concentration) && !has(Column::ConcentrationUnit)) {
+            cells.push(Cell { column: Column::ConcentrationUnit, name: heading.to_owned(), text: symbol.to_owned() });
+        }
         if let Some(well) = reading.row(&Row { place: Place::Line(line), decimal, cells }) {
             for (column, text) in kept {
                 reading.keep(column, &well, text);
@@ -85,9 +146,10 @@ fn stated_delimiter(text: &str) -> (Option<u8>, &str, u64) {
     }
 }
 
-/// The delimiter that gives the first line the most known headings. With equal counts, the one that gives the most parts.
+/// The delimiter that gives the first line with one the most known headings. With equal counts, the one that gives the most parts.
 fn likely_delimiter(text: &str) -> u8 {
-    let heading = text.lines().find(|l| !l.trim().is_empty()).unwrap_or_default();
+    // A title has none.
+    let heading = text.lines().find(|line| line.contains(['\t', ';', ','])).unwrap_or_default();
     let rate = |delimiter: u8| {
         let parts: Vec<&str> = heading.split(char::from(delimiter)).collect();
         let known = parts.iter().filter(|p| Column::of_heading(p.trim().trim_matches('"')).is_some()).count();
@@ -172,10 +234,38 @@ fn columns(line: u64, headings: &StringRecord, reading: &mut Reading) -> Vec<Hea
             }
         });
     }
-    if !found.iter().any(|heading| matches!(heading, Heading::Known(Column::Well, _))) {
+    missing_well(line, &found, reading);
+    found
+}
+
+/// The columns as a person says. What the mapping does not name is kept as it is.
+fn mapped_columns(line: u64, headings: &StringRecord, mapping: &[MappedColumn], reading: &mut Reading) -> Vec<Heading> {
+    let mut found: Vec<Heading> = Vec::new();
+    for heading in headings {
+        let column = mapping.iter().find(|mapped| mapped.heading == heading).and_then(|mapped| mapped.column);
+        let is_same = |seen: &Heading| match (seen, column) {
+            (Heading::Known(seen, _), Some(column)) => *seen == column,
+            (Heading::Unknown(seen), None) => seen == heading,
+            _ => false,
+        };
+        if found.iter().any(is_same) {
+            let name = column.map_or_else(|| heading.to_owned(), |column| column.name().to_owned());
+            reading.wrong(Mistake::in_line(line, heading, format!("the column {name} is there twice")));
+        }
+        found.push(match column {
+            Some(column) => Heading::Known(column, heading.to_owned()),
+            None if heading.is_empty() => Heading::Empty,
+            None => Heading::Unknown(heading.to_owned()),
+        });
+    }
+    missing_well(line, &found, reading);
+    found
+}
+
+fn missing_well(line: u64, columns: &[Heading], reading: &mut Reading) {
+    if !columns.iter().any(|heading| matches!(heading, Heading::Known(Column::Well, _))) {
         reading.wrong(Mistake::in_line(line, "well", format!("the column well is missing; the known columns are {}", Column::known())));
     }
-    found
 }
 
 /// Whether a record begins a block in the layout of the plate: a name, and the numbers of the plate's columns.
@@ -283,7 +373,7 @@ fn one_plate(records: &[(u64, StringRecord)], line: u64, columns: &[Heading], re
 fn transfers(records: Vec<(u64, StringRecord)>, columns: &[Heading], reading: &mut Reading) -> Vec<(u64, StringRecord)> {
     let place = |column: Column| columns.iter().position(|heading| matches!(heading, Heading::Known(known, _) if *known == column));
     let is_report =
-        columns.iter().any(|heading| matches!(heading, Heading::Known(Column::Well, name) if Column::of_heading(name).is_none()));
+        columns.iter().any(|heading| matches!(heading, Heading::Known(Column::Well, name) if Column::of_foreign_heading(name).is_some()));
     let (Some(well), true) = (place(Column::Well), is_report) else { return records };
     let well = |record: &StringRecord| record.get(well).and_then(well_of);
     let is_solvent = |record: &StringRecord| {
