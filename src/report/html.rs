@@ -198,8 +198,14 @@ impl Report<'_> {
     }
 
     /// Scale and label of a quantity of larvae.
-    fn units() -> [(&'static str, (f64, &'static str)); 3] {
-        [("volume_um3", (MILLION, "volume, 10⁶ µm³")), ("area_um2", (MILLION, "area, 10⁶ µm²")), ("body_length_um", (1000.0, "length, mm"))]
+    fn units() -> [(&'static str, (f64, &'static str)); 5] {
+        [
+            ("volume_um3", (MILLION, "volume, 10⁶ µm³")),
+            ("area_um2", (MILLION, "area, 10⁶ µm²")),
+            ("body_length_um", (1000.0, "length, mm")),
+            ("eye_volume_um3", (MILLION, "volume of an eye, 10⁶ µm³")),
+            ("eye_distance_um", (1.0, "distance of the eyes, µm")),
+        ]
     }
 
     fn groups(&self) -> Result<Markup, ReportError> {
@@ -406,6 +412,7 @@ impl Report<'_> {
                     @for sentence in &s.pictures.left_out { p.flags { (sentence) } }
                     @if let Some(volume) = s.volume_um3 { p { (with_sd(Some(volume), s.volume_sd_um3, MILLION)) " · 10⁶ µm³" } }
                     @else { p { (outcome(s.outcome)) @if let Some(reason) = &s.reason { ": " (reason) } } }
+                    @if let [Some(volume), sd] = s.eye_volume_um3 { p { "an eye " (with_sd(Some(volume), sd, MILLION)) " · 10⁶ µm³" } }
                     @if !s.flags.is_empty() { p.flags { (StoredFlag::joined(&s.flags, ", ")) } }
                 }
             }
@@ -439,13 +446,18 @@ impl Report<'_> {
 
     fn table(&self) -> Markup {
         let several = self.runs.len() > 1;
+        let eyes = |s: &Specimen| match (s.eye_volume_um3, &s.eyes_reason) {
+            ([None, _], Some(why)) => format!("not found: {why}"),
+            ([volume, sd], _) => with_sd(volume, sd, MILLION),
+        };
         let row = |s: &Specimen| {
             html! {
                 tr {
                     @if several { td { (s.run) } }
                     td { (s.well) } td.left { (s.condition.words()) } td { (outcome(s.outcome)) }
                     td { (with_sd(s.volume_um3, s.volume_sd_um3, MILLION)) } td { (with_sd(s.area_um2, s.area_sd_um2, MILLION)) }
-                    td { (number(s.length_um, 1000.0)) } td { (s.z[0].map_or_else(String::new, |z| format!("{z:+.1}"))) }
+                    td { (number(s.length_um, 1000.0)) } td { (eyes(s)) } td { (with_sd(s.eye_distance_um[0], s.eye_distance_um[1], 1.0)) }
+                    td { (s.z[0].map_or_else(String::new, |z| format!("{z:+.1}"))) }
                     td { (s.z[1].map_or_else(String::new, |z| format!("{z:+.1}"))) } td { (s.estimator.as_deref().unwrap_or_default()) }
                     td.left { (StoredFlag::joined(&s.flags, ", ")) (s.reason.as_deref().unwrap_or_default()) }
                     td.hash { (s.measurement_sha256.as_deref().and_then(|hash| hash.get(..12)).unwrap_or_default()) }
@@ -455,12 +467,13 @@ impl Report<'_> {
         html! {
             section.table {
                 h2 { "Table" }
-                p.small { "z: standard deviations from the mean of reference larvae of the same age. The last column begins the SHA-256 of measurement.json. \
-                    carved export table writes all columns." }
+                p.small { "Eye: the mean of both. z: standard deviations from the mean of reference larvae of the same age. The last column begins \
+                    the SHA-256 of measurement.json. carved export table writes all columns." }
                 table {
                     thead { tr {
                         @if several { th { "run" } }
                         th { "well" } th.left { "condition" } th { "outcome" } th { "volume, 10⁶ µm³" } th { "area, 10⁶ µm²" } th { "length, mm" }
+                        th { "volume of an eye, 10⁶ µm³" } th { "distance of the eyes, µm" }
                         th { "z volume" } th { "z area" } th { "estimator" } th { "flags, reason" } th { "numbers" }
                     } }
                     tbody { @for s in &self.specimens { (row(s)) } }

@@ -28,6 +28,12 @@ pub struct Specimen {
     pub area_um2: Option<f64>,
     pub area_sd_um2: Option<f64>,
     pub length_um: Option<f64>,
+    /// Mean volume of both eyes, with its standard deviation.
+    pub eye_volume_um3: [Option<f64>; 2],
+    /// Distance between the centres of the eyes, with its standard deviation.
+    pub eye_distance_um: [Option<f64>; 2],
+    /// Why fewer than two eyes were found.
+    pub eyes_reason: Option<String>,
     pub diameter_um: Option<f64>,
     /// When the recording began, RFC 3339.
     pub started: Option<String>,
@@ -68,6 +74,9 @@ impl Specimen {
                 area_um2: number("/measurement/area_um2"),
                 area_sd_um2: number("/measurement/area_sd_um2"),
                 length_um: number("/shape/body/length_um"),
+                eye_volume_um3: [number("/eyes/mean_volume_um3"), number("/eyes/mean_volume_sd_um3")],
+                eye_distance_um: [number("/eyes/distance_um"), number("/eyes/distance_sd_um")],
+                eyes_reason: well.measurement.as_ref().and_then(|m| m.pointer("/eyes/reason")?.as_str().map(|why| why.replace('_', " "))),
                 diameter_um: number("/measurement/diameter_um"),
                 started: well.recording.as_ref().and_then(|r| r["started"].as_str().map(str::to_owned)),
                 sphere_rms_um: number("/measurement/sphere_rms_um"),

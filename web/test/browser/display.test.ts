@@ -616,6 +616,31 @@ test("the wall display fits its screen with 6 to 1536 wells, running and held", 
         // It is as wide as its box, or nearly as high: less the row of the numbers, and a pixel per row that is rounded.
         const used = Math.max(table.width / box.width, table.height / box.height);
         assert.ok(used > (0.85 * rows) / (rows + 1), `${at}: the plate uses ${used} of its box`);
+        // Names that are shown can be read, lie within the box and over no other.
+        const shown = await page.locator("#plate th").evaluateAll((all) =>
+          all
+            .filter((th) => getComputedStyle(th).visibility === "visible")
+            .map((th) => {
+              const range = document.createRange();
+              range.selectNodeContents(th);
+              const { left, top, right, bottom } = range.getBoundingClientRect();
+              return { text: th.textContent, px: parseFloat(getComputedStyle(th).fontSize), left, top, right, bottom };
+            }),
+        );
+        assert.ok(shown.length >= 5, at);
+        for (const [place, name] of shown.entries()) {
+          assert.ok(name.px >= 9, `${at}: ${name.text} has ${name.px} px`);
+          assert.ok(name.left >= box.x - 1 && name.bottom <= box.y + box.height + 1, `${at}: ${name.text} is cut`);
+          const over = shown.findIndex(
+            (other, i) =>
+              i !== place &&
+              other.left < name.right - 1 &&
+              name.left < other.right - 1 &&
+              other.top < name.bottom - 1 &&
+              name.top < other.bottom - 1,
+          );
+          assert.equal(over, -1, `${at}: ${name.text} lies over ${shown[over]?.text}`);
+        }
         const legend = (await page.locator("#legend").boundingBox())!;
         assert.ok(legend.y + legend.height <= height, `${at}: the legend is beyond the lower edge`);
         await shoot(page, `wall-${wells}-${width}-${status.state}`);
