@@ -94,8 +94,8 @@ def test_a_measurement_is_a_row_with_the_names_of_the_columns(frames: Turn, elli
     assert (row["estimator"], row["shape_estimator"]) == (found.estimator, "field")
     assert row["body_length_um"] == found.report["shape"]["body"]["length_um"]
     assert (row["flag_count"], row["software_version"]) == (len(found.flags), carved.__version__)
-    # The body in these frames has no eyes.
-    missing = {key for key, value in row.items() if value is None and not key.startswith("eye_")}
+    # The body in these frames has no eyes and no swim bladder.
+    missing = {key for key, value in row.items() if value is None and not key.startswith(("eye_", "bladder_"))}
     assert missing <= {"estimator_fallback", "diameter_um", "sphere_rms_um", "aspect_ratio", "software_dirty"}, missing
     series = found.to_series("A01")
     table = pd.DataFrame([series])

@@ -18,7 +18,7 @@ use std::collections::BTreeSet;
 const PREFIX: &str = "carved_";
 
 /// The columns of the table of specimens that become conditions.
-const RESULTS: [&str; 24] = [
+const RESULTS: [&str; 27] = [
     "run",
     "mode",
     "outcome",
@@ -33,6 +33,9 @@ const RESULTS: [&str; 24] = [
     "body_length_um",
     "eye_volume_um3",
     "eye_volume_sd_um3",
+    "bladder_state",
+    "bladder_volume_um3",
+    "bladder_volume_sd_um3",
     "diameter_um",
     "taxon_id",
     "stage_id",

@@ -26,7 +26,7 @@ use utoipa::ToSchema;
 const SIGNAL: &str = "signal_grey_px_per_nl";
 
 /// A number that has statistics: the name of its column in the table of specimens, its unit, and where it is in `measurement.json`.
-pub const QUANTITIES: [(&str, &str, &str); 10] = [
+pub const QUANTITIES: [(&str, &str, &str); 11] = [
     ("volume_um3", "um^3", "/measurement/volume_um3"),
     ("area_um2", "um^2", "/measurement/area_um2"),
     ("body_length_um", "um", "/shape/body/length_um"),
@@ -35,6 +35,7 @@ pub const QUANTITIES: [(&str, &str, &str); 10] = [
     ("max_curvature_per_mm", "1/mm", "/shape/body/bending/max_curvature_per_mm"),
     ("eye_volume_um3", "um^3", "/eyes/mean_volume_um3"),
     ("eye_distance_um", "um", "/eyes/distance_um"),
+    ("bladder_volume_um3", "um^3", "/bladder/volume_um3"),
     (SIGNAL, "grey px/nl", "/fluorescence/signal_per_nl"),
     ("diameter_um", "um", "/measurement/diameter_um"),
 ];

@@ -226,8 +226,8 @@ fn a_row_has_the_plate_map_the_numbers_and_where_they_come_from() {
 /// A pointer into a file that has no such key gives an empty column. These have a reason.
 #[test]
 fn every_column_has_a_value_somewhere() {
-    // Both eyes were found. The others are of larvae that lived: `provenance` has them.
-    const NEVER_HERE: [&str; 5] = ["estimator_fallback", "exposure_id", "eyes_reason", "stage_id", "taxon_id"];
+    // Both eyes and the swim bladder were found. The others are of larvae that lived: `provenance` has them.
+    const NEVER_HERE: [&str; 6] = ["bladder_reason", "estimator_fallback", "exposure_id", "eyes_reason", "stage_id", "taxon_id"];
     let dir = tempfile::tempdir().unwrap();
     let run = plate(&dir.path().join("data"), "r1", "P-1", 4);
     let out = dir.path().join("table.csv");

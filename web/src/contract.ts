@@ -682,6 +682,10 @@ export interface StoredBending {
   total_deg: number;
 }
 
+export type StoredBladderMissing = "few_views" | "no_head" | "no_gas" | "unclear";
+
+export type StoredBladderState = "inflated" | "not_inflated" | "undecided";
+
 export interface StoredBody {
   axis_rms_um: number;
   bending: StoredBending;
@@ -1019,6 +1023,15 @@ export interface StoredLikelihoods {
   two: number;
 }
 
+export interface StoredLobe {
+  centre_um: [number, number, number];
+  half_axes_um: [number, number, number];
+  residual_px: number;
+  spread_um2: [number, number, number, number, number, number];
+  volume_sd_um3: number;
+  volume_um3: number;
+}
+
 export interface StoredMeasurement {
   area_method: StoredAreaMethod;
   area_sd_um2?: number | null;
@@ -1049,6 +1062,7 @@ export interface StoredMeasurement {
 }
 
 export interface StoredMeasurementFile {
+  bladder?: StoredSwimBladder | null;
   calibration?: StoredCalibrationRecord | null;
   closure?: StoredClosureRecord | null;
   eyes?: StoredEyes | null;
@@ -1389,6 +1403,23 @@ export interface StoredSweepSettings {
 export interface StoredSwept {
   camera_ns: number;
   omega_sd: number;
+}
+
+export interface StoredSwimBladder {
+  above_axis_sd_um?: number | null;
+  above_axis_um?: number | null;
+  along_sd_um?: number | null;
+  along_um?: number | null;
+  behind_eyes_sd_um?: number | null;
+  behind_eyes_um?: number | null;
+  length_sd_um?: number | null;
+  length_um?: number | null;
+  lobes: StoredLobe[];
+  probability?: number | null;
+  reason?: StoredBladderMissing | null;
+  state: StoredBladderState;
+  volume_sd_um3?: number | null;
+  volume_um3?: number | null;
 }
 
 export interface StoredToBody {

@@ -1,15 +1,15 @@
 // Lines to draw over a frame: the outline of a mask with the fins, and the outline of the model.
 
-import { ellipseOf } from "./eyes.ts";
+import { ellipseOf, type Ellipsoid } from "./ellipsoid.ts";
 import { edgeOf, silhouetteOf, type Triangles } from "./silhouette.ts";
 import type { Projection } from "./projection.ts";
-import type { StoredEye, StoredViewRecord } from "./status.ts";
+import type { StoredViewRecord } from "./status.ts";
 
 /** The colours of the lines, as app.css names them in the legend. */
 const PROFILE = [255, 64, 160] as const;
 const MODEL = [16, 92, 255] as const;
 const FIN = "rgb(64, 220, 255)";
-const EYE = "rgb(255, 196, 0)";
+const ORGAN = "rgb(255, 196, 0)";
 
 type Rgb = readonly [number, number, number];
 
@@ -50,10 +50,10 @@ export async function outlined(file: Blob, fins: NonNullable<StoredViewRecord["f
   return canvas.convertToBlob({ type: "image/png" });
 }
 
-/** The outlines of the model and of the eyes in it, seen by the camera of a view, on a transparent background. */
+/** The outlines of the model and of the organs in it, seen by the camera of a view, on a transparent background. */
 export function modelOutline(
   model: Triangles,
-  eyes: readonly StoredEye[],
+  organs: readonly Ellipsoid[],
   p: Projection,
   width: number,
   height: number,
@@ -66,10 +66,10 @@ export function modelOutline(
     MODEL,
   );
   const drawing = canvas.getContext("2d")!;
-  drawing.strokeStyle = EYE;
+  drawing.strokeStyle = ORGAN;
   drawing.lineWidth = 2;
-  for (const eye of eyes) {
-    const seen = ellipseOf(eye, p);
+  for (const organ of organs) {
+    const seen = ellipseOf(organ, p);
     if (seen === null) continue;
     drawing.beginPath();
     drawing.ellipse(seen.u + 0.5, seen.v + 0.5, seen.half[0], seen.half[1], seen.angle, 0, 2 * Math.PI);

@@ -1,38 +1,7 @@
-// The eyes of a larva: where a view shows them, and their numbers in words. Pure.
+// The eyes of a larva in words. Pure.
 
 import { grouped, micrometres, nanolitres } from "./format.ts";
-import { project, type Projection } from "./projection.ts";
 import type { Measured, StoredEye } from "./status.ts";
-
-/** An ellipse in a picture, px. `angle`: of the first half axis from the columns' direction, rad. */
-export interface Ellipse {
-  u: number;
-  v: number;
-  half: [number, number];
-  angle: number;
-}
-
-/** The image of an eye; null where it is not in front of the camera. Within an eye the projection is as good as linear. */
-export function ellipseOf({ centre_um, spread_um2 }: StoredEye, p: Projection): Ellipse | null {
-  const [x, y, z] = centre_um as [number, number, number];
-  const at = project(p, x, y, z);
-  const ahead = [project(p, x + 1, y, z), project(p, x, y + 1, z), project(p, x, y, z + 1)];
-  if (at === null || ahead.some((one) => one === null)) return null;
-  // Pixels per um along x, y and z.
-  const [a, b] = [0, 1].map((k) => ahead.map((one) => one![k]! - at[k]!)) as [number[], number[]];
-  const [xx, yy, zz, xy, xz, yz] = spread_um2 as [number, number, number, number, number, number];
-  const spread = [
-    [xx, xy, xz],
-    [xy, yy, yz],
-    [xz, yz, zz],
-  ];
-  const form = (l: number[], r: number[]) =>
-    l.reduce((sum, li, i) => sum + li * r.reduce((s, rj, j) => s + spread[i]![j]! * rj, 0), 0);
-  const [uu, vv, uv] = [form(a, a), form(b, b), form(a, b)];
-  const [middle, apart] = [(uu + vv) / 2, Math.hypot((uu - vv) / 2, uv)];
-  const half = [middle + apart, middle - apart].map((e) => Math.sqrt(Math.max(e, 0))) as [number, number];
-  return { u: at[0], v: at[1], half, angle: Math.atan2(2 * uv, uu - vv) / 2 };
-}
 
 const REASONS: Record<NonNullable<NonNullable<Measured["eyes"]>["reason"]>, string> = {
   few_views: "too few views show the larva from different sides",

@@ -6,6 +6,7 @@ import { modelOutline, outlined } from "./develop.ts";
 import { setText, show } from "./dom.ts";
 import { counted } from "./format.ts";
 import { Latest } from "./latest.ts";
+import { organsOf } from "./ellipsoid.ts";
 import { cameraOfView } from "./projection.ts";
 import type { Specimen } from "./status.ts";
 import { wellKey, type StoredModels, type StoredSpecimens, type StoredWell } from "./stored.ts";
@@ -256,8 +257,8 @@ export class FrameView {
     if (seen === null) return null;
     try {
       const model = await this.#models.of(one);
-      const eyes = specimen.measurement?.eyes?.eyes ?? [];
-      return model && (await modelOutline(trianglesOf(model), eyes, seen.projection, seen.width, seen.height));
+      const organs = organsOf(specimen.measurement);
+      return model && (await modelOutline(trianglesOf(model), organs, seen.projection, seen.width, seen.height));
     } catch (error) {
       if (!(error instanceof Refused)) throw error;
       return null;

@@ -11,7 +11,7 @@ import { runKey } from "./stored.ts";
 import { levelDigits, linearTicks } from "./ticks.ts";
 import { planWords } from "./treatment.ts";
 
-export type Quantity = "volume" | "area" | "length" | "eye";
+export type Quantity = "volume" | "area" | "length" | "eye" | "bladder";
 
 interface Shown {
   name: string;
@@ -25,6 +25,7 @@ const QUANTITIES: Record<Quantity, Shown> = {
   volume: { name: "Volume", unit: "nL", column: "volume_um3", size: UM3_PER_NL },
   area: { name: "Area", unit: "mm²", column: "area_um2", size: 1e6 },
   length: { name: "Length", unit: "mm", column: "body_length_um", size: 1000 },
+  bladder: { name: "Swim bladder volume", unit: "nL", column: "bladder_volume_um3", size: UM3_PER_NL },
   eye: { name: "Eye volume", unit: "nL", column: "eye_volume_um3", size: UM3_PER_NL },
 };
 

@@ -9,6 +9,7 @@ import type {
   StoredFacing,
   StoredMeasurementFile,
   StoredRigRecord,
+  StoredSwimBladder,
 } from "./contract.ts";
 
 export type * from "./contract.ts";
@@ -26,6 +27,10 @@ export interface Measured extends Pick<StoredMeasurementFile, "views"> {
   shape?: { body?: { dorsal: { direction?: readonly number[] | null } } | null } | null;
   facing?: Pick<StoredFacing, "confidence" | "head_confidence"> | null;
   eyes?: Pick<StoredEyes, "eyes" | "reason" | "distance_um" | "distance_sd_um"> | null;
+  bladder?: Pick<
+    StoredSwimBladder,
+    "state" | "reason" | "lobes" | "volume_um3" | "volume_sd_um3" | "length_um" | "length_sd_um"
+  > | null;
   reference?: { estimates: Pick<StoredEstimateStanding, "estimator" | "volume" | "area">[] } | null;
 }
 

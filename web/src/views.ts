@@ -5,8 +5,10 @@
 
 import type { BufferGeometry } from "three";
 import { fetchFile, Refused } from "./api.ts";
+import { bladderWords } from "./bladder.ts";
 import { modelOutline } from "./develop.ts";
 import { element, setText, show } from "./dom.ts";
+import { organsOf } from "./ellipsoid.ts";
 import { eyesWords } from "./eyes.ts";
 import { counted, grouped, words } from "./format.ts";
 import { cameraOfView, scaled } from "./projection.ts";
@@ -164,8 +166,9 @@ export class ViewStrip {
     const most = Math.max(...residuals, 1e-9);
     this.#items = links.map((link, place) => this.#item(link, place, records.get(viewNumber(link) ?? -1), most));
     this.#list.replaceChildren(...this.#items.map(({ button }) => element("li", "", button)));
-    const eyes = eyesWords(specimen.measurement?.eyes);
-    setText(this.#words, `${stripWords([...records.values()], links.length)}${eyes === "" ? "" : ` ${eyes}`}`);
+    const { eyes, bladder } = specimen.measurement ?? {};
+    const said = [stripWords([...records.values()], links.length), eyesWords(eyes), bladderWords(bladder)];
+    setText(this.#words, said.filter((words) => words !== "").join(" "));
     show(this.#panel, true);
     this.mark(this.#shown);
     // Pictures of a strip that nobody looks at are not read.
@@ -223,14 +226,18 @@ export class ViewStrip {
     const model = await this.#models.of(one);
     if (!model) return;
     const triangles = trianglesOf(model);
-    const eyes = specimen.measurement?.eyes?.eyes ?? [];
+    const organs = organsOf(specimen.measurement);
     for (const item of this.#items) {
       const seen = cameraOfView(specimen.recording, specimen.measurement, item.view);
       if (this.#of !== key) return;
       if (seen === null) continue;
       const factor = Math.min(1, THUMBNAIL_PX / seen.width);
       const [width, height] = [seen.width, seen.height].map((px) => Math.round(px * factor)) as [number, number];
-      this.#put(item.outline, await modelOutline(triangles, eyes, scaled(seen.projection, factor), width, height), key);
+      this.#put(
+        item.outline,
+        await modelOutline(triangles, organs, scaled(seen.projection, factor), width, height),
+        key,
+      );
       await new Promise((resolve) => setTimeout(resolve));
     }
   }

@@ -16,7 +16,7 @@ use crate::carver::Leaves;
 use crate::flag::StoredFlag;
 use crate::frame::RawFrame;
 use crate::geometry::{BoxUm, Camera, Projection, VoxelGrid};
-use crate::inside::{Eyes, Lit, Shade};
+use crate::inside::{Eyes, Lit, Shade, SwimBladder, Trunk};
 use crate::measure::facing::Facing;
 use crate::measure::shape::{Body, Shape};
 use crate::measure::{Fallback, Measurement, extents};
@@ -35,6 +35,7 @@ use crate::surface::Mesh;
 pub use error::PipelineError;
 use record::compare_areas;
 pub use record::{ClosureRecord, SpecimenRecord, ViewRecord, WallRecord};
+use std::f64::consts::PI;
 use std::sync::Arc;
 
 /// Everything the numbers depend on beside the frames and their angles.
@@ -372,13 +373,14 @@ impl Pipeline {
         let shape = Shape::of(&model.mesh);
         let taken: Vec<(u32, f64)> = self.views.iter().map(|v| (v.index, v.omega)).collect();
         let camera = found.map_or(&self.settings.camera, |c| &c.camera);
-        let eyes = self.eyes(&projections, &model.mesh, shape.body.as_ref());
+        let (eyes, bladder) = self.organs(&projections, &model.mesh, shape.body.as_ref()).unzip();
         let facing = if self.settings.sphere { None } else { Facing::of(&shape, eyes.as_ref(), camera, &taken) };
         let record = SpecimenRecord {
             measurement: model.measurement,
             shape: Some(shape),
             facing,
             eyes,
+            bladder,
             fins,
             views: self.views,
             closure,
@@ -391,8 +393,8 @@ impl Pipeline {
         Ok(Finished { mesh: model.mesh, record, hull })
     }
 
-    /// The eyes, by the views that count. `None` for a bead.
-    fn eyes(&self, projections: &[Projection], mesh: &Mesh, body: Option<&Body>) -> Option<Eyes> {
+    /// Eyes and swim bladder, by the views that count. `None` for a bead.
+    fn organs(&self, projections: &[Projection], mesh: &Mesh, body: Option<&Body>) -> Option<(Eyes, SwimBladder)> {
         if self.settings.sphere {
             return None;
         }
@@ -407,7 +409,15 @@ impl Pipeline {
             .collect();
         let around = extents(mesh)?;
         let around = BoxUm { min: around.min, max: around.max };
-        Some(Eyes::find(&views, &around, body.and_then(Body::left), body.and_then(Body::axis_at_head)))
+        let eyes = Eyes::find(&views, &around, body.and_then(Body::left), body.and_then(Body::axis_at_head));
+        let trunk = body.map(|body| Trunk {
+            centres: body.stations.iter().map(|station| station.centre_um).collect(),
+            radii_um: body.stations.iter().map(|station| (station.area_um2 / PI).sqrt()).collect(),
+            has_head: body.head.end.is_some(),
+            back: body.dorsal.direction,
+        });
+        let bladder = SwimBladder::find(&views, trunk.as_ref(), &eyes);
+        Some((eyes, bladder))
     }
 
     /// Why the views do not show one specimen that turns, the cause before its consequences.

@@ -29,6 +29,17 @@ impl Ellipsoid {
         found
     }
 
+    /// S as xx, yy, zz, xy, xz, yz.
+    pub fn spread_um2(&self) -> [f64; 6] {
+        let s = &self.spread;
+        [s[(0, 0)], s[(1, 1)], s[(2, 2)], s[(0, 1)], s[(0, 2)], s[(1, 2)]]
+    }
+
+    /// How far it reaches from its centre in a direction of length 1, um.
+    pub fn reach_um(&self, direction: Vector3<f64>) -> f64 {
+        direction.dot(&(self.spread * direction)).max(0.0).sqrt()
+    }
+
     /// Its image. `None` where it is not in front of the camera.
     pub(super) fn seen(&self, view: &Linear) -> Ellipse {
         Ellipse { centre: view.at + view.along * (self.centre - view.about), spread: view.along * self.spread * view.along.transpose() }

@@ -10,12 +10,12 @@
 use super::Lit;
 use super::dark::{LEVELS, thickest};
 use super::ellipsoid::{Ellipse, Ellipsoid, Linear};
+use super::fit::{Edge, Fit, root_of_squares, solve};
 use crate::geometry::BoxUm;
 use crate::parallel::prelude::*;
-use crate::statistics::median;
-use nalgebra::{Matrix3, SMatrix, SVector, Vector2, Vector3};
+use nalgebra::{Vector2, Vector3};
 use serde::{Deserialize, Serialize};
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 
 /// A side of a larva, as the larva itself has it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -106,36 +106,12 @@ const RANGES: [f64; 5] = [0.5, 0.4, 0.3, 0.25, 0.2];
 const STEPS: usize = 4;
 /// Edges this near to the outline of the other eye are left out, px.
 const CLEAR_PX: f64 = 3.0;
-/// Edges that an ellipsoid needs.
-const LEAST_EDGES: usize = 60;
 /// Largest accepted residual, px. Eyes of both renderers have up to 1.4.
 const MOST_RESIDUAL_PX: f64 = 1.8;
 /// Eyes of which the smaller has this share of the larger are taken without looking further. Those of a healthy larva have 0.9.
 const ALIKE: f64 = 0.6;
 /// Half axes of an eye, um.
 const HALF_AXES_UM: [f64; 2] = [25.0, 260.0];
-/// Standard deviation of the place of all edges together, px.
-const EDGE_SD_PX: f64 = 0.35;
-/// Standard deviation of the volume by the form, in volumes per residual over radius. A body that is no ellipsoid leaves a residual.
-const FORM: f64 = 0.2;
-
-const UNKNOWNS: usize = 9;
-type Unknowns = SVector<f64, UNKNOWNS>;
-
-/// An edge of one eye in one view.
-#[derive(Clone, Copy)]
-struct Edge {
-    view: usize,
-    at: Vector2<f64>,
-}
-
-/// An eye with what it was fitted to.
-struct Fit {
-    eye: Ellipsoid,
-    linear: Vec<Linear>,
-    edges: Vec<Edge>,
-    residual_px: f64,
-}
 
 impl Eyes {
     /// From the views that count and the box around the mesh. `left` is the direction to the left of the larva, and `along` that of its axis at the
@@ -148,13 +124,13 @@ impl Eyes {
     }
 
     fn of(fits: &[Fit], left: Option<Vector3<f64>>, along: Option<Vector3<f64>>) -> Self {
-        let middle = fits.iter().map(|fit| fit.eye.centre).sum::<Vector3<f64>>() / fits.len() as f64;
+        let middle = fits.iter().map(|fit| fit.body.centre).sum::<Vector3<f64>>() / fits.len() as f64;
         let mut eyes: Vec<Eye> = fits
             .iter()
             .map(|fit| {
                 let side = left
                     .filter(|_| fits.len() == 2)
-                    .map(|left| if (fit.eye.centre - middle).dot(&left) > 0.0 { BodySide::Left } else { BodySide::Right });
+                    .map(|left| if (fit.body.centre - middle).dot(&left) > 0.0 { BodySide::Left } else { BodySide::Right });
                 fit.eye(side)
             })
             .collect();
@@ -163,7 +139,7 @@ impl Eyes {
             key(a).0.cmp(&key(b).0).then(key(a).1.total_cmp(&key(b).1))
         });
         let apart = match fits {
-            [a, b] => Some(b.eye.centre - a.eye.centre),
+            [a, b] => Some(b.body.centre - a.body.centre),
             _ => None,
         };
         let mean = |of: fn(&Eye) -> f64| (eyes.len() == 2).then(|| eyes.iter().map(of).sum::<f64>() / 2.0);
@@ -178,10 +154,6 @@ impl Eyes {
             eyes,
         }
     }
-}
-
-fn root_of_squares(parts: impl Iterator<Item = f64>) -> f64 {
-    parts.map(|p| p * p).sum::<f64>().sqrt()
 }
 
 /// The pair whose eyes are most alike, over the levels of darkness. A dense head can take the place of an eye at one level.
@@ -212,7 +184,7 @@ fn fitted(views: &[Lit], extents: &BoxUm) -> Result<Vec<Fit>, EyesMissing> {
 fn alike(fits: &[Fit]) -> f64 {
     match fits {
         [a, b] => {
-            let ratio = a.eye.volume_um3() / b.eye.volume_um3();
+            let ratio = a.body.volume_um3() / b.body.volume_um3();
             ratio.min(1.0 / ratio)
         }
         _ => 0.0,
@@ -222,15 +194,15 @@ fn alike(fits: &[Fit]) -> f64 {
 fn fitted_to(views: &[Lit], mut found: Vec<Ellipsoid>) -> Option<Vec<Fit>> {
     let mut fits = Vec::new();
     for range in RANGES {
-        fits = (0..found.len()).into_par_iter().map(|k| Fit::of(views, &found, k, range)).collect::<Option<Vec<_>>>()?;
-        found = fits.iter().map(|fit| fit.eye).collect();
+        fits = (0..found.len()).into_par_iter().map(|k| Fit::of_eye(views, &found, k, range)).collect::<Option<Vec<_>>>()?;
+        found = fits.iter().map(|fit| fit.body).collect();
     }
     fits.iter().all(Fit::is_like_an_eye).then_some(fits)
 }
 
 impl Fit {
     /// Fits ellipsoid `k` of `all` to its edges.
-    fn of(views: &[Lit], all: &[Ellipsoid], k: usize, range: f64) -> Option<Self> {
+    fn of_eye(views: &[Lit], all: &[Ellipsoid], k: usize, range: f64) -> Option<Self> {
         let linear: Vec<Linear> = views.iter().map(|view| Linear::of(view.projection, all[k].centre)).collect::<Option<_>>()?;
         let mut edges = Vec::new();
         for (view, (lit, linear)) in views.iter().zip(&linear).enumerate() {
@@ -247,53 +219,23 @@ impl Fit {
                 }
             }
         }
-        let (eye, residual_px) = solve(&linear, &edges, all[k], None, STEPS)?;
-        Some(Self { eye, linear, edges, residual_px })
+        let (body, residual_px) = solve(&linear, &edges, all[k], None, STEPS)?;
+        Some(Self { body, linear, edges, residual_px })
     }
 
     fn is_like_an_eye(&self) -> bool {
         let [least, most] = HALF_AXES_UM;
-        self.residual_px < MOST_RESIDUAL_PX && self.eye.half_axes_um().iter().all(|a| (least..most).contains(a))
-    }
-
-    fn px_per_um(&self) -> f64 {
-        self.linear.iter().map(Linear::scale).sum::<f64>() / self.linear.len() as f64
-    }
-
-    /// By the views alone, with each left out once: standard deviations of the volume, um^3, and of the centre in any direction, um.
-    fn jackknife(&self) -> [f64; 2] {
-        let n = self.linear.len();
-        let without: Vec<Ellipsoid> = (0..n)
-            .into_par_iter()
-            .map(|view| solve(&self.linear, &self.edges, self.eye, Some(view), 1).map_or(self.eye, |(eye, _)| eye))
-            .collect();
-        let factor = (n as f64 - 1.0) / n as f64;
-        let of = |off: &dyn Fn(&Ellipsoid) -> f64| (factor * without.iter().map(|eye| off(eye).powi(2)).sum::<f64>()).sqrt();
-        [of(&|eye| eye.volume_um3() - self.eye.volume_um3()), of(&|eye| (eye.centre - self.eye.centre).norm())]
-    }
-
-    /// Standard deviation of the centre across the body, um: by the views, by the form, and by the edges on the skin's side.
-    fn centre_sd_um(&self) -> f64 {
-        let [_, views] = self.jackknife();
-        let px = [FORM * self.residual_px, EDGE_SD_PX].map(|px| px / self.px_per_um());
-        root_of_squares([views / 3f64.sqrt(), px[0], px[1]].into_iter())
+        self.residual_px < MOST_RESIDUAL_PX && self.body.half_axes_um().iter().all(|a| (least..most).contains(a))
     }
 
     fn eye(&self, side: Option<BodySide>) -> Eye {
-        let volume = self.eye.volume_um3();
-        let radius_px = (volume * 0.75 / PI).cbrt() * self.px_per_um();
-        let [views, _] = self.jackknife();
-        // Half axes that are longer by d make a volume that is larger by the sum of d / a.
-        let edge = self.eye.half_axes_um().iter().map(|a| EDGE_SD_PX / self.px_per_um() / a).sum::<f64>() * volume;
-        let form = 3.0 * FORM * self.residual_px / radius_px * volume;
-        let s = self.eye.spread;
         Eye {
             side,
-            volume_um3: volume,
-            volume_sd_um3: root_of_squares([views, edge, form].into_iter()),
-            centre_um: self.eye.centre.into(),
-            half_axes_um: self.eye.half_axes_um(),
-            spread_um2: [s[(0, 0)], s[(1, 1)], s[(2, 2)], s[(0, 1)], s[(0, 2)], s[(1, 2)]],
+            volume_um3: self.body.volume_um3(),
+            volume_sd_um3: self.volume_sd_um3(),
+            centre_um: self.body.centre.into(),
+            half_axes_um: self.body.half_axes_um(),
+            spread_um2: self.body.spread_um2(),
             residual_px: self.residual_px,
         }
     }
@@ -317,54 +259,4 @@ fn edge(view: &Lit, centre: Vector2<f64>, direction: Vector2<f64>, reach: f64, r
     let i = samples.iter().position(|&l| l > level).filter(|&i| i > 0)?;
     let part = (level - samples[i - 1]) / (samples[i] - samples[i - 1]);
     Some(centre + (from + (i as f64 - 1.0 + part) * STEP_PX) * direction)
-}
-
-/// The unknowns are the centre and the lower triangle of the spread's root.
-fn ellipsoid(x: &Unknowns) -> Ellipsoid {
-    let l = Matrix3::new(x[3], 0.0, 0.0, x[4], x[5], 0.0, x[6], x[7], x[8]);
-    Ellipsoid { centre: Vector3::new(x[0], x[1], x[2]), spread: l * l.transpose() }
-}
-
-fn unknowns(of: &Ellipsoid) -> Option<Unknowns> {
-    let (c, l) = (of.centre, of.spread.cholesky()?.l());
-    Some(Unknowns::from([c.x, c.y, c.z, l[(0, 0)], l[(1, 0)], l[(1, 1)], l[(2, 0)], l[(2, 1)], l[(2, 2)]]))
-}
-
-/// Least squares of the edges' distances from the outlines, with Tukey's weights. `without` leaves a view out. Returns the ellipsoid and the root
-/// mean square distance, px.
-fn solve(linear: &[Linear], edges: &[Edge], from: Ellipsoid, without: Option<usize>, steps: usize) -> Option<(Ellipsoid, f64)> {
-    /// Step of the derivatives, um.
-    const STEP_UM: f64 = 0.1;
-    /// A residual of so many standard deviations has no weight.
-    const CUT: f64 = 4.0;
-    /// Least standard deviation of an edge, px.
-    const LEAST_SD_PX: f64 = 0.15;
-    let edges: Vec<&Edge> = edges.iter().filter(|edge| without != Some(edge.view)).collect();
-    if edges.len() < LEAST_EDGES {
-        return None;
-    }
-    let residuals = |x: &Unknowns| -> Vec<f64> {
-        let eye = ellipsoid(x);
-        let seen: Vec<Ellipse> = linear.iter().map(|linear| eye.seen(linear)).collect();
-        edges.iter().map(|edge| seen[edge.view].beyond(edge.at)).collect()
-    };
-    let mut x = unknowns(&from)?;
-    let mut rms = 0.0;
-    for _ in 0..steps {
-        let r = residuals(&x);
-        let scale = CUT * (1.4826 * median(r.iter().map(|r| r.abs()).collect())?).max(LEAST_SD_PX);
-        let weights: Vec<f64> = r.iter().map(|r| (1.0 - (r / scale).powi(2)).max(0.0).powi(2)).collect();
-        rms = (r.iter().zip(&weights).map(|(r, w)| w * r * r).sum::<f64>() / weights.iter().sum::<f64>()).sqrt();
-        let columns: Vec<Vec<f64>> = (0..UNKNOWNS).map(|k| residuals(&(x + STEP_UM * Unknowns::ith(k, 1.0)))).collect();
-        let mut normal = SMatrix::<f64, UNKNOWNS, UNKNOWNS>::identity() * 1e-9;
-        let mut right = Unknowns::zeros();
-        for i in 0..r.len() {
-            let row = Unknowns::from_fn(|k, _| (columns[k][i] - r[i]) / STEP_UM);
-            normal += weights[i] * row * row.transpose();
-            right += weights[i] * r[i] * row;
-        }
-        x -= normal.cholesky()?.solve(&right);
-    }
-    let eye = ellipsoid(&x);
-    (eye.volume_um3().is_finite() && eye.volume_um3() > 0.0).then_some((eye, rms))
 }

@@ -88,3 +88,106 @@ fn eyes_that_are_not_there_are_not_found_and_are_not_zero() {
     let few = found(&[ball(LEFT, HALF), ball(RIGHT, HALF)], 4);
     assert_eq!((few.eyes.len(), few.reason), (0, Some(EyesMissing::FewViews)));
 }
+
+/// Half the width of the bright middle over that of the gas.
+const CORE: f64 = 0.45;
+
+/// The bladder that views of a grey body show, with these parts: ellipsoids with their transmission, and whether their middle is bright.
+fn bladder(parts: &[(Ellipsoid, f64, bool)], views: u32, has_head: bool) -> SwimBladder {
+    let camera = Camera { f: 1e7, ..Camera::published(700, 120) };
+    let projections: Vec<_> = (0..views).map(|view| camera.projection(TAU * f64::from(view) / f64::from(views))).collect();
+    let seen = |body: &Ellipsoid, projection: &Projection| body.seen(&Linear::of(projection, body.centre).unwrap());
+    let shade = |projection: &Projection| {
+        let body = seen(&ball([0.0; 3], BODY), projection);
+        let parts: Vec<_> = parts.iter().map(|(part, light, is_gas)| (seen(part, projection), *light, *is_gas)).collect();
+        let (mut grey, mut mask) = (Vec::new(), Vec::new());
+        for (v, u) in (0..120).flat_map(|v| (0..700).map(move |u| (v, u))) {
+            let sub = |k: u32| {
+                let at = |i: u32| (f64::from(i) + 0.5) / 4.0 - 0.5;
+                let at = Vector2::new(f64::from(u) + at(k % 4), f64::from(v) + at(k / 4));
+                let inside = body.beyond(at) < 0.0;
+                let passes = parts.iter().filter(|(part, ..)| part.beyond(at) < 0.0).map(|(part, light, is_gas)| {
+                    let is_core = *is_gas && (at - part.centre).norm() < CORE * part.reach((at - part.centre).normalize());
+                    if is_core { 1.1 } else { *light }
+                });
+                (inside, if inside { 0.5 } else { 1.0 } * passes.product::<f64>())
+            };
+            let subs: Vec<(bool, f64)> = (0..16).map(sub).collect();
+            grey.push((220.0 * subs.iter().map(|(_, light)| light).sum::<f64>() / 16.0) as u8);
+            mask.push(if subs.iter().filter(|(inside, _)| *inside).count() >= 8 { 255 } else { 0 });
+        }
+        let frame = RawFrame::new(700, 120, PixelFormat::Mono8, grey).unwrap();
+        Shade::of(&Picture::from_frame(&frame), &Mask::from_coverage(700, 120, mask).unwrap()).unwrap()
+    };
+    let shades: Vec<_> = projections.iter().map(shade).collect();
+    let views: Vec<Lit> = projections.iter().zip(&shades).map(|(projection, shade)| Lit { projection, shade }).collect();
+    let share = |i: u32| (f64::from(i) + 0.5) / 50.0 - 1.0;
+    let trunk = Trunk {
+        centres: (0..100).map(|i| [BODY[0] * share(i), 0.0, 0.0]).collect(),
+        radii_um: (0..100).map(|i| BODY[1] * (1.0 - share(i).powi(2)).sqrt()).collect(),
+        has_head,
+        back: Some([0.0, -1.0, 0.0]),
+    };
+    SwimBladder::find(&views, Some(&trunk), &Eyes::default())
+}
+
+const GAS: ([f64; 3], [f64; 3]) = ([-800.0, -50.0, 10.0], [180.0, 90.0, 80.0]);
+/// Light that passes the rim of gas.
+const RIM: f64 = 0.08;
+
+#[test]
+fn gas_has_its_volume_length_and_place() {
+    let truth = ball(GAS.0, GAS.1);
+    let found = bladder(&[(truth, RIM, true)], VIEWS, true);
+    assert_eq!((found.state, found.reason, found.lobes.len()), (BladderState::Inflated, None, 1), "{found:?}");
+    let off = found.volume_um3.unwrap() / truth.volume_um3() - 1.0;
+    assert!(off.abs() < 0.05 && (off * truth.volume_um3()).abs() < 2.0 * found.volume_sd_um3.unwrap(), "{off}, {found:?}");
+    assert!((found.length_um.unwrap() - 360.0).abs() < 8.0, "{found:?}");
+    assert!((Vector3::from(found.lobes[0].centre_um) - truth.centre).norm() < 3.0, "{found:?}");
+    assert!((found.along_um.unwrap() - 900.0).abs() < 20.0 && (found.above_axis_um.unwrap() - 50.0).abs() < 3.0, "{found:?}");
+    assert_eq!(found.behind_eyes_um, None, "there are no eyes");
+}
+
+#[test]
+fn two_lobes_are_told_apart_and_summed() {
+    let lobes = [ball([-1000.0, -40.0, 0.0], [90.0, 70.0, 65.0]), ball([-760.0, -50.0, 0.0], [145.0, 90.0, 85.0])];
+    let found = bladder(&lobes.map(|lobe| (lobe, RIM, true)), VIEWS, true);
+    assert_eq!((found.state, found.lobes.len()), (BladderState::Inflated, 2), "{found:?}");
+    assert!(found.lobes[0].centre_um[0] < found.lobes[1].centre_um[0], "{found:?}");
+    let truth: f64 = lobes.iter().map(Ellipsoid::volume_um3).sum();
+    assert!((found.volume_um3.unwrap() / truth - 1.0).abs() < 0.06, "{found:?}, true {truth:e}");
+}
+
+/// What is dark, clear or long without being gas: an eye's or a yolk's dark ellipsoid, a clear room, a cord of pigment, and nothing.
+#[test]
+fn what_is_no_gas_is_no_bladder_and_has_no_volume() {
+    let dark = ball(GAS.0, GAS.1);
+    let yolk = ball([-800.0, 80.0, 0.0], [400.0, 130.0, 130.0]);
+    let cord = ball([-700.0, -190.0, 0.0], [600.0, 24.0, 24.0]);
+    for (name, parts) in [
+        ("dark", vec![(dark, RIM, false)]),
+        ("clear", vec![(dark, 1.6, false)]),
+        ("yolk and cord", vec![(yolk, 0.5, false), (cord, 0.1, false)]),
+        ("nothing", vec![]),
+    ] {
+        let found = bladder(&parts, VIEWS, true);
+        assert_eq!((found.state, found.reason), (BladderState::NotInflated, Some(BladderMissing::NoGas)), "{name}: {found:?}");
+        assert!(found.probability.is_some_and(|p| p < 0.05) && found.volume_um3.is_none() && found.lobes.is_empty(), "{name}: {found:?}");
+    }
+}
+
+#[test]
+fn a_bladder_that_cannot_be_looked_for_is_undecided_with_a_reason() {
+    let gas = [(ball(GAS.0, GAS.1), RIM, true)];
+    let few = bladder(&gas, 4, true);
+    assert_eq!((few.state, few.reason, few.probability), (BladderState::Undecided, Some(BladderMissing::FewViews), None));
+    let headless = bladder(&gas, VIEWS, false);
+    assert_eq!((headless.state, headless.reason), (BladderState::Undecided, Some(BladderMissing::NoHead)));
+}
+
+#[test]
+fn a_bubble_in_the_water_beside_the_larva_is_no_bladder() {
+    let bubble = ball([-800.0, -310.0, 0.0], [90.0, 90.0, 90.0]);
+    let found = bladder(&[(bubble, RIM, true)], VIEWS, true);
+    assert!(found.state != BladderState::Inflated && found.volume_um3.is_none(), "{found:?}");
+}

@@ -4,7 +4,7 @@ use crate::calibration::PoseOffset;
 use crate::fins::Fin;
 use crate::flag::{Flag, StoredFlag};
 use crate::geometry::{Camera, Projection};
-use crate::inside::Eyes;
+use crate::inside::{Eyes, SwimBladder};
 use crate::measure::Measurement;
 use crate::measure::facing::Facing;
 use crate::measure::shape::Shape;
@@ -141,6 +141,9 @@ pub struct SpecimenRecord {
     /// The eyes of a larva. `None` for a bead, and where they were not looked for.
     #[serde(default)]
     pub eyes: Option<Eyes>,
+    /// The swim bladder of a larva. `None` for a bead, and where it was not looked for.
+    #[serde(default)]
+    pub bladder: Option<SwimBladder>,
     /// The free edges of the fins that the views agree on.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub fins: Vec<Fin>,

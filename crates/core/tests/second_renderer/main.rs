@@ -13,6 +13,7 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used)] // a test may panic; its helpers are part of it
 
+mod bladder;
 mod cases;
 mod checks;
 mod dust;

@@ -177,7 +177,7 @@ impl Specimen {
 pub enum Bladder {
     /// A small ellipsoid of gas, as just inflated.
     Usual,
-    /// Twice as wide and 1.4 times as long.
+    /// 1.6 times as wide and 1.4 times as long, below the notochord.
     Large,
     /// Two ellipsoids of gas behind each other, the smaller one in front.
     TwoLobes,
@@ -375,10 +375,10 @@ impl Larva {
             |share: f64, up: f64, [a, b, c]: [f64; 3]| (self.beside(share, up * self.girth, 0.0), [a, b * self.girth, c * self.girth]);
         match bladder {
             Bladder::Usual => vec![lobe(0.26, 70.0, [130.0, 45.0, 50.0])],
-            Bladder::Large => vec![lobe(0.27, 62.0, [185.0, 88.0, 82.0])],
+            Bladder::Large => vec![lobe(0.27, 50.0, [185.0, 78.0, 74.0])],
             Bladder::TwoLobes => {
                 let apart = 265.0 / self.length_um;
-                vec![lobe(0.22, 70.0, [95.0, 62.0, 60.0]), lobe(0.22 + apart, 66.0, [165.0, 80.0, 76.0])]
+                vec![lobe(0.22, 52.0, [95.0, 58.0, 56.0]), lobe(0.22 + apart, 50.0, [165.0, 74.0, 70.0])]
             }
             Bladder::NotInflated | Bladder::Absent => Vec::new(),
         }

@@ -117,16 +117,16 @@ fn settings(scene: &Scene, planned_views: u32, sphere: bool) -> PipelineSettings
 impl Turn {
     /// Measures a specimen.
     pub fn of(kind: Kind, dirt: Dirt, seed: u64) -> Result<Self, PipelineError> {
-        Self::of_scene(scene(kind, Size::Crop, dirt, seed), kind, seed)
+        Self::of_scene(&scene(kind, Size::Crop, dirt, seed), kind, seed)
     }
 
     /// Measures the specimen of a scene.
-    pub fn of_scene(scene: Scene, kind: Kind, seed: u64) -> Result<Self, PipelineError> {
+    pub fn of_scene(scene: &Scene, kind: Kind, seed: u64) -> Result<Self, PipelineError> {
         let specimen = scene.specimen.as_ref().unwrap();
-        let of_all = settings(&scene, VIEWS, kind == Kind::Bead);
+        let of_all = settings(scene, VIEWS, kind == Kind::Bead);
         let few = |seen: &[(SegmentedFrame, Mask, Vec<Polygon>)]| {
-            let of_few = settings(&scene, VIEWS / 3, false);
-            let mut pipeline = Pipeline::new(PipelineSettings { grid: grid(&scene, 10.0), ..of_few }).unwrap();
+            let of_few = settings(scene, VIEWS / 3, false);
+            let mut pipeline = Pipeline::new(PipelineSettings { grid: grid(scene, 10.0), ..of_few }).unwrap();
             for (view, (frame, ..)) in (0..).zip(seen.iter().step_by(3)) {
                 pipeline.observe(view, omega(view, VIEWS / 3), frame)?;
             }

@@ -336,6 +336,31 @@ pub const AFTER: &[Column] = &[
         Measured("/eyes/axis_angle_deg"),
         "angle between the line from eye to eye and the body axis at the head; 90 for a straight head",
     ),
+    // Swim bladder.
+    col("bladder_state", Text, Measured("/bladder/state"), "of a larva: `inflated`, `not_inflated` (or missing) or `undecided`"),
+    col("bladder_probability", Number, Measured("/bladder/probability"), "0 to 1: that the swim bladder has gas"),
+    col("bladder_reason", Text, Measured("/bladder/reason"), "why there is no volume; docs/organs.md has the reasons"),
+    col(
+        "bladder_lobes",
+        Integer,
+        Made(|r| r.measured("/bladder/lobes").and_then(Value::as_array).map(|lobes| lobes.len() as u32).into()),
+        "number of lobes with gas",
+    ),
+    col("bladder_volume_um3", Number, Measured("/bladder/volume_um3"), "volume of the gas; empty where none was found"),
+    col("bladder_volume_sd_um3", Number, Measured("/bladder/volume_sd_um3"), "standard deviation of `bladder_volume_um3`"),
+    col("bladder_length_um", Number, Measured("/bladder/length_um"), "extent of the gas along the body"),
+    col("bladder_length_sd_um", Number, Measured("/bladder/length_sd_um"), "standard deviation of `bladder_length_um`"),
+    col("bladder_along_um", Number, Measured("/bladder/along_um"), "place of its middle along the body axis, from the snout"),
+    col("bladder_along_sd_um", Number, Measured("/bladder/along_sd_um"), "standard deviation of `bladder_along_um`"),
+    col(
+        "bladder_behind_eyes_um",
+        Number,
+        Measured("/bladder/behind_eyes_um"),
+        "distance of its middle from that of the eyes, along the body",
+    ),
+    col("bladder_behind_eyes_sd_um", Number, Measured("/bladder/behind_eyes_sd_um"), "standard deviation of `bladder_behind_eyes_um`"),
+    col("bladder_above_axis_um", Number, Measured("/bladder/above_axis_um"), "distance of its middle from the body axis, towards the back"),
+    col("bladder_above_axis_sd_um", Number, Measured("/bladder/above_axis_sd_um"), "standard deviation of `bladder_above_axis_um`"),
     // Every estimator, and the parts of the standard deviations.
     col("support_volume_um3", Number, Measured("/measurement/estimators/support/volume_um3"), "volume by support functions"),
     col(
