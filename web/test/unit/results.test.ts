@@ -199,7 +199,11 @@ const EVENTS: [kind: string, data: unknown, words: string][] = [
   ],
   ["fault.raised", { message: "no frame for 1.5 s" }, "trouble: No frame for 1.5 s."],
   ["fault.raised", { meaning: "The disk is full.", message: "the disk is full" }, "trouble: The disk is full."],
-  ["fault.acknowledged", { seq: 7, code: "camera_silent" }, "news: The fault camera silent was acknowledged."],
+  [
+    "fault.acknowledged",
+    { seq: 7, code: "camera_silent" },
+    "news: A client without a name acknowledged the fault camera silent.",
+  ],
   ["fault.cleared", { seq: [7], why: "it answers" }, "news: A fault is over: it answers."],
   ["fault.cleared", { seq: [7], why: "" }, "news: A fault is over."],
   ["daemon.stopping", null, "trouble: The program was told to end while the run was open."],
