@@ -198,13 +198,14 @@ impl Report<'_> {
     }
 
     /// Scale and label of a quantity of larvae.
-    fn units() -> [(&'static str, (f64, &'static str)); 5] {
+    fn units() -> [(&'static str, (f64, &'static str)); 6] {
         [
             ("volume_um3", (MILLION, "volume, 10⁶ µm³")),
             ("area_um2", (MILLION, "area, 10⁶ µm²")),
             ("body_length_um", (1000.0, "length, mm")),
             ("eye_volume_um3", (MILLION, "volume of an eye, 10⁶ µm³")),
             ("eye_distance_um", (1.0, "distance of the eyes, µm")),
+            ("bladder_volume_um3", (MILLION, "swim bladder, 10⁶ µm³")),
         ]
     }
 
@@ -450,6 +451,10 @@ impl Report<'_> {
             ([None, _], Some(why)) => format!("not found: {why}"),
             ([volume, sd], _) => with_sd(volume, sd, MILLION),
         };
+        let bladder = |s: &Specimen| match (s.bladder_volume_um3, s.bladder_state.as_deref()) {
+            ([None, _], Some(state)) => state.replace('_', " "),
+            ([volume, sd], _) => with_sd(volume, sd, MILLION),
+        };
         let row = |s: &Specimen| {
             html! {
                 tr {
@@ -457,6 +462,7 @@ impl Report<'_> {
                     td { (s.well) } td.left { (s.condition.words()) } td { (outcome(s.outcome)) }
                     td { (with_sd(s.volume_um3, s.volume_sd_um3, MILLION)) } td { (with_sd(s.area_um2, s.area_sd_um2, MILLION)) }
                     td { (number(s.length_um, 1000.0)) } td { (eyes(s)) } td { (with_sd(s.eye_distance_um[0], s.eye_distance_um[1], 1.0)) }
+                    td { (bladder(s)) }
                     td { (s.z[0].map_or_else(String::new, |z| format!("{z:+.1}"))) }
                     td { (s.z[1].map_or_else(String::new, |z| format!("{z:+.1}"))) } td { (s.estimator.as_deref().unwrap_or_default()) }
                     td.left { (StoredFlag::joined(&s.flags, ", ")) (s.reason.as_deref().unwrap_or_default()) }
@@ -473,7 +479,7 @@ impl Report<'_> {
                     thead { tr {
                         @if several { th { "run" } }
                         th { "well" } th.left { "condition" } th { "outcome" } th { "volume, 10⁶ µm³" } th { "area, 10⁶ µm²" } th { "length, mm" }
-                        th { "volume of an eye, 10⁶ µm³" } th { "distance of the eyes, µm" }
+                        th { "volume of an eye, 10⁶ µm³" } th { "distance of the eyes, µm" } th { "swim bladder, 10⁶ µm³" }
                         th { "z volume" } th { "z area" } th { "estimator" } th { "flags, reason" } th { "numbers" }
                     } }
                     tbody { @for s in &self.specimens { (row(s)) } }

@@ -32,6 +32,10 @@ pub struct Specimen {
     pub eye_volume_um3: [Option<f64>; 2],
     /// Distance between the centres of the eyes, with its standard deviation.
     pub eye_distance_um: [Option<f64>; 2],
+    /// Volume of the gas in the swim bladder, with its standard deviation.
+    pub bladder_volume_um3: [Option<f64>; 2],
+    /// Whether it has gas.
+    pub bladder_state: Option<String>,
     /// Why fewer than two eyes were found.
     pub eyes_reason: Option<String>,
     pub diameter_um: Option<f64>,
@@ -76,6 +80,8 @@ impl Specimen {
                 length_um: number("/shape/body/length_um"),
                 eye_volume_um3: [number("/eyes/mean_volume_um3"), number("/eyes/mean_volume_sd_um3")],
                 eye_distance_um: [number("/eyes/distance_um"), number("/eyes/distance_sd_um")],
+                bladder_volume_um3: [number("/bladder/volume_um3"), number("/bladder/volume_sd_um3")],
+                bladder_state: well.measurement.as_ref().and_then(|m| m.pointer("/bladder/state")?.as_str().map(str::to_owned)),
                 eyes_reason: well.measurement.as_ref().and_then(|m| m.pointer("/eyes/reason")?.as_str().map(|why| why.replace('_', " "))),
                 diameter_um: number("/measurement/diameter_um"),
                 started: well.recording.as_ref().and_then(|r| r["started"].as_str().map(str::to_owned)),

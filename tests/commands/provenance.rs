@@ -347,9 +347,9 @@ fn a_report_has_everything_inside_and_escapes_what_plate_maps_say() {
         "<h2>Beads</h2>",
         "method.voxel_um",
         &format!("{volume:.0} ± "),
-        // The eyes, as other quantities.
-        "<th>volume of an eye, 10⁶ µm³</th><th>distance of the eyes, µm</th>",
-        "<td>8.36 ± 0.460</td><td>334 ± 2.90</td>",
+        // The organs, as other quantities.
+        "<th>volume of an eye, 10⁶ µm³</th><th>distance of the eyes, µm</th><th>swim bladder, 10⁶ µm³</th>",
+        "<td>8.36 ± 0.460</td><td>334 ± 2.90</td><td>6.71 ± 0.369</td>",
     ] {
         assert!(text.contains(part), "{part}");
     }
@@ -358,8 +358,8 @@ fn a_report_has_everything_inside_and_escapes_what_plate_maps_say() {
         assert!(!text.contains(outside), "{outside}");
     }
     assert_eq!(text.matches("data:image/jpeg;base64,").count(), 5, "two pictures of the larva of each run, and one model");
-    // A plot of each plate, five of groups, and the charts of the gates and of the beads.
-    assert_eq!(text.matches("<svg").count(), 9);
+    // A plot of each plate, six of groups, and the charts of the gates and of the beads.
+    assert_eq!(text.matches("<svg").count(), 10);
     assert!(text.contains("Bead gates of rig, nominal diameter 500 µm") && text.contains("2026-01-07"), "the gates of the data folder");
     assert!(text.contains("moved") && text.contains("residual"), "flags are listed");
     let refused = carved().arg("report").arg(&runs[0]).args(["--out", "r.pdf"]).output().unwrap();

@@ -164,7 +164,7 @@ fn the_swim_bladder_of_a_larva_has_its_volume_and_its_place() {
 }
 
 fn middle([a, b]: &[OrganTruth; 2]) -> [f64; 3] {
-    std::array::from_fn(|i| (a.centre_um[i] + b.centre_um[i]) / 2.0)
+    std::array::from_fn(|i| f64::midpoint(a.centre_um[i], b.centre_um[i]))
 }
 
 #[test]
