@@ -6,6 +6,7 @@
 //! too dim for preflight, and nothing to measure            light                    retried, then the run is held
 //! light out of preflight's range, and no or crooked walls  light                    retried, then the run is held
 //! no walls, walls upright, too little beside the walls     position of capillary    retried, then the run is held
+//! a damaged part of the picture, at the bore              camera                   retried, then the run is held
 //! crooked walls in nine of ten views                       position of capillary    retried, then the run is held
 //! crooked walls in fewer views                             the specimen             the well fails
 //! a bore that contradicts the scale or the empty picture   scale                    retried, then the run is held
@@ -104,6 +105,8 @@ impl OpticsFault {
         match profile {
             Err(e @ (ProfileError::Black { .. } | ProfileError::OverExposed { .. })) => Some(Self::Light(e.clone())),
             Err(e @ (ProfileError::TooSmall { .. } | ProfileError::EmptyCapillarySize { .. })) => Some(Self::Frame(e.clone())),
+            // Another picture may be whole.
+            Err(e @ ProfileError::Damaged { .. }) => Some(Self::Capillary(e.clone())),
             Err(e @ (ProfileError::NoWalls { .. } | ProfileError::OnItsSide | ProfileError::TooTight { .. })) => {
                 level().or_else(|| Some(Self::Capillary(e.clone())))
             }

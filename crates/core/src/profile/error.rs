@@ -1,5 +1,7 @@
 //! Why a frame has no profile.
 
+use super::Damage;
+
 /// Why a frame has no profile.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ProfileError {
@@ -44,6 +46,20 @@ pub enum ProfileError {
         share: f64,
         /// Largest share.
         limit: f64,
+    },
+    /// A part of the frame was not taken by the camera.
+    #[error(
+        "the picture is damaged: rows {} to {}, columns {} to {} (counted from 0) {damage}; take it or copy it again. If all pictures have this, \
+         the camera has dead pixels there, or a program fills them: leave them out of the region of interest",
+        rows[0], rows[1], columns[0], columns[1]
+    )]
+    Damaged {
+        /// First and last row.
+        rows: [usize; 2],
+        /// First and last column.
+        columns: [usize; 2],
+        /// What its pixels are.
+        damage: Damage,
     },
     /// No two lines can be the walls.
     #[error(

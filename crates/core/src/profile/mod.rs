@@ -35,6 +35,7 @@ pub(crate) use fins::borders::Window;
 pub use moving::{Moving, MovingError, Spot};
 pub use quality::ProfileQuality;
 pub use raster::columns::{ColumnEdges, Columns};
+pub use raster::damage::Damage;
 pub use raster::mask::{Mask, WrongMaskSize};
 pub use raster::outline::Polygon;
 pub use raster::picture::Picture;

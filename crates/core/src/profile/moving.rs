@@ -5,7 +5,8 @@
 //!                    └─ darker than it, less what all of a row has in common (a wall that trembles) ── connected spots
 //! ```
 
-use super::{EmptyCapillary, Picture, ProfileError, WallSettings, Walls};
+use super::bore::walls::WallFinder;
+use super::{Picture, ProfileError, WallSettings, Walls};
 use crate::parallel::prelude::*;
 
 /// A dark spot.
@@ -91,9 +92,9 @@ impl Moving {
     /// The walls in the picture of what stands still.
     ///
     /// # Errors
-    /// As [`EmptyCapillary::new`].
+    /// A picture without two walls.
     pub fn walls(&self, settings: &WallSettings) -> Result<Walls, ProfileError> {
-        Ok(EmptyCapillary::new(Picture::from_grey(self.width, self.still.clone()), settings)?.walls())
+        WallFinder::default().find(&Picture::from_grey(self.width, self.still.clone()), settings)
     }
 
     /// Width of the pictures, px.

@@ -10,6 +10,7 @@ use super::detection::Detector;
 use super::edge::finder::{EdgeFinder, EdgePoint, Limits, Refined, STEP_PX};
 use super::fins::borders::FinBorders;
 use super::fins::fringe::{self, Fringe};
+use super::raster::damage::Inspector;
 use super::raster::outline::{self, Crossings, Outlines, Polygon, Smoother};
 use super::settings::{Method, SegmentSettings};
 use super::{Detection, EmptyCapillary, Mask, Picture, ProfileError, ProfileQuality, Walls, quality};
@@ -60,6 +61,7 @@ pub struct Segmenter {
     crossings: Crossings,
     contrasts: Vec<f64>,
     detector: Detector,
+    inspector: Inspector,
 }
 
 /// Separates the specimen from the capillary in one frame.
@@ -89,7 +91,13 @@ impl Segmenter {
             return Err(ProfileError::EmptyCapillarySize { width, height, wide, high });
         }
         check_exposure(picture, settings)?;
-        let walls = self.walls.find(picture, &settings.walls)?;
+        let found = self.walls.find(picture, &settings.walls);
+        // What is damaged may be why no walls are found.
+        let rows = found.as_ref().map_or(0..height, |walls| walls.rows(width, height));
+        if let Some(part) = self.inspector.find(picture, &rows) {
+            return Err(part.error());
+        }
+        let walls = found?;
         let bore = Bore::of(picture, walls);
         if empty.is_none() {
             check_surroundings(&bore)?;

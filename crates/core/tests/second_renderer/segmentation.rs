@@ -7,8 +7,9 @@ use crate::pictures::write_profile;
 use crate::scene::Frame;
 use crate::truth::mask;
 use carved_core::frame::PixelFormat;
-use carved_core::profile::{Mask, Picture, SegmentSettings, segment};
+use carved_core::profile::{Damage, Mask, Picture, ProfileError, SegmentSettings, Wall, segment};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Frames of one kind, and what segmentation reaches on them at least.
 struct Row {
@@ -208,6 +209,64 @@ fn rows_of_zeros_beside_the_capillary_change_no_outline() {
         let first = whole.walls.upper.outer.at(0.0).min(whole.walls.upper.outer.at(frame.width as f64)) as usize;
         frame.mosaic[..(first - 4) * frame.width].fill(0);
         assert!(of(&frame).is_err(), "{seed}");
+    }
+}
+
+/// Rows, columns and blocks that a camera or a program has not filled, or has filled with others, are no light and no specimen: such a frame is
+/// refused by name.
+#[test]
+fn a_frame_that_is_damaged_in_the_bore_is_refused_and_one_that_is_cut_beside_it_is_read() {
+    let of = |frame: &Frame| segment(&Picture::from_frame(&raw_frame(frame, PixelFormat::BayerRG8)), &SegmentSettings::default());
+    for seed in FIRST_SEED..FIRST_SEED + 4 {
+        let frame = scene(Kind::Finned, Size::Full, Dirt::MEASURED, seed).render(0.4 * seed as f64, 0);
+        let whole = of(&frame).unwrap();
+        let (width, height) = (frame.width, frame.height);
+        let at_ends = |wall: &Wall| [0.0, width as f64].map(|u| wall.outer.at(u));
+        let top = at_ends(&whole.walls.upper).into_iter().fold(f64::INFINITY, f64::min) as usize;
+        let bottom = at_ends(&whole.walls.lower).into_iter().fold(0.0, f64::max) as usize;
+        let floor = [0.0, width as f64].map(|u| whole.walls.lower.inner.at(u)).into_iter().fold(f64::INFINITY, f64::min) as usize;
+        let in_mask = |u: usize| (0..height).filter(|&v| whole.mask.get(u, v)).collect::<Vec<_>>();
+        let columns: Vec<usize> = (0..width).filter(|&u| !in_mask(u).is_empty()).collect();
+        let column = columns[columns.len() / 2];
+        let (edge, middle) = (in_mask(column)[0], usize::midpoint(top, bottom));
+        // The pixels are those of a source, row and column, or one value.
+        let changed = |rows: Range<usize>, columns: Range<usize>, source: &dyn Fn(usize, usize) -> u8| {
+            let mut spoiled = Frame { mosaic: frame.mosaic.clone(), covered: Vec::new(), body: Vec::new(), ..frame };
+            for v in rows {
+                for u in columns.clone() {
+                    spoiled.mosaic[v * width + u] = source(u, v);
+                }
+            }
+            of(&spoiled)
+        };
+        let refused = |what: &str, found: Result<_, ProfileError>, as_filled: Option<u8>| match found {
+            Err(ProfileError::Damaged { damage: Damage::Filled(value), .. }) => assert_eq!(Some(value), as_filled, "{seed} {what}"),
+            Err(ProfileError::Damaged { damage: Damage::Copied { .. }, .. }) => assert_eq!(as_filled, None, "{seed} {what}"),
+            Err(other) => panic!("{seed} {what}: {other}"),
+            Ok(_) => panic!("{seed} {what} was read"),
+        };
+        for value in [0, 128, 255] {
+            for dead in [middle..middle + 1, edge..edge + 1, middle - 3..middle + 5, floor - 20..floor - 10, middle..height, 0..middle] {
+                refused(&format!("rows {dead:?}"), changed(dead, 0..width, &|_, _| value), Some(value));
+            }
+            for dead in [column..column + 1, 300..301, 500..508, 900..width, 0..100] {
+                refused(&format!("columns {dead:?}"), changed(0..height, dead, &|_, _| value), Some(value));
+            }
+            for side in [16, 64] {
+                let block = changed(edge - side / 2..edge + side / 2, column..column + side, &|_, _| value);
+                refused(&format!("a block of {side} px"), block, Some(value));
+            }
+        }
+        let sound = |u: usize, v: usize| frame.mosaic[v * width + u];
+        for count in [1, 2, 8, 20] {
+            let copy = changed(edge..edge + count, 0..width, &|u, v| sound(u, v - count));
+            refused(&format!("{count} rows of those above"), copy, None);
+        }
+        let copy = changed(edge - 32..edge + 32, column..column + 64, &|u, v| sound(u - 64, v));
+        refused("a block of another", copy, None);
+        for beside in [bottom + 40..height, 0..top - 40] {
+            assert!(changed(beside.clone(), 0..width, &|_, _| 0).is_ok(), "{seed} {beside:?}");
+        }
     }
 }
 

@@ -1,6 +1,7 @@
 //! The rig's empty capillary: a picture that frames are compared with.
 
 use super::walls::WallFinder;
+use crate::profile::raster::damage::Inspector;
 use crate::profile::settings::WallSettings;
 use crate::profile::{Picture, ProfileError, Walls};
 
@@ -15,9 +16,12 @@ impl EmptyCapillary {
     /// Finds the walls of a picture of the empty capillary.
     ///
     /// # Errors
-    /// A picture without two walls.
+    /// A picture without two walls, or a damaged one.
     pub fn new(picture: Picture, settings: &WallSettings) -> Result<Self, ProfileError> {
         let walls = WallFinder::default().find(&picture, settings)?;
+        if let Some(part) = Inspector::default().find(&picture, &walls.rows(picture.width(), picture.height())) {
+            return Err(part.error());
+        }
         Ok(Self { picture, walls })
     }
 

@@ -13,11 +13,13 @@
 //! weighs no more than a wall. The lines found are then placed to a fraction of a pixel by a robust straight fit through the
 //! strips' half-levels.
 
+use super::MARGIN_PX;
 use crate::profile::Picture;
 use crate::profile::ProfileError;
 use crate::profile::raster::plane::{quantile, sum_of, sum_of_pairs};
 use crate::profile::settings::WallSettings;
 use serde::{Deserialize, Serialize};
+use std::ops::Range;
 
 /// A nearly straight line `v = v_mid + slope (u - u_mid) + bend (u - u_mid)^2` in pixel coordinates. Lenses and pulled glass
 /// bend walls by a few px over a frame.
@@ -73,6 +75,14 @@ impl Walls {
     /// Height of the bore in column `u`, px.
     pub fn bore_px(&self, u: f64) -> f64 {
         self.lower.inner.at(u) - self.upper.inner.at(u)
+    }
+
+    /// The rows of a picture of this size from the outer line of one wall to that of the other, with a margin.
+    pub(in crate::profile) fn rows(&self, width: usize, height: usize) -> Range<usize> {
+        let columns = [0.0, width as f64 / 2.0, width as f64];
+        let first = columns.map(|u| self.upper.outer.at(u)).into_iter().fold(f64::INFINITY, f64::min) - MARGIN_PX as f64;
+        let last = columns.map(|u| self.lower.outer.at(u)).into_iter().fold(0.0, f64::max) + MARGIN_PX as f64;
+        first.max(0.0) as usize..(last.ceil() as usize).min(height)
     }
 
     /// Row of the bore's middle in column `u`, px.

@@ -2,12 +2,13 @@
 //!
 //! ```text
 //!   RawFrame ── bayer ──> Picture ──> Plane      Mask <── outline <── polygons
-//!                                                  └──> region, chamfer, columns
+//!                      └──> damage                 └──> region, chamfer, columns
 //! ```
 
 pub(super) mod bayer;
 pub(super) mod chamfer;
 pub(super) mod columns;
+pub(super) mod damage;
 pub(super) mod mask;
 pub(super) mod outline;
 pub(super) mod path;
