@@ -3,6 +3,14 @@
 //! The science calls the methods of `rayon::prelude`. Without the feature the traits below have methods of the same names that give the
 //! iterators of the standard library. Results are collected in order and sums are taken in a fixed order, so both ways give the same bytes.
 
+/// Results of both, which may be computed at the same time.
+pub(crate) fn join<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> B + Send) -> (A, B) {
+    #[cfg(feature = "rayon")]
+    return rayon::join(a, b);
+    #[cfg(not(feature = "rayon"))]
+    (a(), b())
+}
+
 pub(crate) mod prelude {
     #[cfg(feature = "rayon")]
     pub(crate) use rayon::prelude::*;

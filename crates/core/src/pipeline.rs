@@ -20,6 +20,7 @@ use crate::inside::{Eyes, Lit, Shade, SwimBladder, Trunk};
 use crate::measure::facing::Facing;
 use crate::measure::shape::{Body, Shape};
 use crate::measure::{Fallback, Measurement, extents};
+use crate::parallel::join;
 use crate::profile::{
     Columns, Detection, EmptyCapillary, FinBorders, Mask, Picture, Polygon, Profile, ProfileError, SegmentSettings, Segmenters,
 };
@@ -28,8 +29,7 @@ use crate::quality::{
     views_needed,
 };
 use crate::reconstruction::{
-    Calibrated, CalibrationRecord, Finned, HullModel, Judged, LiveVolume, Model, NotCalibrated, Reconstruction, ReconstructionSettings,
-    TurnModel,
+    Calibrated, CalibrationRecord, HullModel, Judged, LiveVolume, Model, NotCalibrated, Reconstruction, ReconstructionSettings, TurnModel,
 };
 use crate::surface::Mesh;
 pub use error::PipelineError;
@@ -353,9 +353,15 @@ impl Pipeline {
         }
         let calibrated = self.calibrated.take().unwrap_or_else(|| self.reconstruction.calibrate());
         let finned = self.reconstruction.finned(calibrated, self.settings.sphere);
-        let turn_findings = self.turn_findings(&finned);
-        let TurnModel { model, fallback, hull, calibration, projections, reprojected_areas, closure: pose_offset, fins } =
-            self.reconstruction.measure(finned, self.turning.middle_v(), self.settings.sphere)?;
+        let (middle_v, sphere) = (self.turning.middle_v(), self.settings.sphere);
+        let (of_calibration, model) = join(
+            || if sphere { Vec::new() } else { self.reconstruction.turn_findings(&finned, &self.carved, middle_v) },
+            || self.reconstruction.measure(&finned, middle_v, sphere),
+        );
+        // The cause before its consequences.
+        let mut turn_findings = self.turning.findings();
+        turn_findings.extend(of_calibration);
+        let TurnModel { model, fallback, hull, calibration, projections, reprojected_areas, closure: pose_offset, fins } = model?;
         if let Ok(found) = &calibration {
             self.judged(&found.calibration.views, &reprojected_areas);
         }
@@ -418,15 +424,6 @@ impl Pipeline {
         });
         let bladder = SwimBladder::find(&views, trunk.as_ref(), &eyes);
         Some((eyes, bladder))
-    }
-
-    /// Why the views do not show one specimen that turns, the cause before its consequences.
-    fn turn_findings(&mut self, finned: &Finned) -> Vec<TurnFinding> {
-        let mut findings = self.turning.findings();
-        if !self.settings.sphere {
-            findings.extend(self.reconstruction.turn_findings(finned, &self.carved, self.turning.middle_v()));
-        }
-        findings
     }
 
     /// Compares the turn with the method's limits.

@@ -7,10 +7,9 @@
 //! A view from the other side shows the same outline upside down. So a view that is upside down fits half a turn away.
 
 use super::Side;
-use super::screen::trimmed_rms;
+use super::screen::{TRIM, trimmed_rms};
 use super::slices::{Fit, Slice, fit, harmonics};
-use super::support::Support;
-use super::tangents::{Pose, TurnView};
+use super::tangents::{Pose, Tangent, TurnView};
 use crate::geometry::Camera;
 use crate::parallel::prelude::*;
 use crate::statistics::upper_median;
@@ -22,6 +21,8 @@ const SLICES: usize = 48;
 const SLICES_LEAST: usize = 8;
 /// Angles at which each view is tried.
 const ANGLES: usize = 72;
+/// Every so many slices are looked at first.
+const LOOKED_AT: usize = 3;
 /// Halves of the turn that are compared with the rest: one of them is within an eighth of the turn of where a wrong half begins.
 const HALVES: usize = 4;
 
@@ -41,10 +42,10 @@ pub(crate) struct Placed {
 /// Places each view among the others. `counts` says of each view whether the slices may rest on it. `None` for a view that cannot be compared.
 pub(crate) fn placed(camera: &Camera, views: &[TurnView], counts: &[bool]) -> Vec<Option<Placed>> {
     let pose = Pose::new(camera);
-    let xs = places(&pose, views);
+    let seen = seen(&pose, views);
     let among_others = |view: usize| {
-        let others: Vec<TurnView> = (0..views.len()).filter(|&i| i != view && counts[i]).map(|i| views[i]).collect();
-        placed_among(&pose, &fitted(&pose, &others, &xs), &views[view], Shift::AsGiven)
+        let others: Vec<usize> = (0..views.len()).filter(|&i| i != view && counts[i]).collect();
+        placed_among(&pose, &fitted(&pose, views, &others, &seen), &views[view], Shift::AsGiven)
     };
     (0..views.len()).into_par_iter().map(among_others).collect()
 }
@@ -54,12 +55,12 @@ pub(crate) fn placed(camera: &Camera, views: &[TurnView], counts: &[bool]) -> Ve
 /// the slices are from, and for one that cannot be compared.
 pub(crate) fn placed_by_halves(camera: &Camera, views: &[TurnView], counts: &[bool]) -> Vec<Vec<Option<Placed>>> {
     let pose = Pose::new(camera);
-    let xs = places(&pose, views);
+    let seen = seen(&pose, views);
     let mut by_angle: Vec<usize> = (0..views.len()).filter(|&i| counts[i]).collect();
     by_angle.sort_by(|&a, &b| views[a].omega.total_cmp(&views[b].omega));
     let half = |first: usize| {
         let members: Vec<usize> = by_angle.iter().cycle().skip(first).take(by_angle.len() / 2 + 1).copied().collect();
-        let slices = fitted(&pose, &members.iter().map(|&i| views[i]).collect::<Vec<_>>(), &xs);
+        let slices = fitted(&pose, views, &members, &seen);
         let is_member = |i: usize| members.contains(&i);
         (0..views.len()).map(|i| placed_among(&pose, &slices, &views[i], Shift::Free).filter(|_| !is_member(i) && counts[i])).collect()
     };
@@ -75,10 +76,43 @@ fn placed_among(pose: &Pose, slices: &[(Slice, Fit)], view: &TurnView, shift: Sh
     let own = at(0.0)?;
     let own_px = trimmed_rms(own.iter().copied());
     let distance_px = |off_rad: f64| at(off_rad).map_or(f64::INFINITY, |residuals| trimmed_rms(residuals.into_iter()));
-    let tried = (1..ANGLES).map(|step| TAU * step as f64 / ANGLES as f64).map(|off_rad| (distance_px(off_rad), off_rad));
-    let (best_px, off_rad) = tried.fold((own_px, 0.0), |best, next| if next.0 < best.0 { next } else { best });
+    let (mut best_px, mut best_rad) = (own_px, 0.0);
+    for off_rad in (1..ANGLES).map(|step| TAU * step as f64 / ANGLES as f64) {
+        if is_farther(pose, slices, &TurnView { omega: view.omega + off_rad, ..*view }, shift, best_px) {
+            continue;
+        }
+        let found_px = distance_px(off_rad);
+        if found_px < best_px {
+            (best_px, best_rad) = (found_px, off_rad);
+        }
+    }
     let half_px = upper_median(own.into_iter().map(f64::abs).collect());
-    Some(Placed { own_px, half_px, best_px, off_rad: if off_rad > PI { off_rad - TAU } else { off_rad } })
+    Some(Placed { own_px, half_px, best_px, off_rad: if best_rad > PI { best_rad - TAU } else { best_rad } })
+}
+
+/// Whether some of the slices show already that a view lies farther from all of them than `than_px`, whatever the others show.
+fn is_farther(pose: &Pose, slices: &[(Slice, Fit)], view: &TurnView, shift: Shift, than_px: f64) -> bool {
+    let mut squares: Vec<f64> = Vec::with_capacity(2 * slices.len().div_ceil(LOOKED_AT));
+    for slice in slices.iter().step_by(LOOKED_AT) {
+        match (shift, Side::BOTH.map(|side| off_um(pose, slice, view, side))) {
+            (Shift::AsGiven, found) => squares.extend(found.into_iter().flatten().map(|off_um| off_um * off_um)),
+            // A shift moves both edges the same way: what it leaves of the two is at least this.
+            (Shift::Free, [Some(a), Some(b)]) => squares.push((a + b) * (a + b) / 2.0),
+            (Shift::Free, _) => {}
+        }
+    }
+    // The largest residuals of all slices are left out, and may all be among these.
+    let most = 2 * slices.len();
+    let kept = ((1.0 - TRIM) * most as f64).ceil() as usize;
+    squares.sort_by(f64::total_cmp);
+    squares.truncate(squares.len().saturating_sub(most - kept));
+    (squares.iter().sum::<f64>() / kept.max(1) as f64).sqrt() * pose.camera().ky > than_px * (1.0 + 1e-9)
+}
+
+/// Distance of an edge of a view from a slice, um.
+fn off_um(pose: &Pose, (slice, fit): &(Slice, Fit), view: &TurnView, side: Side) -> Option<f64> {
+    let tangent = pose.tangent(slice.x_um, view, side, Some(&fit.support))?;
+    Some(tangent.offset_um - fit.support.at(tangent.theta)[0])
 }
 
 /// Whether a view may lie higher or lower than the calibration says.
@@ -89,34 +123,42 @@ enum Shift {
     Free,
 }
 
-/// Places of the slices, um.
-fn places(pose: &Pose, views: &[TurnView]) -> Vec<f64> {
+/// A slice as each view sees it where it sees the axis, on both sides.
+struct Seen {
+    x_um: f64,
+    tangents: Vec<[Option<Tangent>; 2]>,
+}
+
+/// The slices that are compared.
+fn seen(pose: &Pose, views: &[TurnView]) -> Vec<Seen> {
     let extents: Vec<(usize, usize)> = views.iter().filter_map(|v| v.columns.extent()).collect();
     let middle = |of: fn(&(usize, usize)) -> usize| upper_median(extents.iter().map(|e| of(e) as f64).collect());
     let (from, to) = (middle(|e| e.0), middle(|e| e.1));
     let count = ((to - from) as usize).min(SLICES);
-    (0..count).map(|i| pose.slice(from + (to - from) * (i as f64 + 0.5) / count as f64)).collect()
+    let slice = |i: usize| {
+        let x_um = pose.slice(from + (to - from) * (i as f64 + 0.5) / count as f64);
+        Seen { x_um, tangents: views.iter().map(|view| Side::BOTH.map(|side| pose.tangent(x_um, view, side, None))).collect() }
+    };
+    (0..count).into_par_iter().map(slice).collect()
 }
 
-/// The slices with the support functions nearest to the views.
-fn fitted(pose: &Pose, views: &[TurnView], xs: &[f64]) -> Vec<(Slice, Fit)> {
-    let omegas: Vec<f64> = views.iter().map(|v| v.omega).collect();
-    let series = harmonics(&omegas);
-    let fitted = |x_um: f64, support: Option<&Support>| {
-        let slice = Slice::of(x_um, pose, views, support).ok()?;
+/// The slices with the support functions nearest to some of the views.
+fn fitted(pose: &Pose, views: &[TurnView], members: &[usize], seen: &[Seen]) -> Vec<(Slice, Fit)> {
+    let views: Vec<TurnView> = members.iter().map(|&i| views[i]).collect();
+    let series = harmonics(&views.iter().map(|v| v.omega).collect::<Vec<_>>());
+    let of_slice = |seen: &Seen| {
+        let first = Slice::seen_by(seen.x_um, members.iter().map(|&i| seen.tangents[i])).ok()?;
+        // The second pass reads the columns in which the tangents touch.
+        let slice = Slice::of(seen.x_um, pose, &views, Some(&fit(&first, series, 1.0, 0).ok()?.support)).ok()?;
         let fit = fit(&slice, series, 1.0, 0).ok()?;
         Some((slice, fit))
     };
-    // The second pass reads the columns in which the tangents touch.
-    xs.iter().filter_map(|&x_um| fitted(x_um, Some(&fitted(x_um, None)?.1.support))).collect()
+    seen.iter().filter_map(of_slice).collect()
 }
 
 /// Distances of the edges of a view from the slices, px. `None` for a view that shows less than half of their edges.
 fn residuals_px(pose: &Pose, slices: &[(Slice, Fit)], view: &TurnView, shift: Shift) -> Option<Vec<f64>> {
-    let residual = |(slice, fit): &(Slice, Fit), side: Side| {
-        let tangent = pose.tangent(slice.x_um, view, side, Some(&fit.support))?;
-        Some((side.sign(), tangent.offset_um - fit.support.at(tangent.theta)[0]))
-    };
+    let residual = |slice: &(Slice, Fit), side: Side| Some((side.sign(), off_um(pose, slice, view, side)?));
     let residuals: Vec<(f64, f64)> = slices.iter().flat_map(|slice| Side::BOTH.map(|side| residual(slice, side))).flatten().collect();
     if residuals.len() < slices.len() {
         return None;

@@ -32,7 +32,7 @@ pub(crate) struct ViewOff {
 }
 
 /// Share of the largest residuals that is ignored: a few wrong px of a long profile do not make a view wrong.
-const TRIM: f64 = 0.05;
+pub(super) const TRIM: f64 = 0.05;
 
 /// The difference of each view from the model of all others. `turned` is the ledger's angle of each view from the pivot, rad.
 pub fn views_off(solution: &Solution, turned: &[f64]) -> Vec<ViewOff> {

@@ -78,15 +78,21 @@ impl Slice {
     /// # Errors
     /// [`SliceError::FewEdges`] where too few views see the slice.
     pub fn of(x_um: f64, pose: &Pose, views: &[TurnView], support: Option<&Support>) -> Result<Self, SliceError> {
-        let mut sights = Vec::with_capacity(2 * views.len());
-        for (view, seen) in views.iter().enumerate() {
-            for side in Side::BOTH {
-                if let Some(tangent) = pose.tangent(x_um, seen, side, support) {
-                    sights.push(Sight { view, side, tangent });
-                }
-            }
+        Self::seen_by(x_um, views.iter().map(|view| Side::BOTH.map(|side| pose.tangent(x_um, view, side, support))))
+    }
+
+    /// The slice of the tangents of some views, on both sides.
+    ///
+    /// # Errors
+    /// As [`Self::of`].
+    pub fn seen_by(x_um: f64, tangents: impl ExactSizeIterator<Item = [Option<Tangent>; 2]>) -> Result<Self, SliceError> {
+        let views = tangents.len();
+        let mut sights = Vec::with_capacity(2 * views);
+        for (view, found) in tangents.enumerate() {
+            let both = Side::BOTH.into_iter().zip(found);
+            sights.extend(both.filter_map(|(side, tangent)| Some(Sight { view, side, tangent: tangent? })));
         }
-        let needed = 2.0 * SHARE_OF_VIEWS * views.len() as f64;
+        let needed = 2.0 * SHARE_OF_VIEWS * views as f64;
         if (sights.len() as f64) < needed {
             return Err(SliceError::FewEdges { found: sights.len(), needed: needed.ceil() as usize });
         }

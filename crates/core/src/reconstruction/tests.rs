@@ -157,7 +157,7 @@ fn a_calibration_that_leaves_less_than_the_camera_as_given_is_not_used() {
     assert!(solution_um3 < 0.95 * given_um3 && why.to_string().contains(&format!("{given_um3:.4e}")), "{why}");
     // Measured as if calibration had not been asked for.
     calibrated.found = Err(why.clone());
-    let measured = model.measure(model.finned(calibrated, false), None, false).unwrap();
+    let measured = model.measure(&model.finned(calibrated, false), None, false).unwrap();
     let as_given = CalibrationSettings { enabled: false, ..CalibrationSettings::default() };
     let settings = ReconstructionSettings { calibration: as_given, ..ReconstructionSettings::default() };
     let mut plain = Reconstruction::new(&camera(), *model.hull().carver().grid(), 21, settings).unwrap();
@@ -211,7 +211,7 @@ fn a_turn_without_a_calibration_states_more_uncertainty_and_covers_the_truth() {
         for omega in (0..21).map(|i| TAU * f64::from(i) / 21.0) {
             model.observe(&ellipsoid(omega), &[], omega, Leaves::default()).unwrap();
         }
-        model.measure(model.finned(model.calibrate(), false), middle_v, false).unwrap().model.measurement
+        model.measure(&model.finned(model.calibrate(), false), middle_v, false).unwrap().model.measurement
     };
     let calibrated = measured(&far, true, None).spread.unwrap();
     for off_px in [0.0, -3.0, 6.0, 10.0] {
@@ -242,7 +242,7 @@ fn numbers_have_no_standard_deviation_where_that_of_the_calibration_is_not_known
         calibrated.found.as_mut().unwrap().calibration.covariance[at] = variance;
         assert!(model.estimated(&model.finned(calibrated.clone(), true)).is_none(), "{at:?} = {variance}");
         let TurnModel { model: Model { measurement: m, .. }, fallback, .. } =
-            model.measure(model.finned(calibrated, true), None, true).unwrap();
+            model.measure(&model.finned(calibrated, true), None, true).unwrap();
         assert!(matches!(fallback, Some(Fallback::NoCalibrationSd(_))), "{at:?} = {variance}: {fallback:?}");
         assert_eq!((m.volume_sd_um3, m.area_sd_um2, m.spread, m.estimator), (None, None, None, Estimator::Voxel));
         assert_eq!(m.volume_um3, m.estimators.voxel.volume_um3);

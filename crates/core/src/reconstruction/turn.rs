@@ -283,7 +283,7 @@ impl Reconstruction {
     ///
     /// As [`HullModel::finish`].
     pub fn finish(&self, sphere: bool) -> Result<TurnModel, ReconstructionError> {
-        self.measure(self.finned(self.calibrate(), sphere), None, sphere)
+        self.measure(&self.finned(self.calibrate(), sphere), None, sphere)
     }
 
     /// Carves again with a calibration on all views, and measures. `middle_v` is the row of the middle of the bore, px, where the walls
@@ -292,21 +292,21 @@ impl Reconstruction {
     /// # Errors
     ///
     /// As [`HullModel::finish`].
-    pub fn measure(&self, finned: Finned, middle_v: Option<f64>, sphere: bool) -> Result<TurnModel, ReconstructionError> {
+    pub fn measure(&self, finned: &Finned, middle_v: Option<f64>, sphere: bool) -> Result<TurnModel, ReconstructionError> {
         let Finned { views: observed, fins, calibrated } = finned;
         let used = calibrated.used(self);
         let Calibrated { order, found } = calibrated;
-        let given = given(&observed, &order);
+        let given = given(observed, order);
         let mut projections: Vec<Projection> = observed.iter().map(|s| self.camera.projection(s.omega)).collect();
-        if let Ok(Judged { calibration: c, .. }) = &found {
+        if let Ok(Judged { calibration: c, .. }) = found {
             for (at, &i) in order.iter().enumerate() {
                 projections[i] = c.projection(at, observed[i].omega);
             }
         }
-        let hull = self.carved_again(&observed, &used)?;
+        let hull = self.carved_again(observed, &used)?;
         let mut model = hull.finish(sphere)?;
         let open = self.open(&used.iter().map(|&(i, _)| i));
-        let (pose, views, sd_um) = match &found {
+        let (pose, views, sd_um) = match found {
             Ok(Judged { calibration: c, .. }) => (Pose::new(&c.camera), c.turn_views(&given), c.residual_sd_um),
             Err(_) => (
                 Pose::new(&self.camera),
@@ -316,7 +316,7 @@ impl Reconstruction {
             ),
         };
         let mut closure = None;
-        let fallback = match Sections::with_fins(&pose, &views, sd_um, open, &fins) {
+        let fallback = match Sections::with_fins(&pose, &views, sd_um, open, fins) {
             Ok(sections) => {
                 closure = self.closure.as_ref().and_then(|closure| {
                     let at = used.iter().position(|(i, _)| *i == closure.first)?;
@@ -324,7 +324,7 @@ impl Reconstruction {
                     let first = TurnView { columns: &self.observed[closure.first].columns, ..views[at] };
                     closed(&pose, &sections, &first, &closure.columns)
                 });
-                let known = match &found {
+                let known = match found {
                     Ok(judged) => Known::Calibrated(calibration_sd(&judged.calibration, &given)),
                     Err(_) => self.known_as_given(&pose, &views, sd_um, middle_v),
                 };
@@ -335,13 +335,13 @@ impl Reconstruction {
         };
         model.measurement.fallback = fallback.as_ref().map(Fallback::to_string);
         let mut again = vec![None; observed.len()];
-        if let Ok(Judged { calibration: c, .. }) = &found {
+        if let Ok(Judged { calibration: c, .. }) = found {
             for (&(i, _), areas) in used.iter().zip(again_of(c, &given)) {
                 again[i] = Some(areas);
             }
         }
         // Back to the order of observing.
-        let calibration = found.map(|mut judged| {
+        let calibration = found.clone().map(|mut judged| {
             let by_angle = judged.calibration.views.clone();
             order.iter().zip(by_angle).for_each(|(&i, state)| judged.calibration.views[i] = state);
             judged

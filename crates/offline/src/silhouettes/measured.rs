@@ -161,7 +161,7 @@ pub(super) fn turn(
         let numbers: Vec<u32> = seen.iter().map(|&i| i as u32).collect();
         turn_findings.extend(reconstruction.turn_findings(&finned, &numbers, None));
     }
-    let TurnModel { model, fallback, hull, calibration, projections, fins, .. } = reconstruction.measure(finned, None, sphere)?;
+    let TurnModel { model, fallback, hull, calibration, projections, fins, .. } = reconstruction.measure(&finned, None, sphere)?;
     let vrv = calibration.as_ref().ok().map(|judged| judged.vrv);
     let calibration = calibration.map(|judged| judged.calibration);
     let shown: Vec<&View> = seen.iter().map(|&i| &views[i]).collect();
