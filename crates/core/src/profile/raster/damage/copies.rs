@@ -82,7 +82,9 @@ fn copy(taken: &Taken, found: &[Found]) -> Option<Part> {
     let other = |i: usize| usize::try_from(i as i64 + distance).ok().and_then(|k| pixels.get(k));
     let is_equal = |i: &usize| other(*i) == Some(&pixels[*i]);
     let (mut area, mut rows, mut columns, mut done) = (0, 0..0, 0..0, 0);
-    let (mut first, mut copies) = (None, 0);
+    let mut first = None;
+    // Groups of rows with a long run, whatever it shows: how many, and the first and the last row.
+    let (mut repeats, mut repeated) = (0, found.first()?.1 as usize / width..0);
     for at in found.iter().map(|(_, at)| *at as usize) {
         if at < done {
             continue;
@@ -91,6 +93,10 @@ fn copy(taken: &Taken, found: &[Found]) -> Option<Part> {
         let start = (v * width..at).rev().take_while(is_equal).last().unwrap_or(at);
         let end = (at..(v + 1) * width).take_while(is_equal).last().unwrap_or(at) + 1;
         done = end;
+        if end - start >= LEAST_COPY_PX {
+            repeats += usize::from(v > repeated.end);
+            repeated.end = v + 1;
+        }
         let changing = (start.max(period)..end).filter(|&i| pixels[i] != pixels[i - period]).count();
         if end - start < LEAST_RUN_PX || (changing as f64) < LEAST_CHANGING * (end - start) as f64 {
             continue;
@@ -99,18 +105,15 @@ fn copy(taken: &Taken, found: &[Found]) -> Option<Part> {
         if v > rows.end {
             (area, rows, columns) = (0, v..v + 1, run.clone());
         }
-        let was_less = area < LEAST_COPY_PX;
         area += run.len();
         rows.end = v + 1;
         columns = columns.start.min(run.start)..columns.end.max(run.end);
-        if area >= LEAST_COPY_PX {
-            copies += usize::from(was_less);
-            if copies == 1 {
-                first = Some((rows.clone(), columns.clone()));
-            }
+        if area >= LEAST_COPY_PX && first.as_ref().is_none_or(|(known, _): &(Range<usize>, _)| known.start == rows.start) {
+            first = Some((rows.clone(), columns.clone()));
         }
     }
-    let (rows, columns) = first.filter(|_| copies < ENLARGED)?;
+    let is_enlarged = repeats >= ENLARGED && repeated.len() <= ENLARGED * repeats;
+    let (rows, columns) = first.filter(|_| !is_enlarged)?;
     let from = usize::try_from((rows.start * width + columns.start) as i64 + distance).unwrap_or(0);
     Some(Part { rows, columns, damage: Damage::Copied { row: from / width, column: from % width } })
 }
