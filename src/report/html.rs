@@ -463,8 +463,8 @@ impl Report<'_> {
                     td { (with_sd(s.volume_um3, s.volume_sd_um3, MILLION)) } td { (with_sd(s.area_um2, s.area_sd_um2, MILLION)) }
                     td { (number(s.length_um, 1000.0)) } td { (eyes(s)) } td { (with_sd(s.eye_distance_um[0], s.eye_distance_um[1], 1.0)) }
                     td { (bladder(s)) }
-                    td { (s.z[0].map_or_else(String::new, |z| format!("{z:+.1}"))) }
-                    td { (s.z[1].map_or_else(String::new, |z| format!("{z:+.1}"))) } td { (s.estimator.as_deref().unwrap_or_default()) }
+                    @for z in s.z { td { (z.map_or_else(String::new, |z| format!("{z:+.1}"))) } }
+                    td { (s.estimator.as_deref().unwrap_or_default()) }
                     td.left { (StoredFlag::joined(&s.flags, ", ")) (s.reason.as_deref().unwrap_or_default()) }
                     td.hash { (s.measurement_sha256.as_deref().and_then(|hash| hash.get(..12)).unwrap_or_default()) }
                 }
@@ -480,7 +480,7 @@ impl Report<'_> {
                         @if several { th { "run" } }
                         th { "well" } th.left { "condition" } th { "outcome" } th { "volume, 10⁶ µm³" } th { "area, 10⁶ µm²" } th { "length, mm" }
                         th { "volume of an eye, 10⁶ µm³" } th { "distance of the eyes, µm" } th { "swim bladder, 10⁶ µm³" }
-                        th { "z volume" } th { "z area" } th { "estimator" } th { "flags, reason" } th { "numbers" }
+                        th { "z volume" } th { "z area" } th { "z eye" } th { "z distance" } th { "estimator" } th { "flags, reason" } th { "numbers" }
                     } }
                     tbody { @for s in &self.specimens { (row(s)) } }
                 }

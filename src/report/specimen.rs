@@ -43,8 +43,8 @@ pub struct Specimen {
     pub started: Option<String>,
     pub sphere_rms_um: Option<f64>,
     pub aspect_ratio: Option<f64>,
-    /// Standard deviations of volume and area above the mean of reference larvae.
-    pub z: [Option<f64>; 2],
+    /// Standard deviations of volume, area, eye volume and distance of the eyes above the mean of reference larvae.
+    pub z: [Option<f64>; 4],
     pub quality: Quality,
     pub measurement_sha256: Option<String>,
     pub pictures: Pictures,
@@ -61,7 +61,7 @@ impl Specimen {
             let number = |pointer: &str| well.measurement.as_ref()?.pointer(pointer)?.as_f64();
             let place =
                 |quantity: &str| well.measurement.as_ref().and_then(|m| place_among_references(m, quantity)).map(|(_, place)| place);
-            let quantities = ["volume", "area"].map(place);
+            let quantities = ["volume", "area", "eye_volume", "eye_distance"].map(place);
             let status = well.status.as_ref();
             let quality = well.measurement.as_ref().and_then(|m| serde_json::from_value(m["quality"].clone()).ok());
             Ok(Self {

@@ -239,7 +239,7 @@ fn every_column_has_a_value_somewhere() {
 }
 
 /// Numbers of `measurement.json` that no column has, by the beginning of their pointers, and why.
-const ONLY_IN_THE_FILE: [(&str, &str); 18] = [
+const ONLY_IN_THE_FILE: [(&str, &str); 19] = [
     ("/calibration/", "the camera of the turn; the checks have its differences from the rig"),
     ("/closure/", "the checks have its numbers"),
     ("/facing/", "which views show the back and the sides, for pictures"),
@@ -252,6 +252,7 @@ const ONLY_IN_THE_FILE: [(&str, &str); 18] = [
     ("/measurement/unfaired_area_um2", "of the surface before it is faired"),
     ("/measurement/voxels", "a count of the computation"),
     ("/reference/dpf", "the age in the plate map"),
+    ("/reference/eyes/", "the columns `reference_eye_...` have the place"),
     ("/shape/body/dorsal/belly_share", "what the confidence follows from"),
     ("/shape/body/dorsal/median_share", "what the confidence follows from"),
     ("/shape/body/head/first_moment", "what the confidence follows from"),

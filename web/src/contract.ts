@@ -451,6 +451,8 @@ export interface QueuedPlate {
 
 export interface ReferenceStatus {
   area: PlaceStatus;
+  eye_distance: PlaceStatus | null;
+  eye_volume: PlaceStatus | null;
   volume: PlaceStatus;
 }
 
@@ -868,6 +870,11 @@ export interface StoredEyes {
 
 export type StoredEyesMissing = "few_views" | "not_dark" | "only_one" | "not_ellipsoids";
 
+export interface StoredEyesStanding {
+  distance: StoredPlaceAnswer;
+  volume: StoredPlaceAnswer;
+}
+
 export interface StoredFacing {
   confidence: number;
   dorsal_off_deg: number;
@@ -1214,7 +1221,7 @@ export interface StoredQualitySettings {
   volume_sd_percent?: number;
 }
 
-export type StoredQuantity = "volume" | "area" | "joint";
+export type StoredQuantity = "volume" | "area" | "joint" | "eye_volume" | "eye_distance";
 
 export interface StoredRecording {
   accepted?: boolean;
@@ -1360,6 +1367,7 @@ export interface StoredStageShare {
 export interface StoredStanding {
   dpf: number;
   estimates: StoredEstimateStanding[];
+  eyes?: StoredEyesStanding | null;
 }
 
 export interface StoredStation {

@@ -129,10 +129,13 @@ export function contents(well: WellStatus): string {
 /** The comparison with reference larvae: one sentence per number, followed by the conditions that differ. */
 export function places(well: WellStatus): { text: string; doubts: string }[] {
   if (well.reference === null) return [];
-  return [well.reference.volume, well.reference.area].map(({ words, mismatches }) => ({
-    text: `${capitalised(words)}.`,
-    doubts: mismatches.length === 0 ? "" : `Compare with care: ${mismatches.join("; ")}.`,
-  }));
+  const { volume, area, eye_volume, eye_distance } = well.reference;
+  return [volume, area, eye_volume, eye_distance]
+    .flatMap((place) => place ?? [])
+    .map(({ words, mismatches }) => ({
+      text: `${capitalised(words)}.`,
+      doubts: mismatches.length === 0 ? "" : `Compare with care: ${mismatches.join("; ")}.`,
+    }));
 }
 
 /** One line for a screen reader and the tooltip. `planned`: the well in the plan, once that is read. */

@@ -3,12 +3,18 @@
 use carved_core::measure::references::{Answer, Place, Quantity, Standing, VOXEL};
 use serde::{Deserialize, Serialize};
 
-/// The comparison of `volume_um3` and `area_um2`. `measurement.json` has the full form.
+/// The comparison of `volume_um3`, `area_um2` and the eyes. `measurement.json` has the full form.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct ReferenceStatus {
     pub volume: PlaceStatus,
     pub area: PlaceStatus,
+    /// Of the mean volume of both eyes. `null` unless both were found.
+    #[serde(default)]
+    pub eye_volume: Option<PlaceStatus>,
+    /// Of the distance between the eyes. `null` unless both were found.
+    #[serde(default)]
+    pub eye_distance: Option<PlaceStatus>,
 }
 
 /// The comparison of one number with the reference larvae of its age. The fields are `null` if there are none.
@@ -34,7 +40,13 @@ impl ReferenceStatus {
     pub fn of(standing: &Standing) -> Option<Self> {
         let papers = standing.by(VOXEL)?;
         let place = |answer, quantity| PlaceStatus::of(answer, quantity, standing.dpf);
-        Some(Self { volume: place(&papers.volume, Quantity::Volume), area: place(&papers.area, Quantity::Area) })
+        let eyes = standing.eyes.as_ref();
+        Some(Self {
+            volume: place(&papers.volume, Quantity::Volume),
+            area: place(&papers.area, Quantity::Area),
+            eye_volume: eyes.map(|eyes| place(&eyes.volume, Quantity::EyeVolume)),
+            eye_distance: eyes.map(|eyes| place(&eyes.distance, Quantity::EyeDistance)),
+        })
     }
 }
 

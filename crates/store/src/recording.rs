@@ -22,6 +22,7 @@ use super::{RECORDING, RecordingFiles, Software, StoreError, durable, frames, re
 use carved_core::flag::Flag;
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::geometry::{Camera, SecondOptics};
+use carved_core::inside::Eyes;
 use carved_core::measure::Measurement;
 use carved_core::measure::fluorescence::{Fluorescence, SecondView};
 use carved_core::measure::references::{References, Specimen, Standing, estimates};
@@ -76,6 +77,7 @@ impl MeasurementFile {
                 treatment: recording.specimen.treatment_of_larva(),
                 untreated: recording.specimen.is_untreated(),
                 estimates: estimates(measurement),
+                eyes: record.eyes.as_ref().and_then(Eyes::numbers),
             };
             Standing::of(&specimen, references)
         };

@@ -177,9 +177,13 @@ impl StoreReader {
     }
 }
 
-/// The place of the volume or the area among reference larvae, in the JSON of a `measurement.json`: that of the trusted estimator, or else
-/// the paper's, with the name of the estimator. `None` without a reference.
+/// The place of a quantity among reference larvae, in the JSON of a `measurement.json`, with the name of the estimator. Of `volume` and `area`
+/// that of the trusted estimator, or else the paper's; `eye_volume` and `eye_distance` are of the eyes. `None` without a reference.
 pub fn place_among_references<'m>(measurement: &'m Value, quantity: &str) -> Option<(&'m str, &'m Value)> {
+    if let Some(of_eyes) = quantity.strip_prefix("eye_") {
+        let place = measurement.pointer("/reference/eyes")?.get(of_eyes)?.get("known")?;
+        return Some(("eyes", place));
+    }
     let all = measurement.pointer("/reference/estimates")?.as_array()?;
     let of = |name: &str| all.iter().find(|e| e["estimator"] == name && e[quantity]["known"].is_object());
     let found = measurement.pointer("/measurement/estimator")?.as_str().and_then(of).or_else(|| of("voxel"))?;

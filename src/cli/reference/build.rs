@@ -10,8 +10,8 @@ use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Recordings (`runs/RUN/A01`), whole runs (`runs/RUN`), or CSV with the columns dpf, `volume_um3`, `area_um2` and, where known,
-    /// treatment, strain, cohort (or group), asd, `voxel_um`, epsilon, estimator (default: voxel).
+    /// Recordings (`runs/RUN/A01`), whole runs (`runs/RUN`), or CSV with the columns dpf, `volume_um3`, `area_um2`, `eye_volume_um3`,
+    /// `eye_distance_um` and, where known, treatment, strain, cohort (or group), asd, `voxel_um`, epsilon, estimator (default: voxel).
     #[arg(required = true)]
     controls: Vec<PathBuf>,
     /// The file to write; a configuration names it in `references`.

@@ -2,7 +2,8 @@
 
 use anyhow::{Context, bail};
 use carved_core::flag::StoredFlag;
-use carved_core::measure::references::{Control, VOXEL, estimates};
+use carved_core::inside::Eyes;
+use carved_core::measure::references::{Control, EYES, VOXEL, estimates};
 use carved_records::Mode;
 use carved_records::plate_map::{UNCLOSED_QUOTE, unclosed_quote};
 use carved_store::{MeasurementFile, Recording, RecordingReader};
@@ -31,6 +32,10 @@ struct Row {
     volume_um3: Option<f64>,
     #[serde(default)]
     area_um2: Option<f64>,
+    #[serde(default)]
+    eye_volume_um3: Option<f64>,
+    #[serde(default)]
+    eye_distance_um: Option<f64>,
     #[serde(default)]
     treatment: Option<String>,
     #[serde(default)]
@@ -70,19 +75,28 @@ pub fn rows(text: &[u8], path: &Path, words: &Words) -> anyhow::Result<Vec<Contr
         line = record.position().map_or(line, csv::Position::line);
         let at = || format!("{}, line {line}", path.display());
         let row: Row = record.deserialize(Some(&headers)).with_context(at)?;
-        for (key, value) in [("volume_um3", row.volume_um3), ("area_um2", row.area_um2)] {
+        let numbers = [
+            ("volume_um3", row.volume_um3),
+            ("area_um2", row.area_um2),
+            ("eye_volume_um3", row.eye_volume_um3),
+            ("eye_distance_um", row.eye_distance_um),
+        ];
+        for (key, value) in numbers {
             if let Some(value) = value.filter(|v| !v.is_finite() || *v <= 0.0) {
                 bail!("{}: {key} = {value}; expected a number above 0", at());
             }
         }
-        controls.push(row.control(words));
+        controls.extend(row.controls(words));
     }
     Ok(controls)
 }
 
 impl Row {
-    fn control(self, words: &Words) -> Control {
-        Control {
+    fn controls(self, words: &Words) -> Vec<Control> {
+        let (eye_volume_um3, eye_distance_um) = (self.eye_volume_um3, self.eye_distance_um);
+        let has_eyes = eye_volume_um3.is_some() || eye_distance_um.is_some();
+        let has_others = self.volume_um3.is_some() || self.area_um2.is_some();
+        let larva = Control {
             dpf: self.dpf,
             treatment: self.treatment.or_else(|| words.treatment.clone()),
             strain: self.strain.or_else(|| words.strain.clone()),
@@ -94,7 +108,12 @@ impl Row {
             simulated: false,
             volume_um3: self.volume_um3,
             area_um2: self.area_um2,
-        }
+            eye_volume_um3: None,
+            eye_distance_um: None,
+        };
+        let eyes = has_eyes.then(|| of_eyes(larva.clone(), eye_volume_um3, eye_distance_um));
+        // A row of nothing is refused as a group without numbers.
+        Some(larva).filter(|_| has_others || !has_eyes).into_iter().chain(eyes).collect()
     }
 }
 
@@ -125,6 +144,18 @@ fn of_larva(recording: &Recording, file: &MeasurementFile, dpf: f64, words: &Wor
         simulated: recording.mode == Mode::Simulated,
         volume_um3: Some(e.volume_um3),
         area_um2: Some(e.area_um2),
+        eye_volume_um3: None,
+        eye_distance_um: None,
     };
-    estimates(m).into_iter().map(control).collect()
+    let mut controls: Vec<Control> = estimates(m).into_iter().map(control).collect();
+    let eyes = file.record.eyes.as_ref().and_then(Eyes::numbers);
+    if let Some((eyes, larva)) = eyes.zip(controls.first().cloned()) {
+        controls.push(of_eyes(larva, Some(eyes.volume_um3), Some(eyes.distance_um)));
+    }
+    controls
+}
+
+/// The eyes of a larva: a control of their own, because not every larva has both.
+fn of_eyes(larva: Control, eye_volume_um3: Option<f64>, eye_distance_um: Option<f64>) -> Control {
+    Control { estimator: EYES.to_owned(), volume_um3: None, area_um2: None, eye_volume_um3, eye_distance_um, ..larva }
 }

@@ -21,11 +21,16 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 
 const HEADINGS: [&str; 9] = ["dpf", "larvae", "n", "ASD", "SD um", "epsilon", "estimator", "volume um^3", "area um^2"];
 
+/// Headings behind them, where a group has eyes.
+const OF_EYES: [&str; 2] = ["eye um^3", "eyes apart um"];
+
 /// One line per group, with columns as wide as their contents, followed by what is missing.
 pub fn table(references: &References) -> String {
-    let mut rows = vec![HEADINGS.map(str::to_owned)];
-    rows.extend(references.groups.iter().map(row));
-    let widths: Vec<usize> = (0..HEADINGS.len()).map(|at| rows.iter().map(|r| r[at].chars().count()).max().unwrap_or(0)).collect();
+    let has_eyes = references.groups.iter().any(|g| g.eye_volume_um3.is_some() || g.eye_distance_um.is_some());
+    let shown = HEADINGS.len() + if has_eyes { OF_EYES.len() } else { 0 };
+    let mut rows: Vec<Vec<String>> = vec![HEADINGS.iter().chain(&OF_EYES).take(shown).map(|&name| name.to_owned()).collect()];
+    rows.extend(references.groups.iter().map(|group| row(group).into_iter().take(shown).collect()));
+    let widths: Vec<usize> = (0..shown).map(|at| rows.iter().map(|r| r[at].chars().count()).max().unwrap_or(0)).collect();
     let mut text = format!("{}\n", references.name);
     for row in rows {
         let cells: Vec<_> = row.iter().zip(&widths).map(|(cell, width)| format!("{cell:<width$}", width = *width)).collect();
@@ -38,7 +43,7 @@ pub fn table(references: &References) -> String {
     text
 }
 
-fn row(g: &Group) -> [String; 9] {
+fn row(g: &Group) -> [String; 11] {
     let words = [&g.treatment, &g.strain, &g.cohort];
     let mut larvae = words.iter().filter_map(|w| w.as_deref()).collect::<Vec<_>>().join(" ");
     if g.simulated {
@@ -56,5 +61,7 @@ fn row(g: &Group) -> [String; 9] {
         g.estimator.clone(),
         moments(g.volume_um3),
         moments(g.area_um2),
+        moments(g.eye_volume_um3),
+        moments(g.eye_distance_um),
     ]
 }

@@ -35,11 +35,13 @@ impl Sample {
     }
 }
 
-/// The reference larvae of a quantity of larvae. Volume and area have some.
+/// The reference larvae of a quantity of larvae. Those of the eyes only where the references have eyes.
 fn reference(measurement: &Value, column: &str) -> Option<GroupReference> {
     let quantity = match column {
         "volume_um3" => "volume",
         "area_um2" => "area",
+        "eye_volume_um3" => "eye_volume",
+        "eye_distance_um" => "eye_distance",
         _ => return None,
     };
     let (_, place) = place_among_references(measurement, quantity)?;

@@ -30,6 +30,8 @@ export function well(name: string, change: Partial<WellStatus> = {}): WellStatus
 
 /** A larva whose area has references and whose volume has none. */
 export const placed: ReferenceStatus = {
+  eye_volume: null,
+  eye_distance: null,
   volume: {
     words: "volume: no reference of 3 dpf",
     group: null,

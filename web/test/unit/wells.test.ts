@@ -144,4 +144,10 @@ test("a larva's place is said per number, with what of it does not match", () =>
         "Compare with care: voxel edge: 6.93 um, the reference's not stated; mode: simulated, the reference's hardware.",
     },
   ]);
+  const none = { group: null, n: null, z: null, percentile: null, mismatches: [] };
+  const eye_volume = { ...none, words: "eye volume: these references have no eyes" };
+  assert.deepEqual(places(well("A01", { reference: { ...placed, eye_volume } }))[2], {
+    text: "Eye volume: these references have no eyes.",
+    doubts: "",
+  });
 });

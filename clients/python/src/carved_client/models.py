@@ -140,6 +140,10 @@ class ReferenceStatus:
 
     volume: PlaceStatus
     area: PlaceStatus
+    #: Of the mean volume of both eyes; None unless both were found.
+    eye_volume: PlaceStatus | None = None
+    #: Of the distance between the eyes; None unless both were found.
+    eye_distance: PlaceStatus | None = None
 
 
 @dataclass(frozen=True)

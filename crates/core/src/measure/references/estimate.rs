@@ -10,6 +10,18 @@ pub const FIELD: &str = "field";
 /// Name of the estimator by support functions of the slices.
 pub const SUPPORT: &str = "support";
 
+/// Name of the estimator of the eyes.
+pub const EYES: &str = "eyes";
+
+/// The numbers of the eyes, where both were found.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EyeNumbers {
+    /// Mean volume of both.
+    pub volume_um3: f64,
+    /// Distance between their centres.
+    pub distance_um: f64,
+}
+
 /// Volume and area by one estimator.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Estimate {

@@ -33,6 +33,10 @@ pub enum Quantity {
     Area,
     /// Volume and area together.
     Joint,
+    /// Mean volume of both eyes.
+    EyeVolume,
+    /// Distance between the centres of the eyes.
+    EyeDistance,
 }
 
 /// A number that these references do not have, with the reason.
@@ -90,6 +94,12 @@ pub struct Group {
     /// Covariance of volume and area over the larvae, um^5 (um^3 times um^2), with the divisor n - 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub covariance_um5: Option<f64>,
+    /// Mean and standard deviation of the mean volume of both eyes, um^3. The estimator is `eyes`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub eye_volume_um3: Option<Moments>,
+    /// Mean and standard deviation of the distance between the centres of the eyes, um. The estimator is `eyes`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub eye_distance_um: Option<Moments>,
     /// Where the numbers are from.
     pub source: String,
 }
@@ -121,6 +131,8 @@ impl Quantity {
             Self::Volume => "volume",
             Self::Area => "area",
             Self::Joint => "volume and area together",
+            Self::EyeVolume => "eye volume",
+            Self::EyeDistance => "distance of the eyes",
         }
     }
 }
@@ -180,13 +192,21 @@ impl Group {
         if self.estimator.is_empty() {
             wrong("estimator", "\"\"".into(), "what made the numbers, as \"voxel\"");
         }
-        for (key, moments) in [("volume_um3", self.volume_um3), ("area_um2", self.area_um2)] {
+        let all = [
+            ("volume_um3", self.volume_um3),
+            ("area_um2", self.area_um2),
+            ("eye_volume_um3", self.eye_volume_um3),
+            ("eye_distance_um", self.eye_distance_um),
+        ];
+        for (key, moments) in all {
             if let Some(m) = moments.filter(|m| !(positive(m.mean) && positive(m.sd))) {
                 wrong(key, format!("{{ mean = {}, sd = {} }}", m.mean, m.sd), "mean and standard deviation above 0");
             }
         }
         match (self.volume_um3, self.area_um2, self.covariance_um5) {
-            (None, None, _) => wrong("volume_um3", "nothing".into(), "volume_um3, area_um2 or both"),
+            (None, None, _) if self.eye_volume_um3.is_none() && self.eye_distance_um.is_none() => {
+                wrong("volume_um3", "nothing".into(), "volume_um3, area_um2 or both, or numbers of the eyes");
+            }
             (Some(v), Some(a), Some(c)) if c.is_nan() || c.abs() >= v.sd * a.sd => {
                 wrong("covariance_um5", c.to_string(), "less than the product of both standard deviations");
             }

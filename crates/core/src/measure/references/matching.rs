@@ -6,7 +6,7 @@
 //!               Age          Estimator             Quantity                 Asd          Missing, with what there is
 //! ```
 
-use super::estimate::Estimate;
+use super::estimate::{Estimate, EyeNumbers};
 use super::group::{Group, Quantity, References};
 use serde::{Deserialize, Serialize};
 
@@ -37,6 +37,8 @@ pub struct Specimen {
     pub untreated: bool,
     /// The numbers of every estimator.
     pub estimates: Vec<Estimate>,
+    /// `None` unless both eyes were found.
+    pub eyes: Option<EyeNumbers>,
 }
 
 /// Treatments of living larvae to which nothing was done. `living` is the paper's word for those that were not fixed.

@@ -28,13 +28,13 @@ mod standing;
 mod summary;
 mod words;
 
-pub use estimate::{Estimate, FIELD, SUPPORT, VOXEL, estimates};
+pub use estimate::{EYES, Estimate, EyeNumbers, FIELD, SUPPORT, VOXEL, estimates};
 pub use group::{Breach, Gap, Group, Moments, Quantity, References, SCHEMA};
 pub use joint::JointPlace;
 pub use matching::{Known, Mismatch, Missing, MissingReason, Specimen, is_untreated};
 pub use predictive::{Place, Predictive};
 pub use stage::{Stage, StageShare};
-pub use standing::{Answer, EstimateStanding, Standing};
+pub use standing::{Answer, EstimateStanding, EyesStanding, Standing};
 pub use summary::{Control, FEWEST, Summaries, Unfit, summarise};
 
 #[cfg(test)]

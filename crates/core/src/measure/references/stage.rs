@@ -98,6 +98,8 @@ fn ln_density(group: &Group, by: Quantity, estimate: &Estimate) -> Option<f64> {
         Quantity::Volume => of(group.volume_um3, estimate.volume_um3),
         Quantity::Area => of(group.area_um2, estimate.area_um2),
         Quantity::Joint => Some(JointPredictive::of(group)?.ln_density(estimate.volume_um3, estimate.area_um2)),
+        // The age is judged by the whole larva.
+        Quantity::EyeVolume | Quantity::EyeDistance => None,
     }
 }
 

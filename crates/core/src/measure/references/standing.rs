@@ -1,6 +1,6 @@
 //! The place of one larva by every estimator.
 
-use super::estimate::{Estimate, VOXEL};
+use super::estimate::{EYES, Estimate, VOXEL};
 use super::group::{Group, Moments, Quantity, References};
 use super::joint::{JointPlace, JointPredictive};
 use super::matching::{Missing, Specimen, asd_is_matched};
@@ -27,6 +27,19 @@ pub struct Standing {
     pub dpf: f64,
     /// One entry per estimator. The paper's is first, with or without references.
     pub estimates: Vec<EstimateStanding>,
+    /// The place of the eyes. `None` unless both were found, and in files of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub eyes: Option<EyesStanding>,
+}
+
+/// The place of the numbers of the eyes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub struct EyesStanding {
+    /// Place of the mean volume of both eyes.
+    pub volume: Answer<Place>,
+    /// Place of the distance between their centres.
+    pub distance: Answer<Place>,
 }
 
 /// The place of one estimator's numbers.
@@ -66,11 +79,16 @@ impl Standing {
     pub fn of(specimen: &Specimen, references: &[References]) -> Self {
         let has = |name: &str| name == VOXEL || references.iter().flat_map(|r| &r.groups).any(|g| g.estimator == name);
         let asked = specimen.estimates.iter().filter(|e| has(e.estimator));
+        let place = |estimator: &str, quantity, value: f64, moments: fn(&Group) -> Option<Moments>| -> Answer<Place> {
+            let found = specimen.find(references, estimator, quantity, |g| Predictive::new(moments(g)?, g.n));
+            found.map(|(fit, predictive)| predictive.place(value, &fit.group.name, fit.mismatches)).into()
+        };
+        let eyes = specimen.eyes.map(|eyes| EyesStanding {
+            volume: place(EYES, Quantity::EyeVolume, eyes.volume_um3, |g| g.eye_volume_um3),
+            distance: place(EYES, Quantity::EyeDistance, eyes.distance_um, |g| g.eye_distance_um),
+        });
         let of_one = |e: &Estimate| {
-            let single = |quantity, value: f64, moments: fn(&Group) -> Option<Moments>| {
-                let found = specimen.find(references, e.estimator, quantity, |g| Predictive::new(moments(g)?, g.n));
-                found.map(|(fit, predictive)| predictive.place(value, &fit.group.name, fit.mismatches)).into()
-            };
+            let single = |quantity, value: f64, moments| place(e.estimator, quantity, value, moments);
             let joint = specimen.find(references, e.estimator, Quantity::Joint, JointPredictive::of);
             EstimateStanding {
                 estimator: e.estimator.to_owned(),
@@ -80,7 +98,7 @@ impl Standing {
                 stage: specimen.stage(references, e).into(),
             }
         };
-        Self { dpf: specimen.dpf, estimates: asked.map(of_one).collect() }
+        Self { dpf: specimen.dpf, estimates: asked.map(of_one).collect(), eyes }
     }
 
     /// Volume and area in standard deviations from the mean of larvae of the same age and ASD, by this estimator; by the

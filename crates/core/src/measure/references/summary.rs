@@ -1,5 +1,6 @@
 //! Reference groups from single controls: n, mean, SD and covariance of larvae that were measured alike.
 
+use super::estimate::EYES;
 use super::group::{Group, Moments};
 use statrs::statistics::Statistics;
 use std::collections::{BTreeMap, BTreeSet};
@@ -33,6 +34,10 @@ pub struct Control {
     pub volume_um3: Option<f64>,
     /// Area, um^2.
     pub area_um2: Option<f64>,
+    /// Mean volume of both eyes, um^3. The estimator is then `eyes`.
+    pub eye_volume_um3: Option<f64>,
+    /// Distance between the centres of the eyes, um. The estimator is then `eyes`.
+    pub eye_distance_um: Option<f64>,
 }
 
 /// Why controls do not make a group.
@@ -139,6 +144,8 @@ fn group(name: String, members: &[&Control], source: &str) -> Result<Group, Unfi
     };
     let volumes = values("volume_um3", |c| c.volume_um3)?;
     let areas = values("area_um2", |c| c.area_um2)?;
+    let eye_volumes = values("eye_volume_um3", |c| c.eye_volume_um3)?;
+    let eye_distances = values("eye_distance_um", |c| c.eye_distance_um)?;
     let moments = |values: &Option<Vec<f64>>| values.as_ref().map(|v| Moments { mean: v.mean(), sd: v.std_dev() });
     let first = members[0];
     Ok(Group {
@@ -154,6 +161,8 @@ fn group(name: String, members: &[&Control], source: &str) -> Result<Group, Unfi
         simulated: first.simulated,
         volume_um3: moments(&volumes),
         area_um2: moments(&areas),
+        eye_volume_um3: moments(&eye_volumes),
+        eye_distance_um: moments(&eye_distances),
         covariance_um5: volumes.zip(areas).map(|(v, a)| v.covariance(a)),
         source: source.to_owned(),
         name,
@@ -181,7 +190,8 @@ fn mixtures(controls: &[Control]) -> Vec<String> {
         mixed("mode", members.iter().map(|c| if c.simulated { "simulated" } else { "hardware" }.to_owned()).collect());
         // Every recording has all estimators' numbers; larvae that have only some of them are of another origin.
         let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
-        for control in &members {
+        // Larvae of which an eye was not found have no control of the eyes.
+        for control in members.iter().filter(|control| control.estimator != EYES) {
             *counts.entry(control.estimator.as_str()).or_default() += 1;
         }
         let uneven = counts.values().collect::<BTreeSet<_>>().len() > 1;

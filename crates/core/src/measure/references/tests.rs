@@ -19,6 +19,8 @@ pub(super) fn group(name: &str, dpf: f64) -> Group {
         volume_um3: Some(Moments { mean: 2.7e8, sd: 1e7 }),
         area_um2: Some(Moments { mean: 3.3e6, sd: 1e5 }),
         covariance_um5: None,
+        eye_volume_um3: None,
+        eye_distance_um: None,
         source: "a test".into(),
     }
 }
@@ -44,6 +46,7 @@ fn specimen() -> Specimen {
         treatment,
         untreated: false,
         estimates,
+        eyes: None,
     }
 }
 
@@ -224,6 +227,8 @@ fn control(volume_um3: f64, area_um2: f64) -> Control {
         simulated: false,
         volume_um3: Some(volume_um3),
         area_um2: Some(area_um2),
+        eye_volume_um3: None,
+        eye_distance_um: None,
     }
 }
 
@@ -317,4 +322,47 @@ fn an_untreated_larva_matches_living_references_and_not_fixed_ones() {
     }
     assert_eq!(keys(&mismatches("none", true, "fixed")), ["treatment"]);
     assert_eq!(keys(&mismatches("immersion from 3 dpf", false, "living")), ["treatment"]);
+}
+
+#[test]
+fn the_eyes_are_compared_with_references_that_have_eyes() {
+    let eyes = Some(EyeNumbers { volume_um3: 8e6, distance_um: 340.0 });
+    let with = Specimen { eyes, ..specimen() };
+    let old = Standing::of(&with, &[file(vec![group("old", 4.0)])]).eyes.unwrap();
+    assert_eq!(old.volume.words(Quantity::EyeVolume, 4.0), "eye volume: these references have no eyes");
+    let moments = |mean, sd| Some(Moments { mean, sd });
+    let own = Group {
+        estimator: EYES.into(),
+        volume_um3: None,
+        area_um2: None,
+        eye_volume_um3: moments(7e6, 5e5),
+        eye_distance_um: moments(350.0, 10.0),
+        ..group("eyes", 4.0)
+    };
+    let references = [file(vec![group("old", 4.0), own])];
+    assert_eq!(references[0].check(), []);
+    let found = Standing::of(&with, &references);
+    let place = |answer: &Answer<Place>| answer.known().map(|place| (place.z, place.group.clone()));
+    let eyes = found.eyes.as_ref().unwrap();
+    assert_eq!(place(&eyes.volume), Some((2.0, "eyes".into())));
+    assert_eq!(place(&eyes.distance), Some((-1.0, "eyes".into())));
+    assert!(found.by(VOXEL).unwrap().volume.known().is_some(), "the volume has its own group");
+    assert!(found.estimates.iter().all(|estimate| estimate.estimator != EYES));
+    assert_eq!(Standing::of(&specimen(), &references).eyes, None, "no eye was found");
+}
+
+#[test]
+fn controls_give_references_of_eyes_also_where_some_larvae_have_none() {
+    let mut all = controls();
+    let larvae = all.len();
+    for (i, larva) in controls().into_iter().take(larvae - 1).enumerate() {
+        let (volume_um3, area_um2) = (None, None);
+        let (eye_volume_um3, eye_distance_um) = (Some(8e6 + i as f64 * 1e5), Some(340.0 + i as f64));
+        all.push(Control { estimator: EYES.into(), volume_um3, area_um2, eye_volume_um3, eye_distance_um, ..larva });
+    }
+    let Summaries { groups, refusals, warnings } = summarise(&all, "own");
+    assert_eq!((groups.len(), refusals.len(), warnings.len()), (2, 0, 0), "{refusals:?} {warnings:?}");
+    let eyes = groups.iter().find(|group| group.estimator == EYES).unwrap();
+    assert_eq!(eyes.n as usize, larvae - 1);
+    assert!(eyes.volume_um3.is_none() && eyes.eye_volume_um3.is_some() && eyes.eye_distance_um.is_some());
 }

@@ -34,6 +34,9 @@ impl Missing {
         match self.reason {
             MissingReason::Age if list.is_empty() => "no reference".to_owned(),
             MissingReason::Age => format!("no reference of {dpf} dpf (there are: {list})"),
+            MissingReason::Estimator if matches!(self.quantity, Quantity::EyeVolume | Quantity::EyeDistance) => {
+                "these references have no eyes".to_owned()
+            }
             MissingReason::Estimator => "no reference by this estimator".to_owned(),
             MissingReason::Quantity => format!("no reference of {dpf} dpf"),
             MissingReason::Asd => format!("no reference larvae with as many views (there are: {list} views)"),
