@@ -22,10 +22,9 @@ use super::{RECORDING, RecordingFiles, Software, StoreError, durable, frames, re
 use carved_core::flag::Flag;
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::geometry::{Camera, SecondOptics};
-use carved_core::inside::Eyes;
 use carved_core::measure::Measurement;
 use carved_core::measure::fluorescence::{Fluorescence, SecondView};
-use carved_core::measure::references::{References, Specimen, Standing, estimates};
+use carved_core::measure::references::{EyeNumbers, References, Specimen, Standing, estimates};
 use carved_core::pipeline::SpecimenRecord;
 use carved_core::profile::Mask;
 use carved_core::surface::Mesh;
@@ -77,7 +76,7 @@ impl MeasurementFile {
                 treatment: recording.specimen.treatment_of_larva(),
                 untreated: recording.specimen.is_untreated(),
                 estimates: estimates(measurement),
-                eyes: record.eyes.as_ref().and_then(Eyes::numbers),
+                eyes: record.eyes.as_ref().and_then(EyeNumbers::of),
             };
             Standing::of(&specimen, references)
         };

@@ -2,8 +2,7 @@
 
 use anyhow::{Context, bail};
 use carved_core::flag::StoredFlag;
-use carved_core::inside::Eyes;
-use carved_core::measure::references::{Control, EYES, VOXEL, estimates};
+use carved_core::measure::references::{Control, EYES, EyeNumbers, VOXEL, estimates};
 use carved_records::Mode;
 use carved_records::plate_map::{UNCLOSED_QUOTE, unclosed_quote};
 use carved_store::{MeasurementFile, Recording, RecordingReader};
@@ -148,7 +147,7 @@ fn of_larva(recording: &Recording, file: &MeasurementFile, dpf: f64, words: &Wor
         eye_distance_um: None,
     };
     let mut controls: Vec<Control> = estimates(m).into_iter().map(control).collect();
-    let eyes = file.record.eyes.as_ref().and_then(Eyes::numbers);
+    let eyes = file.record.eyes.as_ref().and_then(EyeNumbers::of);
     if let Some((eyes, larva)) = eyes.zip(controls.first().cloned()) {
         controls.push(of_eyes(larva, Some(eyes.volume_um3), Some(eyes.distance_um)));
     }

@@ -12,7 +12,6 @@ use super::dark::{LEVELS, thickest};
 use super::ellipsoid::{Ellipse, Ellipsoid, Linear};
 use super::fit::{Edge, Fit, root_of_squares, solve};
 use crate::geometry::BoxUm;
-use crate::measure::references::EyeNumbers;
 use crate::parallel::prelude::*;
 use nalgebra::{Vector2, Vector3};
 use serde::{Deserialize, Serialize};
@@ -115,11 +114,6 @@ const ALIKE: f64 = 0.6;
 const HALF_AXES_UM: [f64; 2] = [25.0, 260.0];
 
 impl Eyes {
-    /// The numbers that are compared with references. `None` unless both eyes were found.
-    pub fn numbers(&self) -> Option<EyeNumbers> {
-        Some(EyeNumbers { volume_um3: self.mean_volume_um3?, distance_um: self.distance_um? })
-    }
-
     /// From the views that count and the box around the mesh. `left` is the direction to the left of the larva, and `along` that of its axis at the
     /// head, where they are known.
     pub(crate) fn find(views: &[Lit], extents: &BoxUm, left: Option<[f64; 3]>, along: Option<[f64; 3]>) -> Self {

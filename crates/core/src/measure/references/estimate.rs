@@ -1,5 +1,6 @@
 //! The numbers of a measurement, by the name of their estimator.
 
+use crate::inside::Eyes;
 use crate::measure::{Estimators, Measurement};
 
 /// Name of the paper's estimator: volume of the voxels, area of their faired surface.
@@ -20,6 +21,13 @@ pub struct EyeNumbers {
     pub volume_um3: f64,
     /// Distance between their centres.
     pub distance_um: f64,
+}
+
+impl EyeNumbers {
+    /// `None` unless both eyes were found.
+    pub fn of(eyes: &Eyes) -> Option<Self> {
+        Some(Self { volume_um3: eyes.mean_volume_um3?, distance_um: eyes.distance_um? })
+    }
 }
 
 /// Volume and area by one estimator.
