@@ -6,6 +6,7 @@ import type { Measured } from "./status.ts";
 const REASONS: Record<NonNullable<NonNullable<Measured["bladder"]>["reason"]>, string> = {
   few_views: "too few views show the larva from different sides",
   no_head: "neither the eyes nor the shape tell the head from the tail",
+  opaque: "no light passes the trunk, so that gas in it would not be seen",
   no_gas: "nothing in the trunk has the dark rim and the bright middle of gas",
   unclear: "something in the trunk is a little like gas, and not enough to decide",
 };

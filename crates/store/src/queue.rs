@@ -67,7 +67,7 @@ pub struct PlateQueue {
 
 impl PlateQueue {
     /// The queue of a data folder. Empty if it has no file, or one that cannot be read.
-    pub(super) fn open(root: &Path) -> Self {
+    pub fn open(root: &Path) -> Self {
         let path = root.join(FILE);
         let read = match carved_files::read(&path) {
             Err(e) if e.kind() == ErrorKind::NotFound => Ok(Vec::new()),

@@ -11,11 +11,11 @@ use carved_core::frame::PixelFormat;
 use carved_devices::camera::answer_of_camera;
 use carved_devices::rotation::parsers as controllers;
 use carved_records::picture_name::{Pattern, read as read_picture_name};
-use carved_records::plate_map::{Format, read as read_plate_map};
+use carved_records::plate_map::{Format, MappedColumn, ProposedColumn, propose, read as read_plate_map, read_mapped};
 use carved_records::{Event, InstrumentState, Mode, RunPlan};
 use carved_store::{
-    MeasurementFile, Pack, Recording, RecordingFiles, RecordingReader, RunRecord, StoreReader, StoredRun, calibrations, frames, gates,
-    instrument_uuid,
+    MeasurementFile, Pack, PlateQueue, Recording, RecordingFiles, RecordingReader, RunRecord, StoreReader, StoredRun, calibrations, frames,
+    gates, instrument_uuid,
 };
 use std::hint::black_box;
 use std::path::Path;
@@ -45,6 +45,13 @@ pub const TARGETS: &[Target] = &[
     }),
     ("plate_csv", |bytes| drop(black_box(read_plate_map(bytes, Format::Csv, None, None)))),
     ("plate_json", |bytes| drop(black_box(read_plate_map(bytes, Format::Json, None, None)))),
+    ("plate_columns", |bytes| {
+        if let Ok(proposal) = propose(bytes) {
+            let mapped = |c: ProposedColumn| MappedColumn { heading: c.heading, column: c.column, unit: c.unit };
+            let columns: Vec<MappedColumn> = proposal.columns.into_iter().map(mapped).collect();
+            drop(black_box(read_mapped(bytes, None, &columns)));
+        }
+    }),
     // Files of the lab.
     ("config", |bytes| {
         if let Ok(text) = std::str::from_utf8(bytes) {
@@ -100,6 +107,11 @@ pub const TARGETS: &[Target] = &[
     ("instrument", |bytes| {
         if let Some(root) = folder([("instrument.json", bytes)]) {
             drop(black_box(instrument_uuid(root.path())));
+        }
+    }),
+    ("queue", |bytes| {
+        if let Some(root) = folder([("queue.json", bytes)]) {
+            black_box(PlateQueue::open(root.path()));
         }
     }),
     ("pack", |bytes| {

@@ -145,9 +145,9 @@ test("a larva's place is said per number, with what of it does not match", () =>
     },
   ]);
   const none = { group: null, n: null, z: null, percentile: null, mismatches: [] };
-  const eye_volume = { ...none, words: "eye volume: these references have no eyes" };
+  const eye_volume = { ...none, words: "eye volume: no reference of the eyes of 4 dpf" };
   assert.deepEqual(places(well("A01", { reference: { ...placed, eye_volume } }))[2], {
-    text: "Eye volume: these references have no eyes.",
+    text: "Eye volume: no reference of the eyes of 4 dpf.",
     doubts: "",
   });
 });

@@ -43,6 +43,9 @@ pub enum BladderMissing {
     /// The trunk is not known.
     #[error("neither the eyes nor the shape tell the head from the tail")]
     NoHead,
+    /// The trunk is too dark.
+    #[error("no light passes the trunk, so that gas in it would not be seen")]
+    Opaque,
     /// Nothing looks like gas.
     #[error("nothing in the trunk has the dark rim and the bright middle of gas")]
     NoGas,
@@ -177,8 +180,11 @@ const RIM_PX: f64 = 3.0;
 const RIM_SHARE: f64 = 0.3;
 /// The rim of gas is closed: its light is that which so much of it does not exceed. A ring of pigment spots has gaps.
 const CLOSED: f64 = 0.75;
-/// Light that is no light: it keeps ratios of dark pixels apart from noise.
+/// Added to both lights, so that noise in dark pixels makes no ratio.
 const NO_LIGHT: f64 = 0.02;
+/// Places along the axis at which the light through the trunk is looked at, and the least share of the light that passes one of them.
+const LIT_PLACES: usize = 6;
+const LEAST_LIGHT: f64 = 0.04;
 /// The ends of what is not decided.
 const UNDECIDED: [f64; 2] = [0.05, 0.95];
 /// Standard deviation of the place of the snout, px.
@@ -282,7 +288,7 @@ impl SwimBladder {
             behind_eyes_um: of_eyes.map(|eyes| (middle - eyes).dot(&course.mean_direction(eyes, middle))),
             behind_eyes_sd_um: of_eyes.map(|_| root_of_squares([centre_sd, eyes_sd].into_iter())),
             above_axis_um: above,
-            above_axis_sd_um: above.map(|_| root_of_squares([centre_sd, px(EDGE_SD_PX)].into_iter())),
+            above_axis_sd_um: above.map(|_| centre_sd),
             lobes: lobes.iter().zip(volumes.iter().zip(&sds)).map(|(lobe, (volume, sd))| lobe.lobe(*volume, *sd)).collect(),
         }
     }
@@ -318,7 +324,9 @@ impl Course {
         }
         let length: f64 = centres.windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum();
         let step_um = length / (n as f64 - 1.0);
-        (step_um > 0.0).then(|| Self { centres, radii_um, back: trunk.back.map(Vector3::from), step_um })
+        // The back was read from slices whose head is at the other end.
+        let back = trunk.back.filter(|_| !is_reversed).map(Vector3::from);
+        (step_um > 0.0).then_some(Self { centres, radii_um, back, step_um })
     }
 
     fn length_um(&self) -> f64 {
@@ -369,14 +377,30 @@ fn looked(views: &[Lit], trunk: Option<&Trunk>, eyes: &Eyes) -> Result<(Course, 
         return Err(BladderMissing::FewViews);
     }
     let course = trunk.and_then(|trunk| Course::of(trunk, eyes)).ok_or(BladderMissing::NoHead)?;
+    if !is_lit(views, &course) {
+        return Err(BladderMissing::Opaque);
+    }
     let tried: Vec<Option<Found>> = places(views, &course).into_par_iter().map(|place| Found::of(views, place, None, &RANGES)).collect();
     let mut tried: Vec<Found> = tried.into_iter().flatten().filter(|found| course.holds(&found.fit.body)).collect();
     tried.sort_by(|a, b| b.look.log_odds().total_cmp(&a.look.log_odds()));
     let others: Vec<Ellipsoid> = tried.iter().skip(1).map(|found| found.fit.body).collect();
     let Some(first) = tried.into_iter().next() else { return Ok((course, Vec::new(), f64::MIN)) };
-    let lobes = if first.look.log_odds() > WORTH_A_SECOND { with_second(views, &course, first, &others) } else { vec![first] };
-    let log_odds = lobes.iter().map(|lobe| lobe.look.log_odds()).fold(f64::MIN, f64::max);
+    // A second lobe makes the first no less likely.
+    let of_first = first.look.log_odds();
+    let lobes = if of_first > WORTH_A_SECOND { with_second(views, &course, first, &others) } else { vec![first] };
+    let log_odds = lobes.iter().map(|lobe| lobe.look.log_odds()).fold(of_first, f64::max);
     Ok((course, lobes, log_odds))
+}
+
+/// Whether light passes the trunk in any place.
+fn is_lit(views: &[Lit], course: &Course) -> bool {
+    let [from, to] = BETWEEN.map(|share| share * course.length_um());
+    (0..LIT_PLACES).any(|k| {
+        let (centre, along, radius) = course.at(from + (to - from) * (k as f64 + 0.5) / LIT_PLACES as f64);
+        let body = Ellipsoid { centre, spread: prolate(along, radius, radius) };
+        let lights = views.iter().filter_map(|view| light(view, body.seen(&Linear::of(view.projection, centre)?).centre));
+        median(lights.collect()).is_some_and(|light| light > LEAST_LIGHT)
+    })
 }
 
 fn directions(n: usize) -> Vec<Vector2<f64>> {

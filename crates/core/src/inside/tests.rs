@@ -183,6 +183,8 @@ fn a_bladder_that_cannot_be_looked_for_is_undecided_with_a_reason() {
     assert_eq!((few.state, few.reason, few.probability), (BladderState::Undecided, Some(BladderMissing::FewViews), None));
     let headless = bladder(&gas, VIEWS, false);
     assert_eq!((headless.state, headless.reason), (BladderState::Undecided, Some(BladderMissing::NoHead)));
+    let opaque = bladder(&[(ball([0.0; 3], BODY), 0.04, false)], VIEWS, true);
+    assert_eq!((opaque.state, opaque.reason, opaque.probability), (BladderState::Undecided, Some(BladderMissing::Opaque), None));
 }
 
 #[test]

@@ -50,7 +50,7 @@ pub enum ProfileError {
     /// A part of the frame was not taken by the camera.
     #[error(
         "the picture is damaged: rows {} to {}, columns {} to {} (counted from 0) {damage}; take it or copy it again. If all pictures have this, \
-         the camera has dead pixels there, or a program fills them: leave them out of the region of interest",
+         the camera has dead pixels there, or a program fills them: leave them out of the region of interest, or let the camera correct them",
         rows[0], rows[1], columns[0], columns[1]
     )]
     Damaged {

@@ -92,10 +92,17 @@ impl Segmenter {
         }
         check_exposure(picture, settings)?;
         let found = self.walls.find(picture, &settings.walls);
-        // What is damaged may be why no walls are found.
-        let rows = found.as_ref().map_or(0..height, |walls| walls.rows(width, height));
-        if let Some(part) = self.inspector.find(picture, &rows) {
-            return Err(part.error());
+        let rows = match &found {
+            Ok(walls) => Some(walls.rows(width, height)),
+            // What is damaged may be why no walls are found.
+            Err(ProfileError::NoWalls { .. }) => Some(0..height),
+            Err(_) => None,
+        };
+        if let Some(part) = rows.and_then(|rows| self.inspector.find(picture, &rows)) {
+            // A program may fill the rows above and below what it has stored.
+            if found.is_ok() || part.rows.start > 0 && part.rows.end < height {
+                return Err(part.error());
+            }
         }
         let walls = found?;
         let bore = Bore::of(picture, walls);

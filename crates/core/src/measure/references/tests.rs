@@ -329,7 +329,7 @@ fn the_eyes_are_compared_with_references_that_have_eyes() {
     let eyes = Some(EyeNumbers { volume_um3: 8e6, distance_um: 340.0 });
     let with = Specimen { eyes, ..specimen() };
     let old = Standing::of(&with, &[file(vec![group("old", 4.0)])]).eyes.unwrap();
-    assert_eq!(old.volume.words(Quantity::EyeVolume, 4.0), "eye volume: these references have no eyes");
+    assert_eq!(old.volume.words(Quantity::EyeVolume, 4.0), "eye volume: no reference of the eyes of 4 dpf");
     let moments = |mean, sd| Some(Moments { mean, sd });
     let own = Group {
         estimator: EYES.into(),

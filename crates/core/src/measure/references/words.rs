@@ -35,7 +35,7 @@ impl Missing {
             MissingReason::Age if list.is_empty() => "no reference".to_owned(),
             MissingReason::Age => format!("no reference of {dpf} dpf (there are: {list})"),
             MissingReason::Estimator if matches!(self.quantity, Quantity::EyeVolume | Quantity::EyeDistance) => {
-                "these references have no eyes".to_owned()
+                format!("no reference of the eyes of {dpf} dpf")
             }
             MissingReason::Estimator => "no reference by this estimator".to_owned(),
             MissingReason::Quantity => format!("no reference of {dpf} dpf"),

@@ -15,8 +15,8 @@ pub(in crate::profile) const SAME_BLUR: f64 = 0.04;
 /// blur: of beads of known blur (0.7 to 1.6 px through a colour mosaic) it is 0.5 %, of larvae with pigment 3 %.
 const READ_HIGH: f64 = 1.02;
 /// The fit underestimates the blur of rounded edges by this factor: a root that begins further outside looks like less blur. An edge moves
-/// inwards by 0.04 px per per cent of it. With this factor the edges of larvae are unbiased in both kinds of frames that are not those of
-/// the second renderer: emulated ones, where every edge is taken as rounded, and path-traced ones with and without a clear skin.
+/// inwards by 0.04 px per per cent of it. With this factor the edges of larvae have no bias in path-traced frames, with and without a clear
+/// skin, nor would they in emulated ones if all their edges were taken as rounded.
 const READ_LOW: f64 = 0.96;
 
 /// Strides of the descent to the kind of edges, and of the one to their blur, in steps. The residual rises faster towards sharper
@@ -39,7 +39,7 @@ pub(in crate::profile) fn estimated(near_px: f64, rounded_better: f64, mut resid
     if best.1 >= NOISE_ALONE_BETTER {
         let rounded = least_near(best.0, WIDE, |step| at(step, Kind::Rounded));
         let better = if rounded.1 <= NOISE_ALONE { NOISE_ALONE_BETTER } else { rounded_better };
-        if rounded.1 * better.min(rounded_better) < best.1 {
+        if rounded.1 * better < best.1 {
             (best, kind) = (rounded, Kind::Rounded);
         }
     }

@@ -15,8 +15,9 @@ const LEAST_FOUND: usize = 8;
 const LEAST_RUN_PX: usize = 12;
 /// Least pixels of a copy.
 const LEAST_COPY_PX: usize = 192;
-/// So many copies at one distance are those of a picture that was enlarged by repeating pixels.
-const ENLARGED: usize = 8;
+/// A picture that was enlarged by repeating pixels has a copy in so many rows at least, at one distance, over this share of the rows.
+const ENLARGED_ROWS: usize = 3;
+const ENLARGED_SHARE: f64 = 0.5;
 /// Most windows that are found again. Where there are more, the frame has too little noise to tell.
 const MOST_FOUND: usize = 1 << 18;
 
@@ -43,6 +44,7 @@ impl Copies {
     pub fn find(&mut self, taken: &Taken, rows: &Range<usize>) -> Option<Part> {
         let Taken { pixels, width, height, period } = *taken;
         let rows = rows.start..rows.end.min(height);
+        let count = rows.len();
         let per_row = width.saturating_sub(FIRST) / WINDOW_PX;
         let size = (2 * rows.len() * per_row).next_power_of_two().clamp(1 << 10, 1 << 20);
         self.table.clear();
@@ -65,18 +67,18 @@ impl Copies {
             let place = self.table[hash(here) & (size - 1)] as usize;
             if place > 0 && place != at + 1 && window(pixels, place - 1) == here {
                 if self.found.len() == MOST_FOUND {
-                    break;
+                    return None;
                 }
                 self.found.push((at as i64 - (place as i64 - 1), place as u32 - 1));
             }
         }
         self.found.sort_unstable();
-        self.found.chunk_by(|a, b| a.0 == b.0).filter(|same| same.len() >= LEAST_FOUND).find_map(|same| copy(taken, same))
+        self.found.chunk_by(|a, b| a.0 == b.0).filter(|same| same.len() >= LEAST_FOUND).find_map(|same| copy(taken, same, count))
     }
 }
 
 /// The first rows of pixels, one below the other, that are equal at the distance of these windows.
-fn copy(taken: &Taken, found: &[Found]) -> Option<Part> {
+fn copy(taken: &Taken, found: &[Found], rows_looked_at: usize) -> Option<Part> {
     let Taken { pixels, width, period, .. } = *taken;
     let distance = found.first()?.0;
     let other = |i: usize| usize::try_from(i as i64 + distance).ok().and_then(|k| pixels.get(k));
@@ -112,7 +114,7 @@ fn copy(taken: &Taken, found: &[Found]) -> Option<Part> {
             first = Some((rows.clone(), columns.clone()));
         }
     }
-    let is_enlarged = repeats >= ENLARGED && repeated.len() <= ENLARGED * repeats;
+    let is_enlarged = repeated.len() <= ENLARGED_ROWS * repeats && repeated.len() as f64 >= ENLARGED_SHARE * rows_looked_at as f64;
     let (rows, columns) = first.filter(|_| !is_enlarged)?;
     let from = usize::try_from((rows.start * width + columns.start) as i64 + distance).unwrap_or(0);
     Some(Part { rows, columns, damage: Damage::Copied { row: from / width, column: from % width } })

@@ -196,6 +196,13 @@ mod tests {
         assert_eq!(copied(60..76, 272..288, 48), Some(true));
         assert_eq!(copied(20..24, 0..WIDTH, 4 * WIDTH + 36), Some(true));
         assert_eq!(copied(40..44, 112..120, 4 * WIDTH), None, "too small");
+        for apart in [2, 3, 8] {
+            let (sound, mut pixels) = (pixels(), pixels());
+            for v in (20..20 + 12 * apart).step_by(apart).filter(|&v| apart == 8 || v < 50) {
+                pixels[v * WIDTH..][..WIDTH].copy_from_slice(&sound[(v - 1) * WIDTH..v * WIDTH]);
+            }
+            assert!(matches!(found(&pixels), Some(Part { damage: Copied { .. }, .. })), "rows that are {apart} apart");
+        }
         let enlarged = (0..WIDTH * HEIGHT).map(|i| 180 + noise(i / WIDTH * 2 / 3 * WIDTH + i % WIDTH * 2 / 3) as u8).collect();
         let frame = RawFrame::new(WIDTH as u32, HEIGHT as u32, PixelFormat::Mono8, enlarged).unwrap();
         assert_eq!(Inspector::default().find(&Picture::from_frame(&frame), &WALLS), None);
