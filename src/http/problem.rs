@@ -166,7 +166,7 @@ impl Problem {
             }
             Refusal::Queued { .. } => conflict("queued"),
             Refusal::Queue { kind: QueueRefusal::Unknown, .. } => Self::new(StatusCode::NOT_FOUND, "not_queued", detail),
-            Refusal::Queue { kind: QueueRefusal::OtherPlate, .. } => conflict("other_plate_next").action(SchedulerAction::RejectPlate),
+            Refusal::Queue { kind: QueueRefusal::OtherPlate, .. } => conflict("other_plate_next").action(SchedulerAction::PauseInstrument),
             Refusal::Queue { kind: QueueRefusal::Empty, .. } => conflict("queue_empty").action(SchedulerAction::PauseInstrument),
             Refusal::Queue { kind: QueueRefusal::Conflict, .. } => conflict("queue_conflict"),
             Refusal::Busy => conflict("busy").action(SchedulerAction::Retry),

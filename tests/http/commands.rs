@@ -168,7 +168,7 @@ fn plates_are_queued_ordered_removed_and_begun() {
         assert_eq!(rig.put(path, body).status, 422, "{path} {body}");
     }
     for (kind, code, action) in [
-        (QueueRefusal::OtherPlate, "other_plate_next", "reject_plate"),
+        (QueueRefusal::OtherPlate, "other_plate_next", "pause_instrument"),
         (QueueRefusal::Empty, "queue_empty", "pause_instrument"),
         (QueueRefusal::Conflict, "queue_conflict", "escalate_operator"),
     ] {

@@ -684,7 +684,7 @@ export interface StoredBending {
   total_deg: number;
 }
 
-export type StoredBladderMissing = "few_views" | "no_head" | "no_gas" | "unclear";
+export type StoredBladderMissing = "few_views" | "no_head" | "opaque" | "no_gas" | "unclear";
 
 export type StoredBladderState = "inflated" | "not_inflated" | "undecided";
 

@@ -54,6 +54,8 @@ export class NewRun {
   #startable = false;
   /** Whether the form was opened for a queued plate: it is then shown during a run too. */
   #isForQueue = false;
+  /** The plan of the queued plate that is changed: what the form does not show stays as it is. */
+  #changed: RunPlan | null = null;
   /** The run of the queued plate that is changed. */
   #changes: string | null = null;
   /** Why the instrument would not accept a run now. */
@@ -136,8 +138,8 @@ export class NewRun {
     });
     this.#form.addEventListener("submit", (event) => {
       event.preventDefault();
-      // The key Enter in a field means the button that is shown.
-      void (this.#canBegin() ? this.#begin() : this.#enqueue());
+      // The key Enter in a form that was opened for the queue does not begin a run.
+      void (this.#canBegin() && !this.#isForQueue ? this.#begin() : this.#enqueue());
     });
   }
 
@@ -151,6 +153,7 @@ export class NewRun {
   change(run: string, plan: RunPlan): void {
     this.#isForQueue = true;
     this.#changes = run;
+    this.#changed = plan;
     this.#fill(plan, `Queued for run ${run}`);
     this.#operator.value = plan.operator;
     this.#id.value = run;
@@ -187,7 +190,8 @@ export class NewRun {
     this.#operator.value = person() || plan.operator;
     this.#id.value = "";
     this.#wanted = plan.method;
-    if (this.#methods.some((m) => m.name === plan.method)) this.#method.value = plan.method;
+    // Without an option of this name none is chosen, and the form asks for a method.
+    this.#method.value = plan.method;
     this.#explain();
     setText(this.#holds, `${whose}: ${contents(plate_map)}`);
     show(this.#holds, true);
@@ -234,6 +238,7 @@ export class NewRun {
         return option;
       }),
     );
+    if (this.#wanted !== null) this.#method.value = chosen;
     this.#explain();
     this.#enable();
   }
@@ -388,7 +393,13 @@ export class NewRun {
 
   #plan(): RunPlan | null {
     if (this.#map === null || !this.#form.reportValidity()) return null;
+    const kept = this.#changes === null ? null : this.#changed;
+    // A version belongs to its method.
+    const { method_version: version = null, ...others } = kept ?? {};
+    const pinned = kept?.method === this.#method.value && version !== null ? { method_version: version } : {};
     return {
+      ...others,
+      ...pinned,
       plate_barcode: this.#barcode.value.trim(),
       method: this.#method.value,
       operator: this.#operator.value.trim(),

@@ -111,7 +111,7 @@ function trouble(words: string): Entry {
 /** Who asked for something. Without a name: what is known of the client. */
 function asked(data: Data, field: "by" | "name" = "by"): string {
   const from = text(data["from"]);
-  return text(data[field]) || (from ? `A client at ${from} (no name given)` : "A client without a name");
+  return text(data[field]) || (from ? `A client at ${from} (no name given)` : "A command without a known source");
 }
 
 function heldBy(data: Data): string {

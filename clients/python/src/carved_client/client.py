@@ -1,7 +1,8 @@
 """The instrument's commands and queries, as Python calls.
 
 Every command leads towards a state and may be repeated: a repeat gets the same answer as the first. All commands are
-therefore retried, also the POSTs. `docs/loader.md` describes the contract.
+therefore retried, also the POSTs. A plate of the queue is an exception: once it is removed or has begun, a repeat
+finds nothing to remove (404). `docs/loader.md` describes the contract.
 """
 
 from __future__ import annotations

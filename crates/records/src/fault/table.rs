@@ -183,7 +183,7 @@ codes! {
         "A line of the journal could not be read and was left out. What it said of the plate, the capillary or a run is not known.",
         "Look which plate is inside and whether a specimen is in the capillary, and correct what the instrument says of them.";
     QUEUE_UNREADABLE = "queue_unreadable", Software, EscalateOperator, operator: true, recoverable: false,
-        "The file of the queue of plates cannot be read. It is left as it is. The queue is empty, and takes no plate.",
+        "The file of the queue of plates cannot be read. It is left as it is. The queue is empty and takes no plate, and no run starts.",
         "Restore queue.json in the data folder from a copy, or move it away, and start the daemon again.";
     INTERNAL_ERROR = "internal_error", Software, PauseInstrument, operator: true, recoverable: true,
         "A part of the program ended that should not have.",

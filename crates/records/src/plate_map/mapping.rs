@@ -53,6 +53,8 @@ pub struct ProposedColumn {
 
 /// Number of cells that are shown of a column.
 const EXAMPLES: usize = 3;
+/// Most columns of a table whose columns are proposed.
+const MOST_COLUMNS: usize = 500;
 
 /// What the columns of a CSV seem to be. No column is proposed twice, and none whose cells it could not read.
 ///
@@ -61,6 +63,10 @@ const EXAMPLES: usize = 3;
 pub fn propose(bytes: &[u8]) -> Result<ColumnProposal, Vec<Mistake>> {
     let mut reading = Reading::default();
     let table = table::headed(bytes, &mut reading).ok_or_else(|| std::mem::take(&mut reading.mistakes))?;
+    if table.headings.len() > MOST_COLUMNS {
+        let detail = format!("{} columns; at most {MOST_COLUMNS} can be named", table.headings.len());
+        return Err(vec![Mistake::in_line(table.line, "", detail)]);
+    }
     let cells = |at: usize| table.rows.iter().filter_map(move |row| row.get(at)).filter(|cell| !cell.is_empty());
     let mut columns: Vec<ProposedColumn> = Vec::new();
     for (at, heading) in table.headings.iter().enumerate() {
@@ -248,5 +254,28 @@ mod tests {
         for no_table in [&b""[..], b"compound,1,2,3\nA,x,y,z\n", b"\"", b"\xff\xfe\x00"] {
             assert!(propose(no_table).is_err(), "{no_table:?}");
         }
+    }
+
+    /// A unit is that of the concentration alone: of two that are named, the other one would be taken for it.
+    #[test]
+    fn the_unit_of_another_column_is_not_taken_for_that_of_the_concentration() {
+        const TWO: &str = "Well,Stock conc (mM),Dose (nM)\nA01,10,3\n";
+        let of = |heading: &str, column, unit| MappedColumn { heading: heading.to_owned(), column, unit };
+        let columns = |stock_unit, dose_unit| {
+            [
+                of("Well", Some(Column::Well), None),
+                of("Stock conc (mM)", None, stock_unit),
+                of("Dose (nM)", Some(Column::Concentration), dose_unit),
+            ]
+        };
+        let [milli, nano] = ["mM", "nM"].map(unit_of_symbol);
+        assert!(read_mapped(TWO.as_bytes(), None, &columns(milli, nano)).is_err(), "a unit of a column that is kept as it is");
+        assert!(read_mapped(TWO.as_bytes(), None, &columns(milli, None)).is_err());
+        let read = read_mapped(TWO.as_bytes(), None, &columns(None, nano)).unwrap();
+        assert_eq!(read.plate_map[0].concentration_unit, nano);
+    }
+
+    fn unit_of_symbol(symbol: &str) -> Option<ConcentrationUnit> {
+        unit_of(&format!("Dose ({symbol})"))
     }
 }

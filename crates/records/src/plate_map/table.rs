@@ -96,7 +96,7 @@ pub fn read(bytes: &[u8], mapping: Option<&[MappedColumn]>, reading: &mut Readin
         None => columns(line, &headings, reading),
         Some(mapping) => mapped_columns(line, &headings, mapping, reading),
     };
-    let unit = mapping.and_then(|mapping| mapping.iter().find_map(|mapped| Some((mapped.heading.as_str(), mapped.unit?.symbol()))));
+    let unit = mapping.and_then(|mapping| unit_of(mapping, reading));
     let rows: Vec<_> = rows.collect();
     one_plate(&rows, line, &columns, reading);
     let rows = transfers(rows, &columns, reading);
@@ -239,6 +239,22 @@ fn columns(line: u64, headings: &StringRecord, reading: &mut Reading) -> Vec<Hea
 }
 
 /// The columns as a person says. What the mapping does not name is kept as it is.
+/// The heading and the unit of the concentration. A unit anywhere else, or beside a column of units, is a mistake.
+fn unit_of<'m>(mapping: &'m [MappedColumn], reading: &mut Reading) -> Option<(&'m str, &'static str)> {
+    let has_units = mapping.iter().any(|mapped| mapped.column == Some(Column::ConcentrationUnit));
+    let mut unit = None;
+    for (mapped, named) in mapping.iter().filter_map(|mapped| Some((mapped, mapped.unit?))) {
+        if mapped.column != Some(Column::Concentration) {
+            reading.wrong(Mistake::in_line(1, &mapped.heading, "a unit belongs to the column of the concentration, and to no other"));
+        } else if has_units {
+            reading.wrong(Mistake::in_line(1, &mapped.heading, "the unit of the concentration is named twice: here and by a column"));
+        } else {
+            unit = Some((mapped.heading.as_str(), named.symbol()));
+        }
+    }
+    unit
+}
+
 fn mapped_columns(line: u64, headings: &StringRecord, mapping: &[MappedColumn], reading: &mut Reading) -> Vec<Heading> {
     let mut found: Vec<Heading> = Vec::new();
     for heading in headings {
