@@ -36,6 +36,8 @@ pub struct Profile {
 
 /// Frames smaller than this in either direction cannot hold a capillary and its surroundings.
 const LEAST_PX: usize = 48;
+/// Largest share of the rows, above or below, that a program fills. Where more is filled, this is why no walls are found.
+const MOST_FILLED_SHARE: f64 = 0.4;
 /// Pieces with a shorter outline are left out.
 const LEAST_CRACKS: usize = 12;
 /// Grey value from which on a pixel counts as saturated.
@@ -92,15 +94,12 @@ impl Segmenter {
         }
         check_exposure(picture, settings)?;
         let found = self.walls.find(picture, &settings.walls);
-        let rows = match &found {
-            Ok(walls) => Some(walls.rows(width, height)),
-            // What is damaged may be why no walls are found.
-            Err(ProfileError::NoWalls { .. }) => Some(0..height),
-            Err(_) => None,
-        };
-        if let Some(part) = rows.and_then(|rows| self.inspector.find(picture, &rows)) {
+        // What is damaged may be why no walls are found.
+        let rows = found.as_ref().map_or(0..height, |walls| walls.rows(width, height));
+        if let Some(part) = self.inspector.find(picture, &rows) {
             // A program may fill the rows above and below what it has stored.
-            if found.is_ok() || part.rows.start > 0 && part.rows.end < height {
+            let is_at_end = part.rows.start == 0 || part.rows.end == height;
+            if found.is_ok() || !is_at_end || part.rows.len() as f64 > MOST_FILLED_SHARE * height as f64 {
                 return Err(part.error());
             }
         }

@@ -121,7 +121,7 @@ codes! {
         "Look at the lamp, at what stands in its light, and at the exposure.";
     CAPILLARY_NOT_SEEN = "capillary_not_seen", Optics, EscalateOperator, operator: true, recoverable: true,
         "The picture does not show the capillary's walls, or a part of it is damaged. The run is held, and the specimen stays in the capillary.",
-        "Look whether the capillary is in place, clean and in focus, and whether the camera has been moved. If the message says that the picture is damaged, look at the camera, its cable and the network.";
+        "Look whether the capillary is in place, clean and in focus, and whether the camera has been moved; for a damaged picture look at the camera, its cable and the network.";
     SCALE_OFF = "scale_off", Optics, EscalateOperator, operator: true, recoverable: true,
         "The capillary in the picture is not as wide as the configuration says. The run is held, and the specimen stays in the capillary.",
         "Look whether the lens or the capillary was changed. If the scale, bore_um, box_um or the picture of the empty capillary is wrong, correct it and start the daemon again.";
