@@ -94,9 +94,12 @@ pub fn read(bytes: &[u8], mapping: Option<&[MappedColumn]>, reading: &mut Readin
     };
     let columns = match mapping {
         None => columns(line, &headings, reading),
-        Some(mapping) => mapped_columns(line, &headings, mapping, reading),
+        Some(mapping) => {
+            let column_of = |heading: &str| mapping.iter().find(|mapped| mapped.heading == heading).and_then(|mapped| mapped.column);
+            named(line, &headings, column_of, reading)
+        }
     };
-    let unit = mapping.and_then(|mapping| unit_of(mapping, reading));
+    let unit = mapping.and_then(|mapping| unit_of_concentration(mapping, reading));
     let rows: Vec<_> = rows.collect();
     one_plate(&rows, line, &columns, reading);
     let rows = transfers(rows, &columns, reading);
@@ -209,38 +212,23 @@ fn columns(line: u64, headings: &StringRecord, reading: &mut Reading) -> Vec<Hea
         reading.wrong(Mistake::in_line(line, "", detail));
         return Vec::new();
     }
-    let mut found: Vec<Heading> = Vec::new();
     for heading in headings {
-        let column = column_of(heading);
-        if let Some(column) = column.filter(|_| Column::of_heading(heading).is_none()) {
-            reading.note(format!("line {line}, {heading}: is read as {}", column.name()));
-        }
-        let is_same = |seen: &Heading| match (seen, column) {
-            (Heading::Known(seen, _), Some(column)) => *seen == column,
-            (Heading::Unknown(seen), None) => seen == heading,
-            _ => false,
-        };
-        if found.iter().any(is_same) {
-            let name = column.map_or_else(|| heading.to_owned(), |column| column.name().to_owned());
-            reading.wrong(Mistake::in_line(line, heading, format!("the column {name} is there twice")));
-        }
-        found.push(match column {
-            Some(column) => Heading::Known(column, heading.to_owned()),
-            None if heading.is_empty() => Heading::Empty,
-            None => {
+        match column_of(heading) {
+            Some(column) if Column::of_heading(heading).is_none() => {
+                reading.note(format!("line {line}, {heading}: is read as {}", column.name()));
+            }
+            None if !heading.is_empty() => {
                 let known = Column::known();
                 reading.note(format!("line {line}, {heading}: carved does not read this column and keeps it as it is; it reads {known}"));
-                Heading::Unknown(heading.to_owned())
             }
-        });
+            _ => {}
+        }
     }
-    missing_well(line, &found, reading);
-    found
+    named(line, headings, column_of, reading)
 }
 
-/// The columns as a person says. What the mapping does not name is kept as it is.
 /// The heading and the unit of the concentration. A unit anywhere else, or beside a column of units, is a mistake.
-fn unit_of<'m>(mapping: &'m [MappedColumn], reading: &mut Reading) -> Option<(&'m str, &'static str)> {
+fn unit_of_concentration<'m>(mapping: &'m [MappedColumn], reading: &mut Reading) -> Option<(&'m str, &'static str)> {
     let has_units = mapping.iter().any(|mapped| mapped.column == Some(Column::ConcentrationUnit));
     let mut unit = None;
     for (mapped, named) in mapping.iter().filter_map(|mapped| Some((mapped, mapped.unit?))) {
@@ -255,10 +243,11 @@ fn unit_of<'m>(mapping: &'m [MappedColumn], reading: &mut Reading) -> Option<(&'
     unit
 }
 
-fn mapped_columns(line: u64, headings: &StringRecord, mapping: &[MappedColumn], reading: &mut Reading) -> Vec<Heading> {
+/// The columns of these headings. One that `column_of` does not know is kept as it is.
+fn named(line: u64, headings: &StringRecord, column_of: impl Fn(&str) -> Option<Column>, reading: &mut Reading) -> Vec<Heading> {
     let mut found: Vec<Heading> = Vec::new();
     for heading in headings {
-        let column = mapping.iter().find(|mapped| mapped.heading == heading).and_then(|mapped| mapped.column);
+        let column = column_of(heading);
         let is_same = |seen: &Heading| match (seen, column) {
             (Heading::Known(seen, _), Some(column)) => *seen == column,
             (Heading::Unknown(seen), None) => seen == heading,
@@ -274,14 +263,10 @@ fn mapped_columns(line: u64, headings: &StringRecord, mapping: &[MappedColumn], 
             None => Heading::Unknown(heading.to_owned()),
         });
     }
-    missing_well(line, &found, reading);
-    found
-}
-
-fn missing_well(line: u64, columns: &[Heading], reading: &mut Reading) {
-    if !columns.iter().any(|heading| matches!(heading, Heading::Known(Column::Well, _))) {
+    if !found.iter().any(|heading| matches!(heading, Heading::Known(Column::Well, _))) {
         reading.wrong(Mistake::in_line(line, "well", format!("the column well is missing; the known columns are {}", Column::known())));
     }
+    found
 }
 
 /// Whether a record begins a block in the layout of the plate: a name, and the numbers of the plate's columns.
