@@ -41,7 +41,7 @@ pub(super) struct NextPlate {
     responses(
         (status = 201, description = "The plate is queued", body = Acknowledged, headers(("Location" = String))),
         (status = 200, description = "The plan of the queued plate is this one now", body = Acknowledged),
-        (status = 409, description = "The run exists already, its barcode is queued for another run, or the queue is full", body = Problem, content_type = "application/problem+json"),
+        (status = 409, description = "The run is on disk already, its barcode is queued for another run, or the queue is full", body = Problem, content_type = "application/problem+json"),
     )
 )]
 pub(super) async fn put(

@@ -4,10 +4,13 @@ use super::pictures::{self, Pictures};
 use super::plots::WellNumber;
 use crate::tables::statistics::WellCondition;
 use carved_core::flag::StoredFlag;
+use carved_core::inside::EyesMissing;
 use carved_core::quality::Quality;
 use carved_records::{PlannedWell, SpecimenKind, SpecimenOutcome};
 use carved_store::{StoreError, StoredRun, place_among_references};
 use rayon::prelude::*;
+use serde::Deserialize;
+use serde_json::Value;
 
 /// Unit of volumes and areas in the report: 10^6 um^3 and 10^6 um^2.
 pub(super) const MILLION: f64 = 1e6;
@@ -36,7 +39,7 @@ pub struct Specimen {
     pub bladder_volume_um3: [Option<f64>; 2],
     /// Whether it has gas.
     pub bladder_state: Option<String>,
-    /// Why fewer than two eyes were found.
+    /// Why fewer than two eyes were found, in words.
     pub eyes_reason: Option<String>,
     pub diameter_um: Option<f64>,
     /// When the recording began, RFC 3339.
@@ -82,7 +85,7 @@ impl Specimen {
                 eye_distance_um: [number("/eyes/distance_um"), number("/eyes/distance_sd_um")],
                 bladder_volume_um3: [number("/bladder/volume_um3"), number("/bladder/volume_sd_um3")],
                 bladder_state: well.measurement.as_ref().and_then(|m| m.pointer("/bladder/state")?.as_str().map(str::to_owned)),
-                eyes_reason: well.measurement.as_ref().and_then(|m| m.pointer("/eyes/reason")?.as_str().map(|why| why.replace('_', " "))),
+                eyes_reason: well.measurement.as_ref().and_then(|m| words_of(m.pointer("/eyes/reason")?)),
                 diameter_um: number("/measurement/diameter_um"),
                 started: well.recording.as_ref().and_then(|r| r["started"].as_str().map(str::to_owned)),
                 sphere_rms_um: number("/measurement/sphere_rms_um"),
@@ -100,4 +103,9 @@ impl Specimen {
     pub fn on_plate(&self) -> WellNumber {
         WellNumber { value: self.volume_um3.map(|v| v / MILLION), flagged: !self.flags.is_empty() }
     }
+}
+
+/// The sentence for a reason. A later version's reason stays as it is written.
+fn words_of(reason: &Value) -> Option<String> {
+    EyesMissing::deserialize(reason).map_or_else(|_| reason.as_str().map(str::to_owned), |known| Some(known.to_string()))
 }

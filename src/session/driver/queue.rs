@@ -1,7 +1,7 @@
 //! The queue of plates: what clients change, and what a start finds. The rules are those of `PlateQueue`; here its plans are checked, and it
 //! is shown.
 
-use super::super::handle::{Accepted, QueueChange, Refusal};
+use super::super::handle::{Accepted, QueueChange, QueueRefusal, Refusal};
 use super::commands;
 use super::driver_state::DriverState;
 use super::faults;
@@ -19,7 +19,8 @@ pub(super) fn change(d: &mut DriverState, change: QueueChange) -> Result<Accepte
             commands::check_run_name(&run)?;
             plan.check(&d.config.methods).map_err(Refusal::InvalidPlan)?;
             if d.outbox.store().run(&run).map_err(Refusal::from)?.is_some() {
-                return Err(Refusal::OtherPlan { id: run });
+                let why = format!("run {run} is on disk already, so its plate is not queued again. Give the new run another name");
+                return Err(Refusal::Queue { why, kind: QueueRefusal::Conflict });
             }
             if d.outbox.store().reader().was_accepted(&run).unwrap_or(false) {
                 return Err(Refusal::Pruned { id: run });

@@ -98,8 +98,8 @@ pub(super) fn solve(linear: &[Linear], edges: &[Edge], from: Ellipsoid, without:
         return None;
     }
     let residuals = |x: &Unknowns| -> Vec<f64> {
-        let eye = ellipsoid(x);
-        let seen: Vec<Ellipse> = linear.iter().map(|linear| eye.seen(linear)).collect();
+        let body = ellipsoid(x);
+        let seen: Vec<Ellipse> = linear.iter().map(|linear| body.seen(linear)).collect();
         edges.iter().map(|edge| seen[edge.view].beyond(edge.at)).collect()
     };
     let mut x = unknowns(&from)?;
@@ -119,6 +119,6 @@ pub(super) fn solve(linear: &[Linear], edges: &[Edge], from: Ellipsoid, without:
         }
         x -= normal.cholesky()?.solve(&right);
     }
-    let eye = ellipsoid(&x);
-    (eye.volume_um3().is_finite() && eye.volume_um3() > 0.0).then_some((eye, rms))
+    let body = ellipsoid(&x);
+    (body.volume_um3().is_finite() && body.volume_um3() > 0.0).then_some((body, rms))
 }

@@ -98,7 +98,10 @@ fn a_queued_run_begins_in_its_turn_only_and_a_known_run_is_not_queued() {
         let by_name = b.ask(|answer| Command::PutRun { id: "n-2".into(), plan: of("P-2"), answer });
         assert_eq!(by_name, Err(Refusal::Queued { id: "n-2".into() }));
         b.next("P-1").unwrap();
-        assert!(matches!(b.queue("n-1", "P-9"), Err(Refusal::OtherPlan { .. })));
+        // With its own plan or with another one.
+        for barcode in ["P-1", "P-9"] {
+            assert!(is_of(&b.queue("n-1", barcode).unwrap_err(), QueueRefusal::Conflict));
+        }
         assert!(matches!(b.queue("n/1", "P-9"), Err(Refusal::InvalidPlan(_))));
         let method = RunPlan { method: "fast".into(), ..of("P-9") };
         assert!(matches!(b.change(QueueChange::Put { run: "n-9".into(), plan: method }), Err(Refusal::InvalidPlan(_))));

@@ -15,8 +15,8 @@ pub(in crate::profile) const SAME_BLUR: f64 = 0.04;
 /// blur: of beads of known blur (0.7 to 1.6 px through a colour mosaic) it is 0.5 %, of larvae with pigment 3 %.
 const READ_HIGH: f64 = 1.02;
 /// The fit underestimates the blur of rounded edges by this factor: a root that begins further outside looks like less blur. An edge moves
-/// inwards by 0.04 px per per cent of it. With this factor the edges of larvae have no bias in path-traced frames, with and without a clear
-/// skin, nor would they in emulated ones if all their edges were taken as rounded.
+/// inwards by 0.04 px per per cent of it. With this factor larvae without fins are 0.2 % too large in path-traced frames, and 0.1 % in emulated
+/// ones if all their edges are taken as rounded.
 const READ_LOW: f64 = 0.96;
 
 /// Strides of the descent to the kind of edges, and of the one to their blur, in steps. The residual rises faster towards sharper
@@ -27,7 +27,7 @@ const NARROW: [i32; 4] = [4, -4, 2, -2];
 /// The blur, px, near an expected one, and the kind of edges, with the smallest residual, which is in units of the noise, one of them
 /// added. Rounded edges are accepted where they explain `rounded_better` times more than sharp ones, or all but the noise.
 pub(in crate::profile) fn estimated(near_px: f64, rounded_better: f64, mut residual: impl FnMut(f64, Kind) -> f64) -> (f64, Kind) {
-    /// The residual of edges that are explained but for the noise. Frames of the second renderer, which blurs by a disc, have 8 or more.
+    /// Largest residual of edges that are explained but for the noise. Those of the second renderer, which blurs by a disc, have a median of 8 or more.
     const NOISE_ALONE: f64 = 2.5;
     /// What leaves so much less than the other kind, and the noise alone, is the truth.
     const NOISE_ALONE_BETTER: f64 = 1.5;

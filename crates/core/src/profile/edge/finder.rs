@@ -327,8 +327,8 @@ impl EdgeFinder {
 /// Edges that determine the blur: so high that noise adds nothing. Where a frame has too few, fainter ones are used. Rounded
 /// courses explain a sharp edge a little better too, since they have more freedom, and roundness looks like blur. So they are
 /// believed only where they explain this many times more. Of high edges, those of a clear skin over a darker body have 3.2 to
-/// 10, and sharp ones out of focus up to 3.1. Taken as sharp, a clear skin's edge is found 0.2 to 0.3 px inside, and a third of
-/// its fins is missed.
+/// 11, and sharp ones of larvae out of focus up to 3.1. Taken as sharp, a clear skin's edge is found 0.2 to 0.3 px inside, and
+/// more of its fins is missed.
 const BLUR_CONTRASTS: [(f32, f64); 2] = [(25.0, 3.2), (8.0, 2.0)];
 /// Fewer clear places than this do not determine a frame's blur. More than twice as many only cost time.
 const BLUR_PLACES: usize = 60;
