@@ -36,6 +36,8 @@ fn stream(camera: &Camera, buffers: usize) -> Stream {
     gv.set_socket_buffer_size(4 << 20);
     // On a busy machine a resend request may take longer than the default of 0.2 s.
     gv.set_frame_retention(5_000_000);
+    // A resend that takes longer than the packet timeout is requested again, and a frame is given up after requests for a quarter of it.
+    gv.set_packet_request_ratio(2.0);
     for _ in 0..buffers {
         stream.push_buffer(Buffer::new_allocate(camera.payload().unwrap() as usize));
     }
