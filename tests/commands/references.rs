@@ -2,10 +2,12 @@
 
 use carved::config::{Config, references};
 use carved_core::carver::Leaves;
+use carved_core::flag::Flag;
 use carved_core::geometry::{BoxUm, VoxelGrid};
 use carved_core::measure::references::{MissingReason, Quantity, References};
 use carved_core::pipeline::SpecimenRecord;
 use carved_core::profile::Mask;
+use carved_core::quality::UsualOpacity;
 use carved_core::reconstruction::{HullModel, ReconstructionSettings};
 use carved_records::{Mode, PlannedWell, SpecimenKind};
 use carved_store::{MEASUREMENT, MeasurementFile, Recording, RecordingReader, RecordingWriter, RigRecord};
@@ -204,6 +206,38 @@ fn only_a_larva_of_known_age_has_a_place() {
         assert!(!std::fs::read_to_string(folder.join(MEASUREMENT)).unwrap().contains("\"reference\""));
         assert_eq!(RecordingReader::open(&folder).unwrap().references().unwrap(), []);
     }
+}
+
+/// A larva with this opacity in all views.
+fn of_opacity(opacity: f64) -> SpecimenRecord {
+    let likelihoods = serde_json::json!({"empty": 0.0, "larva": 1.0, "two": 0.0, "bubble": 0.0, "debris": 0.0, "bead": 0.0});
+    let detection = serde_json::json!({
+        "kind": "larva", "confidence": 1.0, "likelihoods": likelihoods, "clipped_left": 0.0, "clipped_right": 0.0,
+        "head": {"side": null, "confidence": 0.0}, "dead": if opacity > 0.45 { 0.9 } else { 0.1 }, "opacity": opacity
+    });
+    let view = |index: u32| serde_json::json!({"index": index, "omega": index, "used": true, "reason": null, "area_px": 100, "quality": null, "detection": detection});
+    let mut record = serde_json::to_value(ball(20.0)).unwrap();
+    record["views"] = (0..5).map(view).collect();
+    serde_json::from_value(record).unwrap()
+}
+
+#[test]
+fn a_larva_looks_dead_beside_those_that_the_rig_measured_before_it() {
+    let dir = tempfile::tempdir().unwrap();
+    recorded(&dir.path().join("A01"), larva("A01", None), &[], ball(20.0));
+    let recording = RecordingReader::open(&dir.path().join("A01")).unwrap().recording().clone();
+    let looks_dead = |opacity: f64, usual: Option<f64>| {
+        let usual_opacity = usual.map(|opacity| UsualOpacity { opacity, larvae: 4 });
+        let file = MeasurementFile::new(&Recording { usual_opacity, ..recording.clone() }, &[], of_opacity(opacity));
+        let again = MeasurementFile::new(&Recording { usual_opacity, ..recording.clone() }, &[], file.record.clone());
+        assert_eq!(again, file, "a flag is raised once");
+        file.record.flags.iter().any(|flag| *flag == Flag::DeadLooking)
+    };
+    assert!(looks_dead(0.6, Some(0.25)), "a dead larva of the emulated rig");
+    assert!(!looks_dead(0.72, Some(0.7)), "a living larva of a dark rig");
+    assert!(looks_dead(0.95, Some(0.7)), "a dead larva of a dark rig");
+    assert!(!looks_dead(0.4, Some(0.1)), "no view shows it opaque");
+    assert!(!looks_dead(0.95, None), "nothing is known of living larvae");
 }
 
 /// A run of larvae of one age and different sizes, and one bead.

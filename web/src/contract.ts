@@ -804,6 +804,7 @@ export interface StoredDetection {
   head: StoredHeadInPicture;
   kind: StoredKind;
   likelihoods: StoredLikelihoods;
+  opacity?: number | null;
 }
 
 export interface StoredDorsal {
@@ -1240,6 +1241,7 @@ export interface StoredRecording {
   specimen: StoredPlannedWell;
   started: string;
   truth?: unknown;
+  usual_opacity?: StoredUsualOpacity | null;
 }
 
 export type StoredResume = "automatic" | "operator";
@@ -1443,6 +1445,11 @@ export type StoredTurnFinding =
   | { best_px: number; finding: "elsewhere"; off_deg: number; others: number; own_px: number; view: number }
   | { finding: "foreign"; of: number; view: number; views: number }
   | { finding: "off_bore"; found_px: number; most_px: number };
+
+export interface StoredUsualOpacity {
+  larvae: number;
+  opacity: number;
+}
 
 export type StoredVersion = string | number;
 

@@ -461,7 +461,6 @@ impl Pipeline {
         let clipped = |side: fn(&Detection) -> bool| {
             self.views.iter().any(|v| self.carved.contains(&v.index) && v.detection.as_ref().is_some_and(side))
         };
-        let looks_dead: Vec<bool> = self.views.iter().filter(|v| v.used).filter_map(|v| Some(v.detection?.looks_dead())).collect();
         let facts = FlagFacts {
             has_bad_view: self.views.iter().any(|v| !v.used),
             is_clipped: [clipped(Detection::is_clipped_left), clipped(Detection::is_clipped_right)],
@@ -469,7 +468,6 @@ impl Pipeline {
             has_moved: calibration.is_some_and(|judged| judged.calibration.moved.is_some()),
             is_sphere: self.settings.sphere,
             has_closure,
-            looks_dead: &looks_dead,
             is_nonconvex: fallback.is_some_and(Fallback::is_nonconvex),
             misses_fins: model.measurement.misses_fins(),
             is_sense_wrong: calibration.is_some_and(|judged| judged.calibration.glass.is_some_and(|g| g.is_sense_right == Some(false))),

@@ -27,6 +27,7 @@ use carved_core::measure::fluorescence::{Fluorescence, SecondView};
 use carved_core::measure::references::{EyeNumbers, References, Specimen, Standing, estimates};
 use carved_core::pipeline::SpecimenRecord;
 use carved_core::profile::Mask;
+use carved_core::quality::UsualOpacity;
 use carved_core::surface::Mesh;
 use carved_core::units::{Sense, StepsPerRevolution};
 use carved_records::{InstrumentIdentity, Ledger, LedgerEntry, Method, Mode, PlannedWell, is_plain_name, is_well, sha256_hex};
@@ -84,6 +85,9 @@ impl MeasurementFile {
         if let Some(standing) = &reference {
             let trusted = record.measurement.estimator.name();
             record.compare_with_references(standing.z(trusted), recording.method.quality.reference_z);
+        }
+        if let Some(usual) = recording.usual_opacity {
+            record.compare_with_earlier(usual);
         }
         // A few frames of a sweep may be lost; an imported turn was complete once.
         if !recording.missing_views.is_empty() && recording.mode == Mode::Imported {
@@ -173,6 +177,10 @@ pub struct Recording {
     /// Numbers of the views without a picture: of an imported turn as the names of the pictures count, of a sweep around the turn.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub missing_views: Vec<u32>,
+    /// How opaque the larvae were that this rig measured before it. `None` where too few are known, for a bead, and in files of versions
+    /// that did not write it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub usual_opacity: Option<UsualOpacity>,
     /// The turn was accepted before the specimen was released. The numbers are computed from these frames only.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub accepted: bool,
@@ -197,6 +205,7 @@ impl Recording {
             references_sha256: None,
             ended_after_views: None,
             missing_views: Vec::new(),
+            usual_opacity: None,
             accepted: false,
             ledger: Ledger::default(),
         }

@@ -108,6 +108,7 @@ fn launch(d: &mut DriverState) {
         pause,
         progress,
         pictures: std::sync::Arc::default(),
+        opacities: d.opacities.clone(),
     });
     run.set_lacks_gate(lacks_gate);
     run.launch(work);

@@ -18,6 +18,7 @@ use super::{Departure, Driver, Life, faults};
 use crate::api::NoticesStatus;
 use crate::config::Config;
 use crate::notify::Notices;
+use carved_core::quality::RecentOpacities;
 use carved_devices::cancel::CancelToken;
 use carved_records::{
     Asked, CalibrationStatus, Device, Event, EventData, Fault, FaultsCleared, InstrumentIdentity, InstrumentState, Mode, PlannedWell,
@@ -25,7 +26,7 @@ use carved_records::{
 };
 use carved_store::{PlateQueue, RunRecord, StoreError};
 use std::collections::VecDeque;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 /// The parts of the driver.
 pub(super) struct DriverState {
@@ -44,6 +45,8 @@ pub(super) struct DriverState {
     pub(super) speed: DiskSpeed,
     pub(super) calibration: Option<CalibrationStatus>,
     pub(super) blurs: Blurs,
+    /// How opaque the newest larvae were. The worker adds them.
+    pub(super) opacities: Arc<Mutex<RecentOpacities>>,
     pub(super) run: Option<RunInProgress>,
     /// The newest run once it has ended, or is left to the next start.
     past_run: Option<RunRecord>,
@@ -76,6 +79,7 @@ impl DriverState {
             speed: DiskSpeed::of(heartbeat.disk().clone()),
             calibration: None,
             blurs: Blurs::default(),
+            opacities: Arc::default(),
             run: None,
             past_run: None,
             life: Life::Starting,

@@ -28,7 +28,7 @@ use crate::api::VolumeWait;
 use crate::config::Config;
 use carved_core::pipeline::{Pipeline, PipelineError};
 use carved_core::profile::{Detection, Profile};
-use carved_core::quality::TurnFinding;
+use carved_core::quality::{RecentOpacities, TurnFinding};
 use carved_devices::acquisition::{AcquisitionError, RevolutionPlan, SweepPlan};
 use carved_devices::cancel::CancelToken;
 use carved_devices::outputs;
@@ -170,6 +170,8 @@ pub struct RunContext {
     pub progress: Sender<Progress>,
     /// The pictures of the wells so far.
     pub pictures: Arc<Mutex<PicturesOfWells>>,
+    /// How opaque the larvae were that the daemon measured last, in this run and before it.
+    pub opacities: Arc<Mutex<RecentOpacities>>,
 }
 
 /// The rig thread.
@@ -430,7 +432,9 @@ impl RunContext {
                 .map(|(camera, configured)| SecondRecord { optics: configured.optics.clone(), identity: camera.identity().to_owned() }),
         };
         let recording = Recording::new(&self.run, planned.clone(), self.mode, rig, &self.method_name, self.method.clone());
-        Recording { instrument: Some(self.identity.clone()), ..recording }
+        let is_larva = planned.specimen != SpecimenKind::Bead;
+        let usual_opacity = is_larva.then(|| self.opacities.lock().unwrap_or_else(PoisonError::into_inner).usual()).flatten();
+        Recording { instrument: Some(self.identity.clone()), usual_opacity, ..recording }
     }
 
     /// How far to move the capillary along its axis to show more of the specimen, um. `None` if this is not possible or not necessary.

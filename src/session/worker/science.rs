@@ -201,6 +201,7 @@ mod tests {
             pause: CancelToken::new(),
             progress,
             pictures: Arc::default(),
+            opacities: Arc::default(),
         };
         let ((work, _handed), (_verdict, verdicts), (living, alive)) = (sync_channel(1), channel(), channel());
         let (hang, hung) = channel::<()>();

@@ -9,7 +9,7 @@ use crate::measure::Measurement;
 use crate::measure::facing::Facing;
 use crate::measure::shape::Shape;
 use crate::profile::{Detection, ProfileQuality, Walls};
-use crate::quality::{ClosureOff, ClosureSd, Quality, TurnFinding, ViewStrip, add_raised};
+use crate::quality::{ClosureOff, ClosureSd, Quality, TurnFinding, UsualOpacity, ViewStrip, add_raised};
 use crate::reconstruction::CalibrationRecord;
 use crate::statistics::{median, upper_median};
 use serde::{Deserialize, Serialize};
@@ -189,6 +189,21 @@ impl SpecimenRecord {
     pub fn blur_px(&self) -> Option<f64> {
         let blurs: Vec<f64> = self.views.iter().filter_map(|view| view.quality?.blur_px).collect();
         (!blurs.is_empty()).then(|| upper_median(blurs))
+    }
+
+    /// Median opacity of the larva over the views that count, 0 (clear) to 1 (black). `None` where no view shows it.
+    pub fn opacity(&self) -> Option<f64> {
+        median(self.views.iter().filter(|view| view.used).filter_map(|view| view.detection?.opacity).collect())
+    }
+
+    /// Compares the larva with those that the rig measured before it: it looks dead if most views show it opaque and it is so beside them.
+    pub fn compare_with_earlier(&mut self, usual: UsualOpacity) {
+        let seen: Vec<bool> = self.views.iter().filter(|view| view.used).filter_map(|view| Some(view.detection?.looks_dead())).collect();
+        let is_opaque = 2 * seen.iter().filter(|yes| **yes).count() > seen.len();
+        self.flags.retain(|flag| *flag != Flag::DeadLooking);
+        if is_opaque && self.opacity().is_some_and(|opacity| usual.is_exceeded_by(opacity)) {
+            self.flags.push(Flag::DeadLooking.into());
+        }
     }
 
     /// Adds the comparison with reference larvae of the same age: volume and area in standard deviations from their mean, and

@@ -12,7 +12,7 @@ use crate::flag::{Flag, StoredFlag};
 /// What the flags rest on beside the checks.
 #[derive(Debug, Clone, PartialEq)]
 #[allow(clippy::struct_excessive_bools, reason = "facts that do not exclude one another")]
-pub(crate) struct FlagFacts<'a> {
+pub(crate) struct FlagFacts {
     /// Whether a view was left out.
     pub has_bad_view: bool,
     /// Whether the specimen extends beyond the image on the left and on the right, in a view that carved.
@@ -25,8 +25,6 @@ pub(crate) struct FlagFacts<'a> {
     pub is_sphere: bool,
     /// Whether the view at 360 deg and the view at 0 deg both have a profile.
     pub has_closure: bool,
-    /// For each view that counts and has a detection: whether the larva looks dead in it.
-    pub looks_dead: &'a [bool],
     /// Whether the voxels' numbers are given because slices are not convex.
     pub is_nonconvex: bool,
     /// Whether the specimen may have fins, and the fins that the views show are shorter than half of it.
@@ -54,7 +52,6 @@ pub(crate) fn flags(facts: &FlagFacts, quality: &Quality) -> Vec<StoredFlag> {
     raise(moved, Flag::Moved);
     raise(quality.is_undecided() && !moved && !facts.is_sphere, Flag::ClosureUndecided);
     raise(!facts.has_closure, Flag::NoClosure);
-    raise(most(facts.looks_dead) && !facts.is_sphere, Flag::DeadLooking);
     raise(facts.is_nonconvex, Flag::Nonconvex);
     raise(facts.misses_fins, Flag::FinsUnseen);
     raise(facts.vrv.is_none(), Flag::Uncalibrated);
@@ -80,10 +77,6 @@ pub(crate) fn views_needed(planned: u32) -> usize {
     (planned as usize).div_ceil(2).max(3)
 }
 
-fn most(answers: &[bool]) -> bool {
-    2 * answers.iter().filter(|yes| **yes).count() > answers.len()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -96,7 +89,6 @@ mod tests {
         has_moved: false,
         is_sphere: false,
         has_closure: true,
-        looks_dead: &[false, true, false],
         is_nonconvex: false,
         misses_fins: false,
         is_sense_wrong: false,
@@ -140,7 +132,6 @@ mod tests {
             (FlagFacts { touches_box: true, ..GOOD }, Flag::OutsideBox),
             (FlagFacts { has_moved: true, ..GOOD }, Flag::Moved),
             (FlagFacts { has_closure: false, ..GOOD }, Flag::NoClosure),
-            (FlagFacts { looks_dead: &[true, true, false], ..GOOD }, Flag::DeadLooking),
             (FlagFacts { is_nonconvex: true, ..GOOD }, Flag::Nonconvex),
             (FlagFacts { misses_fins: true, ..GOOD }, Flag::FinsUnseen),
             (FlagFacts { is_sense_wrong: true, ..GOOD }, Flag::WrongSense),
@@ -149,8 +140,6 @@ mod tests {
         ] {
             assert_eq!(raised(&facts), [flag]);
         }
-        assert!(raised(&FlagFacts { looks_dead: &[], ..GOOD }).is_empty(), "nothing is known of them");
-        assert!(raised(&FlagFacts { looks_dead: &[true; 3], is_sphere: true, ..GOOD }).is_empty(), "a bead does not live");
     }
 
     #[test]

@@ -7,6 +7,7 @@
 //!  residual strip ── spoiled ── views to be taken again
 //!  outlines and pixels of the views, compared ── Turning ── why this is not one specimen that turns
 //!  corrected estimates so far ── has_converged ── should_stop ── enough views
+//!  a larva's opacity, those of the rig's newest larvae ── UsualOpacity ── does it look dead
 //!  a few beads, this instrument's earlier gates ── BeadGate::of ── verdict and words
 //! ```
 //! Functions of values only. `docs/quality.md` explains each number and what an operator does about it.
@@ -17,6 +18,7 @@ mod estimate;
 mod flags;
 pub mod gate;
 mod limits;
+mod opaque;
 mod strip;
 mod turn;
 mod turning;
@@ -26,6 +28,7 @@ pub use early_stop::{EarlyStopSettings, has_converged, should_stop};
 pub use estimate::Estimate;
 pub(crate) use flags::{FlagFacts, add_raised, flags, views_needed};
 pub use limits::QualitySettings;
+pub use opaque::{RecentOpacities, UsualOpacity};
 pub use strip::Spoiled;
 pub(crate) use strip::{ViewStrip, spoiled};
 pub use turn::tell_little;

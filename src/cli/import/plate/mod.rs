@@ -19,8 +19,9 @@ use super::rig;
 use crate::cli::run::code_of;
 use anyhow::{Context, bail, ensure};
 use carved_core::frame::RawFrame;
+use carved_core::quality::RecentOpacities;
 use carved_records::picture_name::{self, Pattern};
-use carved_records::{Method, Mode, PicturesOfWells, RunOutcome, SamePictures, SpecimenOutcome, WellStatus, is_plain_name};
+use carved_records::{Method, Mode, PicturesOfWells, RunOutcome, SamePictures, SpecimenKind, SpecimenOutcome, WellStatus, is_plain_name};
 use carved_store::{RecordingReader, RunRecord, durable};
 use part::{DoneWell, Part};
 use plan::Plan;
@@ -153,8 +154,10 @@ fn one_run(args: &super::Args, barcode: &str, id: &str, fish: Option<u32>) -> an
     let mut wells: Vec<WellStatus> = Vec::new();
     let (mut pictures, mut pairs) = (PicturesOfWells::default(), Vec::new());
     let mut empty: Option<Arc<RawFrame>> = None;
+    let mut opacities = RecentOpacities::default();
     for planned in &plan.run.plate_map {
-        let well = Well { args, sources: &sources, plan: &plan, run: id, planned, folder: part.path().join(&planned.well) };
+        let (folder, usual_opacity) = (part.path().join(&planned.well), opacities.usual());
+        let well = Well { args, sources: &sources, plan: &plan, run: id, planned, folder, usual_opacity };
         let status = match plate.wells.get(&planned.well) {
             Some(pictures) => {
                 let key = well.key(pictures)?;
@@ -179,7 +182,13 @@ fn one_run(args: &super::Args, barcode: &str, id: &str, fish: Option<u32>) -> an
             None => well.without_pictures(),
         };
         if well.folder.is_dir() {
-            pairs.extend(pictures.take_all(&RecordingReader::open(&well.folder)?.recording().ledger, &planned.well));
+            let reader = RecordingReader::open(&well.folder)?;
+            pairs.extend(pictures.take_all(&reader.recording().ledger, &planned.well));
+            if let Some(opacity) =
+                reader.closed_numbers().filter(|_| planned.specimen != SpecimenKind::Bead).and_then(|file| file.record.opacity())
+            {
+                opacities.add(opacity);
+            }
         }
         say!("{}", line(&status));
         wells.push(status);

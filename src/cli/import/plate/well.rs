@@ -12,8 +12,9 @@ use anyhow::Context;
 use carved_core::frame::RawFrame;
 use carved_core::pipeline::SegmentedFrame;
 use carved_core::profile::Mask;
+use carved_core::quality::UsualOpacity;
 use carved_offline::recording::{Computed, NumbersError, compute};
-use carved_records::{LedgerEntry, PlannedWell, SpecimenOutcome, WellStatus, sha256_hex};
+use carved_records::{LedgerEntry, PlannedWell, SpecimenKind, SpecimenOutcome, WellStatus, sha256_hex};
 use carved_store::{Recording, RecordingReader};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -27,6 +28,8 @@ pub(super) struct Well<'a> {
     pub planned: &'a PlannedWell,
     /// Folder of the recording.
     pub folder: PathBuf,
+    /// How opaque the larvae of the wells before it were.
+    pub usual_opacity: Option<UsualOpacity>,
 }
 
 impl Well<'_> {
@@ -65,7 +68,15 @@ impl Well<'_> {
         }
         let options = format!("{:?}", self.args);
         let (plan, version) = (self.plan, env!("CARGO_PKG_VERSION"));
-        let key = serde_json::to_vec(&(version, options, files, self.planned, (&plan.method, &plan.views, &plan.omega_deg), seen))?;
+        let key = serde_json::to_vec(&(
+            version,
+            options,
+            files,
+            self.planned,
+            (&plan.method, &plan.views, &plan.omega_deg),
+            seen,
+            self.usual_opacity,
+        ))?;
         Ok(sha256_hex(&key))
     }
 
@@ -161,7 +172,9 @@ impl Well<'_> {
             warnings.push(doubt);
         })?;
         let imported = Imported::new(self.args, &rig, (looks, kind), turn, plan.angles_from.clone(), warnings)?;
-        let recording = Recording { missing_views: missing, ..recording(rig, self.run, self.planned.clone(), kind, &imported)? };
+        let usual_opacity = self.usual_opacity.filter(|_| self.planned.specimen != SpecimenKind::Bead);
+        let recording =
+            Recording { missing_views: missing, usual_opacity, ..recording(rig, self.run, self.planned.clone(), kind, &imported)? };
         Ok((imported, recording))
     }
 }

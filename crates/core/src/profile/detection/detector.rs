@@ -70,5 +70,5 @@ fn decide(pieces: &[Piece], body: Option<&Body>, [clipped_left, clipped_right]: 
         _ => Head { side: None, confidence: 0.0 },
     };
     let dead = body.map_or(0.0, |b| larva * b.dead());
-    Detection { kind, confidence, likelihoods, clipped_left, clipped_right, head, dead }
+    Detection { kind, confidence, likelihoods, clipped_left, clipped_right, head, dead, opacity: body.map(Body::opacity) }
 }

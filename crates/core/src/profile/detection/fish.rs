@@ -175,6 +175,11 @@ impl Body {
         Head { side: Some(side), confidence }
     }
 
+    /// Opacity that 95 % of its inner parts exceed.
+    pub fn opacity(&self) -> f64 {
+        self.least_opacity
+    }
+
     /// Likelihood that it is dead: no bright regions are left. A living larva transmits half of the light somewhere.
     pub fn dead(&self) -> f64 {
         logistic(self.least_opacity, 0.445, 0.05)

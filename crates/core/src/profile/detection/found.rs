@@ -92,6 +92,10 @@ pub struct Detection {
     pub head: Head,
     /// Likelihood that the larva is dead: opaque throughout.
     pub dead: f64,
+    /// Opacity that 95 % of the inner parts of the body exceed: 0 is clear, 1 is black. `None` without a body, and in files of versions
+    /// that did not write it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub opacity: Option<f64>,
 }
 
 /// From here on yes is more likely than no.
