@@ -1,5 +1,4 @@
-// Bundles the operator's page into dist/ and the page of `carved setup` into dist/setup/ (three files each, compressed, which the
-// program embeds), and renders the documentation into dist/docs/; or with --tests the tests into build/.
+// Bundles the operator's page into dist/ and the page of `carved setup` into dist/setup/ (compressed; the program embeds them), and renders the documentation into dist/docs/; or with --tests the tests into build/.
 
 import { build } from "esbuild";
 import { copyFile, mkdir, readdir, readFile, rm, writeFile } from "node:fs/promises";
@@ -15,10 +14,11 @@ const COMMON = {
   logLevel: "warning",
 };
 
-/** Builds one page: three files, compressed. The same sources give the same bytes on every machine. */
+/** Builds one page: HTML, style and script, compressed. What the script imports later is a file of its own. The same sources give the same bytes on every machine. */
 async function page(html, script, style, outdir) {
   await mkdir(outdir, { recursive: true });
-  await build({ ...COMMON, entryPoints: script, outdir, format: "esm", legalComments: "eof" });
+  const later = { splitting: true, chunkNames: "[name]" };
+  await build({ ...COMMON, ...later, entryPoints: script, outdir, format: "esm", legalComments: "eof" });
   await build({ ...COMMON, entryPoints: style, outdir });
   await copyFile(html, join(outdir, "index.html"));
   const files = (await readdir(outdir, { withFileTypes: true })).filter((entry) => entry.isFile());

@@ -46,20 +46,26 @@ function reason(error: unknown): string {
 export async function keepLive(listener: Listener): Promise<never> {
   listener.link({ kind: "connecting" });
   let after: number | null = null;
+  /** When the daemon was heard last, on the clock of `performance.now()`. Null while the page is not live. */
+  let heard: number | null = null;
   let failures = 0;
   let patience = new AbortController();
   watchCommands(() => patience.abort());
   for (;;) {
     patience = new AbortController();
     const started = performance.now();
+    const since = heard;
     const quiet =
-      after === null ? undefined : setTimeout(() => listener.link({ kind: "silent", since: started }), LIVE_MS);
+      since === null
+        ? undefined
+        : setTimeout(() => listener.link({ kind: "silent", since }), since + LIVE_MS - performance.now());
     const timer = setTimeout(() => patience.abort(), LOST_MS);
     try {
       const status = await fetchStatus(after, WAIT_S, patience.signal);
       const unchanged = status.revision === after;
       after = status.revision;
       failures = 0;
+      heard = performance.now();
       listener.link({ kind: "live" });
       listener.status(status);
       // Without this pause an immediate answer without news would make the loop spin.
@@ -68,11 +74,13 @@ export async function keepLive(listener: Listener): Promise<never> {
     } catch (error) {
       if (error instanceof Refused && error.code === 503 && after !== null) {
         after = null;
+        heard = performance.now();
         await pause(REFUSED_MS);
         continue;
       }
       // A restarted daemon counts its revisions from the beginning, so the next request has no `after`.
       after = null;
+      heard = null;
       const tokenWanted = error instanceof Refused && error.code === 401;
       listener.link({ kind: "lost", why: reason(error), tokenWanted });
       await pause(PAUSES_MS[Math.min(failures, PAUSES_MS.length - 1)]!);

@@ -13,6 +13,17 @@ const THEME = "carved.theme";
 const NOTICES = "carved.notices";
 const SOUND = "carved.sound";
 
+/** When the colours of the dark theme hold, by the operator's choice. */
+const WHEN_DARK: Record<Theme, string> = { system: "(prefers-color-scheme: dark)", light: "not all", dark: "all" };
+
+/** The rule of theme.css that has the colours of the dark theme. */
+function darkRule(): CSSMediaRule {
+  const rules = [...document.styleSheets].flatMap((sheet) => [...sheet.cssRules]);
+  const found = rules.find((rule) => rule instanceof CSSMediaRule && rule.conditionText === WHEN_DARK.system);
+  if (found instanceof CSSMediaRule) return found;
+  throw new Error("The style of this page has no dark theme.");
+}
+
 export class Display {
   readonly #notices = byId<HTMLInputElement>("with-notices");
   readonly #sound = byId<HTMLInputElement>("with-sound");
@@ -21,18 +32,16 @@ export class Display {
   #before: Status | null = null;
 
   constructor() {
-    const dark = matchMedia("(prefers-color-scheme: dark)");
+    const dark = darkRule();
     const choice = byId<HTMLSelectElement>("theme");
     const paint = () => {
-      const theme = choice.value as Theme;
-      document.documentElement.dataset["theme"] = theme === "system" ? (dark.matches ? "dark" : "light") : theme;
+      dark.media.mediaText = WHEN_DARK[choice.value as Theme];
     };
     choice.value = localStorage.getItem(THEME) ?? "system";
     choice.addEventListener("change", () => {
       localStorage.setItem(THEME, choice.value);
       paint();
     });
-    dark.addEventListener("change", paint);
     paint();
     document.body.classList.toggle("wall", new URL(location.href).searchParams.has("wall"));
 

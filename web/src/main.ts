@@ -149,7 +149,9 @@ document.addEventListener("keydown", (event) => {
   const isUsed = event.target instanceof Element && event.target.closest(ARROWS_USED) !== null;
   if (step !== undefined && !isOther && !isUsed) frame.step(step);
 });
-const model = makeModel();
+/** Null until three.js is read, and in a browser without WebGL. */
+let model: ModelView | null = null;
+let isModelAsked = false;
 
 let newest: Status | null = null;
 let picturesShown = "";
@@ -177,31 +179,34 @@ const opened = new OpenedRun(byId, {
 new RunList(byId, (run) => void opened.open(run));
 new BeadCharts(byId);
 
-/** Without WebGL the page still shows all numbers. */
-function makeModel(): ModelView | null {
+/** Reads what draws the model. Without it the page still shows all numbers. */
+async function makeModel(): Promise<void> {
+  const empty = byId("model-empty");
   try {
+    const three = await import("./three.ts");
     const parts = {
       heading: byId("model-heading"),
       box: byId("model-box"),
       caption: byId("model-caption"),
       bar: byId("scale-bar"),
       barLabel: byId("scale-label"),
-      empty: byId("model-empty"),
+      empty,
       coloured: byId<HTMLInputElement>("with-colours"),
       colouredLabel: byId("with-colours-label"),
     };
-    const made = new ModelView(parts, models, colouredModels);
+    const made = new ModelView(three, parts, models, colouredModels);
     for (const button of document.querySelectorAll<HTMLButtonElement>("[data-look]")) {
       button.addEventListener("click", () => made.look(button.dataset["look"] as Look));
     }
-    return made;
-  } catch {
-    setText(
-      byId("model-empty"),
-      "This browser offers no WebGL, so the model cannot be drawn. All numbers are complete.",
-    );
-    return null;
+    model = made;
+  } catch (error) {
+    console.warn(error);
+    const why = "This browser offers no WebGL, or the connection was lost while the page was loaded";
+    setText(empty, `The model is not drawn: ${why}. All numbers are complete.`);
+    return;
   }
+  picturesShown = "";
+  redraw();
 }
 
 /** The well to show, in place of the live picture. With none the page follows the run. */
@@ -401,5 +406,10 @@ void keepLive({
     showAll(status);
     // Last: what a browser does with notices and sound must not keep the numbers from the page.
     display.update(status);
+    if (!isModelAsked) {
+      isModelAsked = true;
+      // Once the numbers are painted.
+      requestAnimationFrame(() => setTimeout(() => void makeModel()));
+    }
   },
 });

@@ -3,22 +3,18 @@
 // The camera is orthographic, so that the scale bar holds in the whole picture. The first direction is that of the instrument's own camera
 // at angle 0: x (the capillary) to the right, y down, the camera at negative z.
 
-import {
+import type {
   Box3,
-  DirectionalLight,
-  HemisphereLight,
+  BufferGeometry,
   Mesh,
   MeshBasicMaterial,
   MeshStandardMaterial,
   OrthographicCamera,
   Scene,
-  Spherical,
-  Quaternion,
   Vector3,
   WebGLRenderer,
-  type BufferGeometry,
 } from "three";
-import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
+import type { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import { fetchLive, Refused } from "./api.ts";
 import { setText, show } from "./dom.ts";
 import { parseGlb } from "./glb.ts";
@@ -28,13 +24,16 @@ import { wellKey, type StoredModels, type StoredWell } from "./stored.ts";
 import type { Subject } from "./subject.ts";
 import { roundBelow } from "./ticks.ts";
 
-/** Directions from the specimen to the eye. */
+/** The module of three.js, which main.ts reads after the first status. */
+type Three = typeof import("./three.ts");
+
+/** Directions from the specimen to the eye, of any length. */
 const LOOKS = {
-  camera: new Vector3(0, 0, -1),
-  oblique: new Vector3(0.55, -0.45, -1).normalize(),
-  along: new Vector3(1, 0, 0),
+  camera: [0, 0, -1],
+  oblique: [0.55, -0.45, -1],
+  along: [1, 0, 0],
   // Not quite along the upward direction, which leaves open where right is. So the capillary points to the right, as in the camera's look.
-  above: new Vector3(0, -1, -1e-3).normalize(),
+  above: [0, -1, -1e-3],
 } as const;
 
 export type Look = keyof typeof LOOKS;
@@ -46,6 +45,7 @@ const KEY_ZOOM = 1.2;
 const TARGET_BAR_PX = 140;
 
 export class ModelView {
+  readonly #three: Three;
   readonly #stored: StoredModels;
   readonly #storedColoured: StoredModels;
   readonly #coloured: HTMLInputElement;
@@ -57,13 +57,13 @@ export class ModelView {
   readonly #barLabel: HTMLElement;
   readonly #empty: HTMLElement;
   readonly #renderer: WebGLRenderer;
-  readonly #scene = new Scene();
-  readonly #camera = new OrthographicCamera();
+  readonly #scene: Scene;
+  readonly #camera: OrthographicCamera;
   readonly #controls: OrbitControls;
-  readonly #material = new MeshStandardMaterial({ color: 0x6f9fb8, roughness: 0.62, metalness: 0 });
+  readonly #material: MeshStandardMaterial;
   /** The frames have their light already. */
-  readonly #ofFrames = new MeshBasicMaterial({ vertexColors: true });
-  readonly #mesh = new Mesh<BufferGeometry, MeshStandardMaterial | MeshBasicMaterial>(undefined, this.#material);
+  readonly #ofFrames: MeshBasicMaterial;
+  readonly #mesh: Mesh<BufferGeometry, MeshStandardMaterial | MeshBasicMaterial>;
   readonly #refresh = new Latest(() => this.#load());
   #extent: Box3 | null = null;
   #tag: string | null = null;
@@ -77,6 +77,7 @@ export class ModelView {
   #held = false;
 
   constructor(
+    three: Three,
     root: {
       heading: HTMLElement;
       box: HTMLElement;
@@ -90,6 +91,12 @@ export class ModelView {
     stored: StoredModels,
     storedColoured: StoredModels,
   ) {
+    this.#three = three;
+    this.#scene = new three.Scene();
+    this.#camera = new three.OrthographicCamera();
+    this.#material = new three.MeshStandardMaterial({ color: 0x6f9fb8, roughness: 0.62, metalness: 0 });
+    this.#ofFrames = new three.MeshBasicMaterial({ vertexColors: true });
+    this.#mesh = new three.Mesh<BufferGeometry, MeshStandardMaterial | MeshBasicMaterial>(undefined, this.#material);
     this.#stored = stored;
     this.#storedColoured = storedColoured;
     this.#coloured = root.coloured;
@@ -101,7 +108,7 @@ export class ModelView {
     this.#bar = root.bar;
     this.#barLabel = root.barLabel;
     this.#empty = root.empty;
-    this.#renderer = new WebGLRenderer({ antialias: true, alpha: true });
+    this.#renderer = new three.WebGLRenderer({ antialias: true, alpha: true });
     const canvas = this.#renderer.domElement;
     canvas.tabIndex = 0;
     canvas.setAttribute("role", "img");
@@ -111,17 +118,17 @@ export class ModelView {
     );
     this.#box.prepend(canvas);
 
-    const key = new DirectionalLight(0xffffff, 2.2);
+    const key = new three.DirectionalLight(0xffffff, 2.2);
     // From above the left shoulder, and so far away that the positions of eye and model do not affect the direction.
     key.position.set(-0.5, 0.9, 1).multiplyScalar(1e6);
     this.#camera.add(key);
-    const sky = new HemisphereLight(0xffffff, 0x8899aa, 1.3);
+    const sky = new three.HemisphereLight(0xffffff, 0x8899aa, 1.3);
     sky.position.set(0, -1, 0);
     this.#scene.add(this.#camera, sky, this.#mesh);
     this.#mesh.visible = false;
 
     this.#camera.up.set(0, -1, 0);
-    this.#controls = new OrbitControls(this.#camera, canvas);
+    this.#controls = new three.OrbitControls(this.#camera, canvas);
     this.#controls.addEventListener("change", () => this.#draw());
     this.#controls.addEventListener("start", () => (this.#held = true));
     canvas.addEventListener("keydown", (event) => this.#key(event));
@@ -137,7 +144,8 @@ export class ModelView {
 
   look(name: Look): void {
     this.#held = false;
-    this.#camera.position.copy(this.#controls.target).addScaledVector(LOOKS[name], this.#distance());
+    const direction = new this.#three.Vector3(...LOOKS[name]).normalize();
+    this.#camera.position.copy(this.#controls.target).addScaledVector(direction, this.#distance());
     this.#frame();
   }
 
@@ -231,20 +239,24 @@ export class ModelView {
   }
 
   #describe(well: string, when: string): void {
-    const size = this.#extent!.getSize(new Vector3());
+    const size = this.#extent!.getSize(this.#vector());
     const dimensions = `${grouped(size.x)} × ${grouped(size.y)} × ${micrometres(size.z)}`;
     setText(this.#heading, `Model of ${well}`);
     setText(this.#caption, `${well} ${when}: ${dimensions} (x along the capillary, y, z).`);
   }
 
+  #vector(): Vector3 {
+    return new this.#three.Vector3();
+  }
+
   #distance(): number {
-    return this.#extent ? this.#extent.getSize(new Vector3()).length() * 2 : 10_000;
+    return this.#extent ? this.#extent.getSize(this.#vector()).length() * 2 : 10_000;
   }
 
   /** Moves target and eye to the middle of the model, without changing the direction. */
   #recentre(): void {
     if (!this.#extent) return;
-    const middle = this.#extent.getCenter(new Vector3());
+    const middle = this.#extent.getCenter(this.#vector());
     const direction = this.#camera.position.clone().sub(this.#controls.target).normalize();
     this.#controls.target.copy(middle);
     this.#camera.position.copy(middle).addScaledVector(direction, this.#distance());
@@ -261,7 +273,7 @@ export class ModelView {
     if (this.#extent) {
       camera.updateMatrixWorld(true);
       const inverse = camera.matrixWorldInverse;
-      const seen = this.#extent.clone().applyMatrix4(inverse).getSize(new Vector3());
+      const seen = this.#extent.clone().applyMatrix4(inverse).getSize(this.#vector());
       const { clientWidth: width, clientHeight: height } = this.#box;
       camera.zoom = FILL * Math.min(width / Math.max(seen.x, 1), height / Math.max(seen.y, 1));
     }
@@ -302,6 +314,7 @@ export class ModelView {
   #turn(theta: number, phi: number): void {
     this.#held = true;
     const camera = this.#camera;
+    const { Quaternion, Spherical, Vector3 } = this.#three;
     const upright = new Quaternion().setFromUnitVectors(camera.up, new Vector3(0, 1, 0));
     const offset = camera.position.clone().sub(this.#controls.target).applyQuaternion(upright);
     const at = new Spherical().setFromVector3(offset);

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 import subprocess
@@ -40,6 +41,24 @@ def test_a_plate_over_a_bad_line(start_daemon: Callable[..., Daemon]) -> None:
         "other_barcode",
     ]
     assert set(report.mischief) == {"lost", "cut", "unanswered", "twice"}
+
+
+def test_the_plates_of_the_queue_over_a_bad_line(start_daemon: Callable[..., Daemon]) -> None:
+    daemon = start_daemon(*BY_LOADER)
+    habits = Habits(poll_s=0.1, seed=7, mischief=BAD, wrong_barcode=True, timeout_s=5.0)
+    with daemon.ready() as client:
+        for name in ("late", "early"):
+            client.queue(name, dataclasses.replace(plan("A01"), plate_barcode=f"P-{name}"))
+        client.order_queue(["early", "late"])
+    reports = PlateLoader(daemon.url, habits).run_queue(PATIENCE_S)
+    assert [(report.run.id, report.run.outcome) for report in reports] == [
+        ("early", "succeeded"),
+        ("late", "succeeded"),
+    ]
+    assert reports[-1].brought == ["A01", "A01"]
+    assert "OTHER for P-early: other_plate_next" in reports[0].refused
+    with daemon.ready() as client:
+        assert client.status().queue == ()
 
 
 def turning(well: str) -> Callable[[Status], bool]:

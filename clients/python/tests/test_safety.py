@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 from rig import PATIENCE_S, Daemon, plan
 
-from carved_client import ProblemError, Status
+from carved_client import Event, ProblemError, Status
 
 
 def turning(status: Status) -> bool:
@@ -21,10 +21,12 @@ def test_a_run_is_held_let_go_on_and_stopped(start_daemon: Callable[..., Daemon]
         assert all(check.passed or not check.blocks for check in looked.checks)
         client.put_run("r1", plan("A01", "A02", "A03"))
         client.wait_for(turning, "a turn", PATIENCE_S)
-        client.hold("r1")
+        client.hold("r1", by="Kim & Lee")
         client.hold("r1")
         held = client.wait_for(lambda s: s.state == "Held", "the hold", PATIENCE_S)
         assert held.run is not None
+        asked = next(e for e in client.events(0) if isinstance(e, Event) and e.kind == "run.hold_requested")
+        assert asked.data["by"] == "Kim & Lee"
         assert (held.run.outcome, held.run.wells.succeeded, held.run.wells.pending) == (None, 1, 2)
         client.unhold("r1")
         client.wait_for(lambda s: turning(s) and s.specimen is not None and s.specimen.well == "A02", "A02", PATIENCE_S)

@@ -1,16 +1,14 @@
 // Stored runs, colours by number, tables, themes, the wall display and calls, against a fixture server; and what axe finds on each screen.
 
 import assert from "node:assert/strict";
-import { readFile } from "node:fs/promises";
-import { createRequire } from "node:module";
 import { after, afterEach, before, beforeEach, test } from "node:test";
 import type { Browser, Page } from "playwright-core";
+import type { Status } from "../../src/status.ts";
+import { breaches, isAccessible } from "../support/axe.ts";
 import { openBrowser, openPage, shoot } from "../support/browser.ts";
-import { FixtureServer } from "../support/fixture-server.ts";
-import { ellipsoidGlb } from "../support/picture.ts";
+import { FixtureServer, kept, NO_FILES } from "../support/fixture-server.ts";
+import { ellipsoidGlb, png } from "../support/picture.ts";
 import { carved, fault, placed, run, specimen, status, well } from "../support/statuses.ts";
-
-const axe = await readFile(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
 
 const larva = (name: string, volume_um3: number, z: number) =>
   well(name, {
@@ -104,6 +102,11 @@ beforeEach(async () => {
     results: [{ ...again, result: { ...larva("B01", 201e6, 0.3), views: 7 } }],
   };
   server.answers["/v1/runs/demo-1"] = { ...detail, plan };
+  const record = "/v1/runs/P-9-old/specimens/B01";
+  const views = [0, 1, 2].map((view) => `${record}/views/${view}.png`);
+  for (const view of views)
+    server.files[view.replace("png", "jpg")] = png(512, 512, (x, y) => [x % 256, y % 256, 99, 255]);
+  server.answers[record] = kept({ run: "P-9-old", well: "B01", links: { ...NO_FILES, views } });
   server.live["/v1/live/mesh.glb"] = { body: ellipsoidGlb([1900, 260, 240]), type: "model/gltf-binary" };
   await server.start();
   ({ page, complaints } = await openPage(browser));
@@ -665,7 +668,7 @@ test("the left column of a full plate on which every well has flags is not longe
     const column = (await page.locator(".columns > .column").first().boundingBox())!;
     await shoot(page, `left-${wells.length}`);
     assert.ok(column.height < 2 * 900, `${wells.length} wells: ${column.height} px`);
-    assert.deepEqual(await breaches(), []);
+    assert.deepEqual(await breaches(page), []);
   }
 });
 
@@ -752,25 +755,29 @@ test("a browser that shows no notices of a page keeps its page up to date and sa
   await until("state", /^Running$/i);
 });
 
-/** Breaches that axe finds, one line each. */
-async function breaches(): Promise<string[]> {
-  // The page's policy permits no script from elsewhere; the test's own runs outside of it.
-  return page.evaluate(async (source) => {
-    const module = { exports: {} as { run: (d: Document) => Promise<{ violations: Violation[] }> } };
-    type Violation = { id: string; help: string; nodes: { target: string[]; failureSummary?: string }[] };
-    new Function("module", "exports", source)(module, module.exports);
-    const { violations } = await module.exports.run(document);
-    return violations.flatMap((v) =>
-      v.nodes.map((n) => `${v.id}: ${v.help}: ${n.target.join(" ")} ${n.failureSummary}`),
-    );
-  }, axe);
-}
+const queued = ["N-1", "N-2"].map((barcode, i) => ({
+  ...{ run: `night-${i}`, plate_barcode: barcode, method: "standard", operator: "Kim", wells: 96 },
+  trouble: i === 0 ? null : "method retired is not configured",
+}));
 
-const SCREENS = [
+/** What an operator can have on the page. `ready` waits until it is drawn. */
+const SCREENS: { name: string; at: string; status: Status; ready?: () => Promise<unknown> }[] = [
   { name: "idle", at: "", status: status() },
-  { name: "running", at: "", status: running },
+  { name: "running", at: "", status: { ...running, queue: queued } },
   { name: "held", at: "", status: held },
   { name: "stored run", at: "?run=P-9-old", status: running },
+  {
+    ...{ name: "record", at: "?run=P-9-old", status: running },
+    async ready() {
+      // The contact sheet has the picture of the well, and the well its views.
+      await page.locator("#sheet-list").scrollIntoViewIfNeeded();
+      await page.locator('#sheet-list li[data-well="B01"] img[src]').waitFor();
+      await page.locator('button[data-well="B01"].well').click();
+      await until("frame-whose", /^view 1 of 3$/);
+      await page.locator("#views-list").scrollIntoViewIfNeeded();
+      await page.locator("#views-list img").first().waitFor();
+    },
+  },
   { name: "wall", at: "?wall", status: held },
 ];
 
@@ -781,38 +788,32 @@ const stopIsInReach = () =>
     return button.contains(document.elementFromPoint(left + width / 2, top + height / 2));
   });
 
-for (const theme of ["light", "dark"] as const) {
-  test(`every screen fits 390 to 3840 px with the emergency stop in reach, ${theme}, and axe finds nothing`, async () => {
-    await page.emulateMedia({ colorScheme: theme });
-    for (const screen of SCREENS) {
-      server.publish(screen.status);
-      await page.goto(`${server.url}/${screen.at}`);
-      await until("link", /^Live$/);
-      if (screen.name === "stored run") await until("opened-words", /^Stored run/);
-      // Everything that can be unfolded is looked at, too.
-      if (screen.name !== "wall") {
-        await page.locator("main details").evaluateAll((folds) => {
-          for (const fold of folds as HTMLDetailsElement[]) fold.open = true;
-        });
-        await page.locator("#display > summary").click();
-      }
-      assert.equal(await page.evaluate(() => document.documentElement.dataset["theme"]), theme);
-      // Ends narrow: the next screen is loaded where it is soon drawn.
-      for (const width of [3840, 1440, 768, 390]) {
-        await page.setViewportSize({ width, height: 1000 });
-        const beyond = await page.evaluate(() => document.documentElement.scrollWidth - window.innerWidth);
-        const wide = await page.evaluate(() =>
-          [...document.querySelectorAll("*")]
-            .filter((e) => e.getBoundingClientRect().right > innerWidth + 1)
-            .map((e) => `${e.tagName}#${e.id}.${e.className}`),
-        );
-        const of = `${screen.name}, ${width} px`;
-        assert.ok(beyond <= 0, `${of}: ${beyond} px beyond the right edge: ${wide.join(" ")}`);
-        assert.ok(await stopIsInReach(), `${of}: something covers the emergency stop`);
-        // The colours of both themes, in the narrow and in the wide layout.
-        if (width === 390 || width === 1440) assert.deepEqual(await breaches(), [], of);
-        await shoot(page, `${screen.name.replace(" ", "-")}-${width}-${theme}`);
-      }
+test("every screen fits 390 to 3840 px with the emergency stop in reach, in both themes, and axe finds nothing", async () => {
+  for (const screen of SCREENS) {
+    server.publish(screen.status);
+    await page.goto(`${server.url}/${screen.at}`);
+    await until("link", /^Live$/);
+    if (screen.at.startsWith("?run")) await until("opened-words", /^Stored run/);
+    // Everything that can be unfolded is looked at, too.
+    if (screen.name !== "wall") {
+      await page.locator("main details").evaluateAll((folds) => {
+        for (const fold of folds as HTMLDetailsElement[]) fold.open = true;
+      });
+      await page.locator("#display > summary").click();
     }
-  });
-}
+    await screen.ready?.();
+    await isAccessible(page, screen.name, async (of) => {
+      assert.ok(await stopIsInReach(), `${of}: something covers the emergency stop`);
+      await shoot(page, of.replaceAll(/[ ,]+/g, "-"));
+    });
+  }
+});
+
+test("the documentation fits 390 to 3840 px in both themes, and axe finds nothing", async () => {
+  for (const name of ["index", "faults"]) {
+    await page.goto(`${server.url}/docs/${name}.html`);
+    await page.getByRole("searchbox").fill("emergency stop");
+    await page.locator("form ol > li").first().waitFor();
+    await isAccessible(page, `docs ${name}`, (of) => shoot(page, of.replaceAll(/[ ,]+/g, "-")));
+  }
+});

@@ -3,15 +3,12 @@
 // CARVED_BIN names the program; without it the one that `cargo test` has left in target/debug is used.
 
 import assert from "node:assert/strict";
-import { readFile } from "node:fs/promises";
-import { createRequire } from "node:module";
 import { after, before, test } from "node:test";
 import { join } from "node:path";
 import type { Browser, Page } from "playwright-core";
+import { isAccessible } from "../support/axe.ts";
 import { openBrowser, openPage, shoot } from "../support/browser.ts";
 import { SetUp } from "../support/setup.ts";
-
-const axe = await readFile(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
 
 /** Two turns, one turn and one turn again, each with its pictures, in a test build on a busy machine. */
 const WORK_MS = 240_000;
@@ -47,15 +44,6 @@ async function toTheBore(page: Page, folder: string): Promise<void> {
   await page.getByRole("heading", { name: "Inner diameter of the capillary" }).waitFor({ timeout: WORK_MS });
 }
 
-async function accessible(page: Page): Promise<void> {
-  await page.evaluate(axe);
-  const found = (await page.evaluate("axe.run()")) as { violations: { id: string; nodes: { html: string }[] }[] };
-  assert.deepEqual(
-    found.violations.map((v) => `${v.id}: ${v.nodes.map((n) => n.html).join(" ")}`),
-    [],
-  );
-}
-
 const number = (config: string, key: string) => Number(new RegExp(`^${key} = ([-0-9.]+)`, "m").exec(config)?.[1]);
 
 test("a rig is set up by clicks, and its bead is right", { timeout: 3 * WORK_MS }, async () => {
@@ -69,7 +57,7 @@ test("a rig is set up by clicks, and its bead is right", { timeout: 3 * WORK_MS 
     await page.getByText("Its capillary has an inner diameter of 650 um").first().waitFor();
     assert.equal(await page.locator("#input input[type=text]").inputValue(), "");
     await shoot(page, "setup-bore");
-    await accessible(page);
+    await isAccessible(page, "set-up");
     assert.ok(await page.locator("#picture").isVisible(), "the picture of the empty capillary");
     await answer(page, "Inner diameter of the capillary", "650");
     await answer(page, "Diameter of the bead", "500");
@@ -84,7 +72,7 @@ test("a rig is set up by clicks, and its bead is right", { timeout: 3 * WORK_MS 
     await answer(page, "Ruler", "bead");
     await page.getByRole("heading", { name: "The rig is set up" }).waitFor({ timeout: WORK_MS });
     await shoot(page, "setup-done");
-    await accessible(page);
+    await isAccessible(page, "set-up");
     assert.match(
       await page.locator("#ended").innerText(),
       /The bead is right: (499|500|501)\.\d+ um measured, 500 um stated/,
@@ -117,7 +105,7 @@ test(
       await answer(page, "Inner diameter of the capillary", "60");
       await page.getByText("60 um; expected 100 to 5000 um.").waitFor();
       await shoot(page, "setup-refused");
-      await accessible(page);
+      await isAccessible(page, "set-up");
       assert.equal(await page.locator("#input input[type=text]").inputValue(), "60", "what was typed stays");
       await answer(page, "Inner diameter of the capillary", "650");
       // Unusual: it has to be said twice, and is not.

@@ -1,16 +1,13 @@
 // Twelve instruments in different states on one page: what each tile says, that it fits every screen, and that axe finds nothing.
 
 import assert from "node:assert/strict";
-import { readFile } from "node:fs/promises";
-import { createRequire } from "node:module";
 import { after, before, test } from "node:test";
 import type { Browser } from "playwright-core";
 import type { Status } from "../../src/status.ts";
+import { breaches } from "../support/axe.ts";
 import { openBrowser, openPage, shoot } from "../support/browser.ts";
 import { FixtureServer } from "../support/fixture-server.ts";
 import { carved, fault, run, specimen, status, well } from "../support/statuses.ts";
-
-const axe = await readFile(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
 
 let browser: Browser;
 
@@ -135,14 +132,7 @@ test("twelve instruments fit every screen, say who is needed, and axe finds noth
       await page.setViewportSize({ width, height: width === 390 ? 844 : Math.round((width * 9) / 16) });
       const beyond = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
       assert.ok(beyond <= 0, `${width} px: ${beyond} px beyond the right edge`);
-      const found = (await page.evaluate(`${axe}; axe.run()`)) as {
-        violations: { id: string; nodes: { html: string }[] }[];
-      };
-      assert.deepEqual(
-        found.violations.map((v) => `${v.id}: ${v.nodes.map((n) => n.html).join(" ")}`),
-        [],
-        `${width} px, ${theme}`,
-      );
+      assert.deepEqual(await breaches(page), [], `${width} px, ${theme}`);
       await shoot(page, `twelve-${width}-${theme}`);
     }
   }

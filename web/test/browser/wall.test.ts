@@ -1,16 +1,14 @@
 // Several instruments on one page: one daemon serves it, another one has a token and is read with the token that only reads.
 
 import assert from "node:assert/strict";
-import { mkdtemp, readFile, rm, writeFile } from "node:fs/promises";
-import { createRequire } from "node:module";
+import { mkdtemp, rm, writeFile } from "node:fs/promises";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { test } from "node:test";
+import { isAccessible } from "../support/axe.ts";
 import { shoot } from "../support/browser.ts";
 import { BINARY, Daemon, RUN_MS } from "../support/daemon.ts";
 import { larva, opened, plan, until } from "../support/opened.ts";
-
-const axe = await readFile(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
 
 test("two instruments on one page, one of which lets this page only read", { timeout: 2 * RUN_MS }, async (t) => {
   const { daemon, page, complaints } = await opened(t, 5);
@@ -54,20 +52,7 @@ test("two instruments on one page, one of which lets this page only read", { tim
   await until(page, "needs", /^Somebody is needed at /);
   assert.equal(await tiles.nth(1).getAttribute("data-tone"), "alarm");
 
-  await page.evaluate(axe);
-  for (const [width, height] of [
-    [390, 844],
-    [1920, 1080],
-  ] as const) {
-    await page.setViewportSize({ width, height });
-    assert.equal(await page.evaluate(() => document.documentElement.scrollWidth <= innerWidth), true, `${width} px`);
-    const found = (await page.evaluate("axe.run()")) as { violations: { id: string; nodes: { html: string }[] }[] };
-    assert.deepEqual(
-      found.violations.map((v) => `${v.id}: ${v.nodes.map((n) => n.html).join(" ")}`),
-      [],
-    );
-    await shoot(page, `instruments-${width}`);
-  }
+  await isAccessible(page, "instruments", (of) => shoot(page, of.replaceAll(/[ ,]+/g, "-")));
 
   // An instrument that does not answer needs somebody, too.
   await daemon.stop();

@@ -11,11 +11,24 @@ const CSP =
 const PAGE: Record<string, [string, string]> = {
   "/": ["index.html", "text/html; charset=utf-8"],
   "/app.js": ["app.js", "text/javascript"],
+  "/three.js": ["three.js", "text/javascript"],
   "/app.css": ["app.css", "text/css"],
   "/wall/": ["wall/index.html", "text/html; charset=utf-8"],
   "/wall/wall.js": ["wall/wall.js", "text/javascript"],
   "/wall/wall.css": ["wall/wall.css", "text/css"],
 };
+
+/** The file of a page of the documentation. Its style and its script are there as they are. */
+function docsPage(path: string): [string, string] | undefined {
+  const name = /^\/docs\/([\w-]+\.(html|json|css|js))$/.exec(path);
+  const types: Record<string, string> = {
+    html: "text/html",
+    json: "application/json",
+    css: "text/css",
+    js: "text/javascript",
+  };
+  return name ? [`docs/${name[1]}`, `${types[name[2]!]}; charset=utf-8`] : undefined;
+}
 
 /** A specimen without files. */
 export const NO_FILES: Links = {
@@ -125,13 +138,15 @@ export class FixtureServer {
 
   async #answer(request: IncomingMessage, response: ServerResponse): Promise<void> {
     const url = new URL(request.url ?? "/", this.url);
-    const page = PAGE[url.pathname];
+    const page = PAGE[url.pathname] ?? docsPage(url.pathname);
     if (page) {
-      const packed = await readFile(new URL(`../../../dist/${page[0]}.gz`, import.meta.url));
+      const file = new URL(`../../../dist/${page[0]}`, import.meta.url);
+      const packed = await readFile(new URL(`${file.href}.gz`)).catch(() => null);
       // As the daemon has it: the page of several instruments reads from others.
       const csp = url.pathname === "/wall/" ? CSP.replace("connect-src 'self'", "connect-src http: https:") : CSP;
-      response.writeHead(200, { "Content-Type": page[1], "Content-Encoding": "gzip", "Content-Security-Policy": csp });
-      response.end(packed);
+      const encoding = packed === null ? {} : { "Content-Encoding": "gzip" };
+      response.writeHead(200, { "Content-Type": page[1], ...encoding, "Content-Security-Policy": csp });
+      response.end(packed ?? (await readFile(file)));
     } else if (this.token !== null && request.headers.authorization !== `Bearer ${this.token}`) {
       this.#json(response, 401, { title: "Unauthorized", detail: "send the instrument's token" });
     } else if (url.pathname === "/v1/status") {

@@ -176,23 +176,23 @@ class CarvedClient(Results):
         """
         return self._command("PUT", "/v1/plate/next", {"barcode": barcode})
 
-    # The course of a run
+    # The course of a run. `by` is the name of the person who asks, for the event log.
 
-    def hold(self, run_id: str) -> Acknowledged:
+    def hold(self, run_id: str, by: str | None = None) -> Acknowledged:
         """Holds the run after the current specimen."""
-        return self._command("POST", f"/v1/runs/{_name(run_id)}/hold")
+        return self._steer(f"/v1/runs/{_name(run_id)}/hold", by)
 
-    def unhold(self, run_id: str) -> Acknowledged:
+    def unhold(self, run_id: str, by: str | None = None) -> Acknowledged:
         """Continues a held run."""
-        return self._command("POST", f"/v1/runs/{_name(run_id)}/unhold")
+        return self._steer(f"/v1/runs/{_name(run_id)}/unhold", by)
 
-    def stop(self, run_id: str) -> Acknowledged:
+    def stop(self, run_id: str, by: str | None = None) -> Acknowledged:
         """Ends the run after the current specimen."""
-        return self._command("POST", f"/v1/runs/{_name(run_id)}/stop")
+        return self._steer(f"/v1/runs/{_name(run_id)}/stop", by)
 
-    def abort(self, run_id: str) -> Acknowledged:
+    def abort(self, run_id: str, by: str | None = None) -> Acknowledged:
         """Ends the run now. The motors stop first."""
-        return self._command("POST", f"/v1/runs/{_name(run_id)}/abort")
+        return self._steer(f"/v1/runs/{_name(run_id)}/abort", by)
 
     def rest_of(self, run_id: str, wells: Iterable[str] = ()) -> dict[str, Any]:
         """The plan of the wells that a run has left without numbers, or of these wells. Send it by `put_run`."""
@@ -230,9 +230,9 @@ class CarvedClient(Results):
         body = self._json("POST", "/v1/emergency-stop", idempotent=True, timeout_s=2.0, retry=AT_ONCE)
         return decode(Acknowledged, body)
 
-    def acknowledge(self, fault_seq: int) -> Acknowledged:
-        """Acknowledges this fault for an operator."""
-        return self._command("POST", f"/v1/faults/{fault_seq}/acknowledge")
+    def acknowledge(self, fault_seq: int, by: str | None = None) -> Acknowledged:
+        """Acknowledges this fault for an operator. `by` is the operator's name."""
+        return self._steer(f"/v1/faults/{fault_seq}/acknowledge", by)
 
     def check_plate_map(
         self,
@@ -300,6 +300,10 @@ class CarvedClient(Results):
 
     def _command(self, method: str, path: str, body: Mapping[str, Any] | None = None) -> Acknowledged:
         return decode(Acknowledged, self._json(method, path, body=body, idempotent=True))
+
+    def _steer(self, path: str, by: str | None) -> Acknowledged:
+        params = {} if by is None else {"by": by}
+        return decode(Acknowledged, self._json("POST", path, params=params, idempotent=True))
 
     def _object(self, method: str, path: str, body: Mapping[str, Any] | None = None) -> dict[str, Any]:
         return decode(dict[str, Any], self._json(method, path, body=body, idempotent=True))

@@ -1,4 +1,7 @@
-"""`carved-plate-loader PLAN.json`: measures the plate of a plan as its loader, and reports the result."""
+"""`carved-plate-loader [PLAN.json]`: measures the plate of a plan as its loader, and reports the result.
+
+Without a plan it measures the plates of the instrument's queue, one after another.
+"""
 
 from __future__ import annotations
 
@@ -15,13 +18,20 @@ from .loader import Habits, PlateLoader
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Runs one plate. The exit code is 0 if its run succeeded or was partial."""
+    """Runs one plate, or the queue. The exit code is 0 if each run succeeded or was partial."""
     parser = argparse.ArgumentParser(prog="carved-plate-loader", description=__doc__)
-    parser.add_argument("plan", type=Path, help="the run's plan as JSON: the body of PUT /v1/runs/{run_id}")
+    parser.add_argument(
+        "plan",
+        type=Path,
+        nargs="?",
+        help="the run's plan as JSON: the body of PUT /v1/runs/{run_id}; default: the queue",
+    )
     parser.add_argument("--url", default="http://127.0.0.1:8420")
     parser.add_argument("--run", default="plate", help="the run's id")
     parser.add_argument("--poll", type=float, default=1.0, metavar="S", help="seconds between two polls")
-    parser.add_argument("--timeout", type=float, default=4 * 3600.0, metavar="S", help="for the whole plate")
+    parser.add_argument(
+        "--timeout", type=float, default=4 * 3600.0, metavar="S", help="for the plate, or the whole queue"
+    )
     parser.add_argument("--seed", type=int, default=1, help="of all that goes wrong")
     parser.add_argument(
         "--mischief",
@@ -39,7 +49,6 @@ def main(arguments: list[str] | None = None) -> int:
         wrong_well=share,
         wrong_barcode=share > 0.0,
     )
-    plan = decode(RunPlan, json.loads(given.plan.read_text()))
     said: list[str] = []
 
     def tell(status: Status) -> None:
@@ -47,14 +56,19 @@ def main(arguments: list[str] | None = None) -> int:
             said[:] = [status.doing]
             print(status.doing, flush=True)
 
-    report = PlateLoader(given.url, habits, on_status=tell).run_plate(given.run, plan, given.timeout)
-    counts = report.run.wells
-    print(
-        f"Run {report.run.id}: {report.run.outcome}. {counts.succeeded} succeeded, {counts.flagged} flagged, "
-        f"{counts.failed} failed, {counts.skipped} skipped, {counts.interrupted} interrupted of {counts.total}; "
-        f"{report.polls} polls, {report.boots - 1} restarts, mischief {report.mischief}, refused {report.refused}"
-    )
-    return 0 if report.run.outcome in {"succeeded", "partial"} else 1
+    loader = PlateLoader(given.url, habits, on_status=tell)
+    if given.plan is None:
+        reports = loader.run_queue(given.timeout)
+    else:
+        reports = [loader.run_plate(given.run, decode(RunPlan, json.loads(given.plan.read_text())), given.timeout)]
+    for report in reports:
+        counts = report.run.wells
+        print(
+            f"Run {report.run.id}: {report.run.outcome}. {counts.succeeded} succeeded, {counts.flagged} flagged, "
+            f"{counts.failed} failed, {counts.skipped} skipped, {counts.interrupted} interrupted of {counts.total}; "
+            f"{report.polls} polls, {report.boots - 1} restarts, mischief {report.mischief}, refused {report.refused}"
+        )
+    return 0 if all(report.run.outcome in {"succeeded", "partial"} for report in reports) else 1
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """A plate-loader as in the field, without hardware: it polls, repeats requests and makes mistakes.
 
     poll ── unreachable ──> next poll            (a daemon that is restarted comes back)
-     ├─ the run does not exist ──> hand the plate over, preflight, PUT run
+     ├─ the run does not exist ──> hand the plate over, preflight, PUT run or PUT plate/next
      ├─ the instrument needs a specimen out ──> take it out, report it
      ├─ the instrument needs a specimen ──> take the previous one out, bring this one, report it
      └─ the run has an outcome ──> empty the capillary, wait until the plate is removable, take it away ──> Report
@@ -14,17 +14,22 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from random import Random
+from typing import TypeVar
 
 import httpx
 
 from ..client import CarvedClient
+from ..decode import decode
 from ..errors import ProblemError, TimedOut, Unreachable
 from ..models import RunStatus, Status
 from ..plan import RunPlan
 from ..transport import RETRIED, Retry
 from ..watch import Misled, StatusWatch
 from .line import BadLine, Mischief
+
+T = TypeVar("T")
 
 #: The barcode of a plate that is in no plan.
 OTHER_BARCODE = "OTHER"
@@ -93,10 +98,39 @@ class PlateLoader:
 
     def run_plate(self, run_id: str, plan: RunPlan, timeout_s: float) -> Report:
         """Measures a plate. Ends when its run has an outcome, the capillary is empty and the plate is removable."""
+        begin = partial(self.client.put_run, run_id, plan)
+        return self._until(partial(self._poll, run_id, plan, begin), f"run {run_id}", timeout_s)
+
+    def run_queue(self, timeout_s: float) -> list[Report]:
+        """Measures the plates of the instrument's queue, the next one first, until it is empty."""
+        reports: list[Report] = []
+        until = time.monotonic() + timeout_s
+        while True:
+            queue = self._until(lambda: self.client.status().queue, "the queue", until - time.monotonic())
+            if not queue:
+                return reports
+            run_id = queue[0].run
+            queued = partial(self.client.queued, run_id)
+            kept = self._until(queued, f"the plan of {run_id}", until - time.monotonic())
+            plan = decode(RunPlan, kept)
+            begin = partial(self._report_next, run_id, plan.plate_barcode)
+            poll = partial(self._poll, run_id, plan, begin)
+            reports.append(self._until(poll, f"run {run_id}", until - time.monotonic()))
+
+    def _report_next(self, run_id: str, barcode: str) -> None:
+        """Reports the plate that is in its place. With `wrong_barcode` it first reports another one."""
+        if self.habits.wrong_barcode:
+            self._refused(lambda: self.client.next_plate(OTHER_BARCODE), f"{OTHER_BARCODE} for {barcode}")
+        begun = self.client.next_plate(barcode)
+        if begun.run != run_id:
+            raise Misled(f"plate {barcode} is that of run {run_id}, and {begun.run} began")
+
+    def _until(self, step: Callable[[], T | None], what: str, timeout_s: float) -> T:
+        """Repeats a step until it has a result."""
         until = time.monotonic() + timeout_s
         while time.monotonic() < until:
             try:
-                done = self._poll(run_id, plan)
+                done = step()
             except Unreachable:
                 self.unreachable += 1
                 done = None
@@ -108,9 +142,9 @@ class PlateLoader:
             if done is not None:
                 return done
             self._sleep(self.habits.poll_s)
-        raise TimedOut(f"run {run_id} was not done after {timeout_s} s; last seen: {self.watch.last}")
+        raise TimedOut(f"{what} was not done after {timeout_s} s; last seen: {self.watch.last}")
 
-    def _poll(self, run_id: str, plan: RunPlan) -> Report | None:
+    def _poll(self, run_id: str, plan: RunPlan, begin: Callable[[], object]) -> Report | None:
         status = self.client.status()
         run = status.run_named(run_id)
         if run is not None:
@@ -118,7 +152,7 @@ class PlateLoader:
         self.watch.check(status)
         self._on_status(status)
         if run is None:
-            self._start(status, run_id, plan)
+            self._start(status, plan, begin)
         elif run.outcome is not None:
             # A driven sampler leaves the specimen of an aborted run inside. A person takes it out.
             self.capillary = self.capillary or status.plate.take_out
@@ -142,7 +176,7 @@ class PlateLoader:
             if result.well == self.capillary and result.reason == "empty":
                 self.capillary = None
 
-    def _start(self, status: Status, run_id: str, plan: RunPlan) -> None:
+    def _start(self, status: Status, plan: RunPlan, begin: Callable[[], object]) -> None:
         plate = status.plate
         if not status.ready:
             return
@@ -154,7 +188,7 @@ class PlateLoader:
             if self.client.handoff("load", first).needs is None:
                 self.client.handoff_completed()
         elif plate.barcode != plan.plate_barcode and plate.barcode is not None:
-            self._refused(lambda: self.client.put_run(run_id, plan), f"{plan.plate_barcode} for {plate.barcode}")
+            self._refused(begin, f"{plan.plate_barcode} for {plate.barcode}")
             self._take_away(plate.barcode)
         else:
             looked = self.client.preflight(plan)
@@ -162,7 +196,7 @@ class PlateLoader:
             if looked.passed == bool(failed):
                 raise Misled(f"the preflight says passed {looked.passed}, and of its checks {failed} failed")
             if looked.passed:
-                self.client.put_run(run_id, plan)
+                begin()
 
     def _take_away(self, barcode: str) -> None:
         """Takes the plate away once nothing prevents it. With `wrong_barcode` it first names another plate."""
@@ -218,7 +252,7 @@ class PlateLoader:
             polls=self.watch.seen,
             unreachable=self.unreachable,
             boots=self.watch.boots,
-            brought=self.brought,
-            refused=self.refused,
+            brought=list(self.brought),
+            refused=list(self.refused),
             mischief=dict(self.line.done),
         )
