@@ -2,9 +2,12 @@
 // wants: the page shows the mesh without it, and so the models of earlier versions too, which have no such node.
 
 import type { BufferGeometry } from "three";
+import { Refused } from "./api.ts";
 
 export async function parseGlb(glb: Blob): Promise<BufferGeometry> {
-  const { GLTFLoader, Mesh } = await import("./three.ts");
+  const three = await import("./three.ts").catch(() => null);
+  if (three === null) throw new Refused(0, "the connection was lost while what draws models was read");
+  const { GLTFLoader, Mesh } = three;
   const parsed = await new GLTFLoader().parseAsync(await glb.arrayBuffer(), "");
   let geometry: BufferGeometry | null = null;
   parsed.scene.traverse((node) => {

@@ -182,8 +182,13 @@ new BeadCharts(byId);
 /** Reads what draws the model. Without it the page still shows all numbers. */
 async function makeModel(): Promise<void> {
   const empty = byId("model-empty");
+  const three = await import("./three.ts").catch(() => null);
+  if (three === null) {
+    // The connection was lost meanwhile: the next status asks again.
+    isModelAsked = false;
+    return;
+  }
   try {
-    const three = await import("./three.ts");
     const parts = {
       heading: byId("model-heading"),
       box: byId("model-box"),
@@ -199,10 +204,8 @@ async function makeModel(): Promise<void> {
       button.addEventListener("click", () => made.look(button.dataset["look"] as Look));
     }
     model = made;
-  } catch (error) {
-    console.warn(error);
-    const why = "This browser offers no WebGL, or the connection was lost while the page was loaded";
-    setText(empty, `The model is not drawn: ${why}. All numbers are complete.`);
+  } catch {
+    setText(empty, "This browser offers no WebGL, so the model cannot be drawn. All numbers are complete.");
     return;
   }
   picturesShown = "";

@@ -1178,6 +1178,17 @@ test("a lost connection is said with its age, and heals by itself", async () => 
   assert.equal(await page.locator("#lost").isVisible(), false);
 });
 
+test("what draws the model is read again after the connection was lost while it was read", async () => {
+  let times = 0;
+  await page.route("**/three.js", (route) => ((times += 1) === 1 ? route.abort() : route.continue()));
+  server.publish(running(9));
+  await page.goto(server.url);
+  await until("link", /^Live$/);
+  server.publish(running(10));
+  await page.locator("#model-box canvas").waitFor();
+  assert.ok(times >= 2, `read ${times} times`);
+});
+
 test("an instrument that wants its token gets it from the operator", async () => {
   server.token = "s3cret";
   server.publish(running(9));
