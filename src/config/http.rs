@@ -27,6 +27,10 @@ pub struct HttpSettings {
     /// Origins of pages that may read the status of this instrument in a browser, as `"http://10.0.0.5:8420"`: the address at which the
     /// page of several instruments is opened. They command nothing.
     pub wall_origins: Vec<String>,
+    /// Addresses of reverse proxies before this daemon, as `"127.0.0.1"`. What they forward counts as sent by the client that they name last in
+    /// `X-Forwarded-For`: in the events of a run, and for the rate of commands. Without an entry the header is not read, because any client can
+    /// write it.
+    pub trusted_proxies: Vec<IpAddr>,
     /// Deadline for the head of a request, ms. A client that reads nothing of its answer for so long is cut too.
     #[schemars(extend("x-level" = "expert"))]
     pub head_timeout_ms: u64,
@@ -56,6 +60,7 @@ impl Default for HttpSettings {
             token_file: None,
             read_token_file: None,
             wall_origins: Vec::new(),
+            trusted_proxies: Vec::new(),
             // Schedulers back off to one poll in 5 s, and the same timer limits the pause between two requests of a connection. The value
             // is therefore above 5 s, and below the 10 s after which a slow client must be dropped.
             head_timeout_ms: 8_000,

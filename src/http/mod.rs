@@ -32,6 +32,7 @@ pub mod parsers;
 mod plate;
 mod plate_maps;
 mod problem;
+mod proxy;
 mod queue;
 mod results;
 mod runs;
@@ -57,6 +58,7 @@ use axum::response::Response;
 use axum::routing::get;
 use axum::{Router, http::Uri};
 use carved_store::StoreReader;
+use std::net::IpAddr;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::{Semaphore, watch};
@@ -138,6 +140,8 @@ fn router(
         .layer(from_fn(secure_headers))
         .layer(from_fn_with_state(app.clone(), metrics::count));
     let routes = if settings.wall_origins.is_empty() { routes } else { routes.layer(walls(&settings.wall_origins)) };
+    let proxies: Arc<[IpAddr]> = settings.trusted_proxies.as_slice().into();
+    let routes = if proxies.is_empty() { routes } else { routes.layer(from_fn_with_state(proxies, proxy::look_through)) };
     routes.layer(CompressionLayer::new().quality(CompressionLevel::Fastest).compress_when(is_json)).with_state(app)
 }
 

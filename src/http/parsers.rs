@@ -1,5 +1,6 @@
 //! The server's routes without a connection, for tests that feed them requests of any kind.
 
+use super::pace::Peer;
 use super::router;
 use crate::config::HttpSettings;
 use crate::session::replays::Replays;
@@ -11,9 +12,13 @@ use carved_records::Mode;
 use carved_store::{Claim, Store};
 use hyper::service::Service;
 use hyper_util::service::TowerToHyperService;
+use std::net::{IpAddr, Ipv4Addr};
 use std::path::Path;
 use tokio::runtime::Runtime;
 use tokio::sync::watch;
+
+/// Where the requests come from.
+const PROXY: IpAddr = IpAddr::V4(Ipv4Addr::LOCALHOST);
 
 /// The routes of a daemon that has ended its driver: requests are read and checked, and none has an effect.
 pub struct Requests {
@@ -30,7 +35,8 @@ impl Requests {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
         let (store, _, _) = Store::open(Claim::on(root)?)?;
         let (session, _, _) = channel(Driver::first_status(Mode::Simulated, String::new()), Vec::new());
-        let settings = HttpSettings::default();
+        // The list of addresses that a proxy forwards is read, too.
+        let settings = HttpSettings { trusted_proxies: vec![PROXY], ..HttpSettings::default() };
         // Streams and long polls end at once.
         let (_, closing) = watch::channel(true);
         let guard = settings.guard(settings.listen)?;
@@ -56,5 +62,5 @@ fn request(bytes: &[u8]) -> Option<Request<Body>> {
         let colon = line.iter().position(|byte| *byte == b':')?;
         request = request.header(&line[..colon], line[colon + 1..].trim_ascii());
     }
-    request.body(Body::from(bytes.get(end + 2..).unwrap_or_default().to_vec())).ok()
+    request.extension(Peer(PROXY)).body(Body::from(bytes.get(end + 2..).unwrap_or_default().to_vec())).ok()
 }

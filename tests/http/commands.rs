@@ -7,8 +7,10 @@ use carved::config::HttpSettings;
 use carved::session::{QueueRefusal, Refusal};
 use carved_devices::StopHandle;
 use carved_devices::cancel::CancelToken;
-use carved_records::{Asked, FieldError, HandoffIntent};
+use carved_records::{Asked, FieldError, HandoffIntent, RunPlan};
+use serde_json::Value;
 use std::io::Write;
+use std::net::{IpAddr, Ipv4Addr};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -155,15 +157,43 @@ fn a_command_says_from_where_it_came_also_without_a_name() {
 }
 
 #[test]
+fn a_command_through_a_trusted_proxy_says_the_address_of_its_client() {
+    let from = |trusted: Vec<IpAddr>| {
+        let rig = Rig::with(HttpSettings { trusted_proxies: trusted, ..settings() }, Vec::new());
+        rig.put("/v1/runs/r", PLAN);
+        rig.send("POST", "/v1/runs/r/hold", &[("X-Forwarded-For", "6.6.6.6, 10.0.0.9")], "");
+        let asked = rig.asked.lock().unwrap();
+        asked[0].from.clone()
+    };
+    assert_eq!(from(vec![Ipv4Addr::LOCALHOST.into()]).as_deref(), Some("10.0.0.9"));
+    assert_eq!(from(Vec::new()).as_deref(), Some("the instrument's computer"), "a header that any client can write");
+}
+
+#[test]
 fn plates_are_queued_ordered_removed_and_begun() {
     let rig = Rig::start();
-    let queued = rig.put("/v1/queue/n-1", PLAN);
-    assert_eq!((queued.status, queued.header("location")), (201, Some("/v1/queue/n-1")));
-    assert_eq!(rig.get("/v1/queue/n-9").problem(), "not_queued");
+    let plan = |barcode: &str, operator: &str| {
+        let mut plan: Value = serde_json::from_str(PLAN).unwrap();
+        (plan["plate_barcode"], plan["operator"]) = (barcode.into(), operator.into());
+        plan
+    };
+    let (first, second, changed) = (plan("P-1", "kim"), plan("P-2", "kim"), plan("P-1", "lee"));
+    let waits = |run: &str| rig.get(&format!("/v1/queue/{run}"));
+    for (run, plan, status) in [("n-1", &first, 201), ("n-1", &first, 200), ("n-2", &second, 201), ("n-1", &changed, 200)] {
+        let queued = rig.put(&format!("/v1/queue/{run}"), &plan.to_string());
+        assert_eq!((queued.status, &queued.json()["run"]), (status, &run.into()));
+        assert_eq!(queued.header("location").is_some_and(|at| at == format!("/v1/queue/{run}")), status == 201);
+        let kept: RunPlan = serde_json::from_value(waits(run).json()).unwrap();
+        assert_eq!(kept, serde_json::from_value::<RunPlan>(plan.clone()).unwrap(), "what was sent comes back");
+    }
+    assert_eq!(waits("n-9").problem(), "not_queued");
+    // The order shows in which plate begins: the rig begins the first one, and only by its barcode.
     assert_eq!(rig.put("/v1/queue", r#"{"runs": ["n-2", "n-1"]}"#).status, 200);
-    assert_eq!(rig.send("DELETE", "/v1/queue/n-2", &[], "").status, 200);
-    let begun = rig.put("/v1/plate/next", r#"{"barcode": "P-1"}"#);
-    assert_eq!((begun.status, begun.header("location"), &begun.json()["run"]), (201, Some("/v1/runs/night-1"), &"night-1".into()));
+    let begun = rig.put("/v1/plate/next", r#"{"barcode": "P-2"}"#);
+    assert_eq!((begun.status, begun.header("location"), &begun.json()["run"]), (201, Some("/v1/runs/n-2"), &"n-2".into()));
+    assert_eq!((waits("n-2").problem(), waits("n-1").status), ("not_queued".into(), 200));
+    let removed = rig.send("DELETE", "/v1/queue/n-1", &[], "");
+    assert_eq!((removed.status, &removed.json()["run"], waits("n-1").status), (200, &"n-1".into(), 404));
     for (path, body) in [("/v1/queue", r#"{"order": []}"#), ("/v1/plate/next", r#"{"barcode": 7}"#), ("/v1/plate/next", "{}")] {
         assert_eq!(rig.put(path, body).status, 422, "{path} {body}");
     }

@@ -4,7 +4,7 @@ use crate::wire::{self, Answer};
 use carved::api::{Check, HandoffNeeds, HardwareStatus, InstrumentIdentity, Mode, Pending, Plate, State, Status};
 use carved::config::HttpSettings;
 use carved::http::{HttpError, bind, serve};
-use carved::session::{Accepted, Command, Publisher, QueueRefusal, Refusal, channel};
+use carved::session::{Accepted, Command, Publisher, QueueChange, QueueRefusal, Refusal, channel};
 use carved_records::{Asked, Event, EventBody, EventData, Method, RunPlan, ViewTaken};
 use carved_store::StoreReader;
 use serde_json::{Value, json};
@@ -166,6 +166,38 @@ impl Rig {
     }
 }
 
+/// The plates that wait, as the commands arrange them. Its rules are tested with the driver; here the requests must reach it whole.
+#[derive(Default)]
+struct Queue(Vec<(String, RunPlan)>);
+
+impl Queue {
+    fn change(&mut self, change: QueueChange) -> Accepted {
+        match change {
+            QueueChange::Put { run, plan } => match self.0.iter_mut().find(|(queued, _)| *queued == run) {
+                Some((_, queued)) => *queued = plan,
+                None => {
+                    self.0.push((run, plan));
+                    return Accepted::Created;
+                }
+            },
+            QueueChange::Remove { run } => self.0.retain(|(queued, _)| *queued != run),
+            QueueChange::Order { runs } => self.0.sort_by_key(|(queued, _)| runs.iter().position(|run| run == queued)),
+        }
+        Accepted::Same
+    }
+
+    fn plan(&self, run: &str) -> Option<RunPlan> {
+        self.0.iter().find(|(queued, _)| queued == run).map(|(_, plan)| plan.clone())
+    }
+
+    /// The run of the first plate, which has this barcode.
+    fn begin(&mut self, barcode: &str) -> String {
+        let (run, plan) = self.0.remove(0);
+        assert_eq!(plan.plate_barcode, barcode, "{run}");
+        run
+    }
+}
+
 async fn drive(
     mut mailbox: mpsc::Receiver<Command>,
     refusal: Arc<Mutex<Option<Refusal>>>,
@@ -174,6 +206,7 @@ async fn drive(
 ) {
     let methods = methods();
     let mut runs: BTreeMap<String, RunPlan> = BTreeMap::new();
+    let mut queue = Queue::default();
     while let Some(command) = mailbox.recv().await {
         let refusal = refusal.lock().unwrap().clone();
         match command {
@@ -191,16 +224,14 @@ async fn drive(
                 answer.send(verdict).unwrap();
             }
             Command::Queue { change, answer } => {
-                commands.lock().unwrap().push(format!("{change:?}"));
-                answer.send(refusal.map_or(Ok(Accepted::Created), Err)).unwrap();
+                answer.send(refusal.map_or_else(|| Ok(queue.change(change)), Err)).unwrap();
             }
             Command::Queued { run, answer } => {
                 let unknown = Refusal::Queue { why: format!("no plate is queued for run {run}"), kind: QueueRefusal::Unknown };
-                answer.send(refusal.map_or_else(|| runs.get(&run).cloned().ok_or(unknown), Err)).unwrap();
+                answer.send(refusal.map_or_else(|| queue.plan(&run).ok_or(unknown), Err)).unwrap();
             }
             Command::NextPlate { barcode, answer } => {
-                commands.lock().unwrap().push(format!("next {barcode}"));
-                answer.send(refusal.map_or(Ok(("night-1".into(), Accepted::Created)), Err)).unwrap();
+                answer.send(refusal.map_or_else(|| Ok((queue.begin(&barcode), Accepted::Created)), Err)).unwrap();
             }
             Command::Steer { id, towards, asked, answer } => {
                 asking.lock().unwrap().push(asked);
