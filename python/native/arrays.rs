@@ -8,6 +8,7 @@
 use super::errors::input;
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::profile::Mask;
+use carved_offline::picture::uneven_greens;
 use carved_offline::silhouettes::View;
 use numpy::ndarray::{ArrayView, IxDyn};
 use numpy::{Element, PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
@@ -26,15 +27,18 @@ pub struct Picture<'a> {
 }
 
 impl<'a> Picture<'a> {
-    /// The pixels of an array. Grey ones are a Bayer mosaic if `bayer`.
-    pub fn of(pixels: &'a Pixels<'_>, bayer: bool) -> PyResult<Self> {
+    /// The pixels of an array. `bayer`: grey ones are a mosaic whose first four pixels are these, row by row.
+    pub fn of(pixels: &'a Pixels<'_>, bayer: Option<&str>) -> PyResult<Self> {
         let (height, width, format) = match *pixels.shape() {
-            [height, width] if bayer => (height, width, PixelFormat::BayerRG8),
-            [height, width] => (height, width, PixelFormat::Mono8),
+            [height, width] => (height, width, bayer.map_or(Ok(PixelFormat::Mono8), mosaic)?),
             [height, width, 3] => (height, width, PixelFormat::RGB8Packed),
             ref other => return Err(input(format!("a picture has the shape (height, width) or (height, width, 3), found {other:?}"))),
         };
-        Ok(Self { width, height, format, bytes: pixels.as_slice().map_err(input)? })
+        let bytes = pixels.as_slice().map_err(input)?;
+        if let Some(uneven) = uneven_greens(bytes, width, format) {
+            return Err(input(format!("bayer: {uneven}; give the order of the camera, for example bayer='grbg'")));
+        }
+        Ok(Self { width, height, format, bytes })
     }
 
     /// The frame, with a copy of the pixels.
@@ -50,6 +54,11 @@ impl<'a> Picture<'a> {
     pub fn grey(&self) -> Option<(&'a [u8], usize)> {
         (self.format == PixelFormat::Mono8).then_some((self.bytes, self.width))
     }
+}
+
+fn mosaic(order: &str) -> PyResult<PixelFormat> {
+    let orders = || PixelFormat::ALL.into_iter().filter_map(PixelFormat::mosaic).collect::<Vec<_>>().join(", ");
+    PixelFormat::of_mosaic(order).ok_or_else(|| input(format!("bayer: found {order:?}, expected one of {}", orders())))
 }
 
 /// Rows of an array with `N` columns, without a copy.

@@ -81,7 +81,7 @@ impl From<PipelineError> for Wrong {
 pub fn measure_frames(
     py: Python<'_>,
     frames: Vec<Pixels<'_>>,
-    bayer: bool,
+    bayer: Option<&str>,
     angles: Vec<f64>,
     closure: Option<Pixels<'_>>,
     empty: Option<Pixels<'_>>,
@@ -192,7 +192,7 @@ pub fn views(py: Python<'_>, silhouettes: &[Pixels<'_>], names: &[String]) -> Py
     if names.len() != silhouettes.len() {
         return Err(input(format!("{} silhouettes and {} names; one name per silhouette is expected", silhouettes.len(), names.len())));
     }
-    let pictures = silhouettes.iter().map(|pixels| Picture::of(pixels, false)).collect::<PyResult<Vec<_>>>()?;
+    let pictures = silhouettes.iter().map(|pixels| Picture::of(pixels, None)).collect::<PyResult<Vec<_>>>()?;
     py.detach(|| pictures.iter().zip(names).map(|(picture, name)| picture.view(name)).collect::<Result<_, _>>()).map_err(input)
 }
 

@@ -33,7 +33,13 @@ fn checked(json: &str) -> PyResult<SegmentSettings> {
 
 #[pyfunction]
 #[pyo3(signature = (image, bayer, settings, empty))]
-pub fn segment(py: Python<'_>, image: Pixels<'_>, bayer: bool, settings: &str, empty: Option<Pixels<'_>>) -> PyResult<NativeProfile> {
+pub fn segment(
+    py: Python<'_>,
+    image: Pixels<'_>,
+    bayer: Option<&str>,
+    settings: &str,
+    empty: Option<Pixels<'_>>,
+) -> PyResult<NativeProfile> {
     let settings = checked(settings)?;
     let picture = Picture::of(&image, bayer)?;
     let empty = empty.as_ref().map(|pixels| Picture::of(pixels, bayer)).transpose()?;

@@ -41,6 +41,34 @@ def test_frames_of_16_bits_are_read_as_the_program_reads_their_files(frames: Tur
     assert other.json == found.json
 
 
+@pytest.mark.parametrize(("order", "red"), [("rggb", (0, 0)), ("grbg", (0, 1)), ("gbrg", (1, 0)), ("bggr", (1, 1))])
+def test_mosaics_of_every_order_are_read_as_the_program_reads_their_files(
+    frames: Turn, order: Any, red: tuple[int, int], tmp_path: pathlib.Path
+) -> None:
+    # The filters of the camera let through less red and more green.
+    mosaics = frames.views.astype(np.float64)
+    mosaics[:, red[0] :: 2, red[1] :: 2] *= 0.8
+    for row, column in [(red[0], 1 - red[1]), (1 - red[0], red[1])]:
+        mosaics[:, row::2, column::2] = np.minimum(mosaics[:, row::2, column::2] * 1.1, 250)
+    views = mosaics.astype(np.uint8)
+    folder = tmp_path / "frames"
+    folder.mkdir()
+    for name, view in zip(frames.names, views, strict=True):
+        Image.fromarray(view).save(folder / name)
+    run("import", folder, "--cameras", frames.folder / "camera.json", "--out", tmp_path / "A01", "--voxel", "20", f"--bayer={order}")
+    stored = carved.read(tmp_path / "A01")
+    assert stored.bayer == order
+    expected = stored.measure().report
+    quality = {"quality": stored.info["method"]["quality"]}
+    found = carved.measure(views, stored.angles, stored.camera, kind="frames", voxel_um=20, method=quality, bayer=stored.bayer)
+    assert found.report == {key: expected[key] for key in found.report}
+    assert np.array_equal(np.asarray(stored.frames), views)
+    assert carved.segment(views[0], bayer=order).json == carved.segment(stored.frames[0], bayer=stored.bayer).json
+    other: Any = "grbg" if order in ("rggb", "bggr") else "rggb"
+    with pytest.raises(carved.InputError, match=f"the green pixels of a mosaic {other} differ by"):
+        carved.segment(views[0], bayer=other)
+
+
 def test_all_that_numpy_makes_an_array_of_will_do(ellipsoid: Turn, frames: Turn) -> None:
     expected = carved.segment(frames.views[0]).json
     kinds: list[Any] = [

@@ -88,8 +88,10 @@ def test_frames(frames: Turn) -> None:
         measure(frames.views[:1], frames.angles[:1])
     with pytest.raises(carved.InputError, match="the frame is 510 x 160 px, the rig's camera 512 x 160 px"):
         measure(frames.views[:, :, :-2])
-    with pytest.raises(carved.InputError, match="the frames are in colour"):
+    with pytest.raises(carved.InputError, match="the picture is in colour"):
         of(frames, kind="frames", bayer=True)(np.repeat(frames.views[..., None], 3, axis=3))
+    with pytest.raises(carved.InputError, match="bayer: found 'rgbg', expected True or one of rggb, grbg, gbrg, bggr"):
+        of(frames, kind="frames", bayer="rgbg")()
     with pytest.raises(carved.InputError, match="unknown field `nonsense`"):
         of(frames, kind="frames", settings={"nonsense": 1})()
     with pytest.raises(carved.InputError, match="closure: the shape is"):

@@ -31,7 +31,7 @@ pub fn shapes(bytes: &[u8]) -> anyhow::Result<()> {
 
 /// Pictures at the door of `carved import` and `carved segment`.
 pub fn picture(bytes: &[u8]) -> anyhow::Result<()> {
-    segment::input::decode(bytes, false).map(|_| ())
+    segment::input::decode(bytes, None).map(|_| ())
 }
 
 /// The mask that `carved segment --compare` reads, of a picture of 40 x 20 px.

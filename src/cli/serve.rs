@@ -54,7 +54,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
 pub fn open(config: &Config, interlock: &LoaderInterlock) -> anyhow::Result<(Rig, Box<dyn Sampler>)> {
     match (&config.rotation, &config.camera) {
         (RotationDriver::Folder(settings), CameraDriver::Folder(kind)) => {
-            let decode = |path: &Path| input::read(path, false).map(|read| read.frame).map_err(|error| with_causes(&error));
+            let decode = |path: &Path| input::read(path, None).map(|read| read.frame).map_err(|error| with_causes(&error));
             Ok(views::open(settings.clone(), *kind, Box::new(decode))?)
         }
         _ => with_sampler(open_rig(config)?, config.sampler, interlock),

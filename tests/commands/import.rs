@@ -81,6 +81,33 @@ fn the_pages_of_one_file_are_the_views_of_a_turn() {
     assert!(error.contains("v12.tif") && error.contains("12 pages"), "{error}");
 }
 
+/// The frames of a colour camera whose mosaic begins with green and red. The recording names the format, and is measured in it.
+#[test]
+fn mosaics_of_another_camera_are_imported_in_their_order() {
+    let dir = tempfile::tempdir().unwrap();
+    let folder = dir.path().join("mosaics");
+    let angles: Vec<f64> = (0..12).map(|i| f64::from(i) * 30.0).collect();
+    frames(&folder, Specimen::bead(500.0).unwrap(), &angles, |i| format!("v{i}.png"));
+    for file in std::fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path()) {
+        let rgb = image::open(&file).unwrap().into_rgb8();
+        let grey = image::GrayImage::from_fn(rgb.width(), rgb.height(), |u, v| {
+            let colours = rgb.get_pixel(u, v).0;
+            let mosaic = [[colours[1], colours[0] / 4 * 3], [colours[2], colours[1]]];
+            image::Luma([mosaic[v as usize % 2][u as usize % 2]])
+        });
+        grey.save(&file).unwrap();
+    }
+    let out = dir.path().join("A01");
+    let common = ["import", text(&folder), "--even", "--config", CONFIG, "--specimen", "bead", "--voxel", "10", "--out", text(&out)];
+    let error = refused(&[&common[..], &["--bayer"]].concat());
+    assert!(error.contains("12 of 12 pictures") && error.contains("the green pixels of a mosaic rggb"), "{error}");
+    lines(&[&common[..], &["--bayer=grbg"]].concat());
+    assert_eq!(json(&out.join("recording.json"))["rig"]["pixel_format"], "BayerGR8");
+    let measured = &lines(&["measure", text(&out)])[0];
+    let diameter = measured["measurement"]["sphere"]["diameter_um"].as_f64().unwrap_or_else(|| panic!("{measured}"));
+    assert!((diameter - 500.0).abs() < 3.0, "{diameter}");
+}
+
 /// 24 views of a bead, and even subsets of them, are compared with the truth. The frames of the recording reproduce its numbers.
 #[test]
 fn a_beads_frames_become_a_recording_that_measures() {

@@ -40,6 +40,22 @@ impl PixelFormat {
         }
     }
 
+    /// The first four pixels of a colour mosaic, row by row: `rggb`, `grbg`, `gbrg` or `bggr`. `None` of a format without a mosaic.
+    pub fn mosaic(self) -> Option<&'static str> {
+        match self {
+            Self::Mono8 | Self::RGB8Packed => None,
+            Self::BayerRG8 => Some("rggb"),
+            Self::BayerGR8 => Some("grbg"),
+            Self::BayerGB8 => Some("gbrg"),
+            Self::BayerBG8 => Some("bggr"),
+        }
+    }
+
+    /// The format of the mosaic with these first four pixels. `None` where no mosaic begins so.
+    pub fn of_mosaic(order: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|format| format.mosaic() == Some(order))
+    }
+
     /// The GenICam name.
     pub fn name(self) -> &'static str {
         match self {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +14,8 @@ from ._errors import InputError
 Bytes = npt.NDArray[np.uint8]
 Counts = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 Floats = npt.NDArray[np.float64]
+# The first four pixels of a Bayer mosaic, row by row.
+Bayer = Literal["rggb", "grbg", "gbrg", "bggr"]
 
 
 def picture(name: str, given: object) -> Counts:
@@ -25,6 +27,18 @@ def picture(name: str, given: object) -> Counts:
         raise InputError(f"{name}: the shape is {found.shape}, expected (height, width) or (height, width, 3)")
     _not_empty(name, found)
     return np.ascontiguousarray(found)
+
+
+def bayer(given: Bayer | bool | None, first: Counts) -> Bayer | None:
+    """The order of the mosaic of frames like `first`. `True` is `"rggb"`."""
+    if given is None or given is False:
+        return None
+    found: Bayer = "rggb" if given is True else given
+    if found not in get_args(Bayer):
+        raise InputError(f"bayer: found {given!r}, expected True or one of {', '.join(get_args(Bayer))}")
+    if first.ndim == 3:
+        raise InputError("bayer: the picture is in colour, expected a grey mosaic (height, width)")
+    return found
 
 
 def eight_bits(pictures: Sequence[Counts]) -> list[Bytes]:

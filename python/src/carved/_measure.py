@@ -212,7 +212,7 @@ def measure(
     calibrate: bool = True,
     closure: npt.ArrayLike | None = None,
     empty: npt.ArrayLike | None = None,
-    bayer: bool = False,
+    bayer: _arrays.Bayer | bool | None = None,
     segmentation: SegmentMethod | None = None,
     settings: Mapping[str, Any] | None = None,
     method: Mapping[str, Any] | None = None,
@@ -238,7 +238,8 @@ def measure(
         calibrate: find axis, roll and the other parameters that the turn shows, before measuring.
         closure: the frame at 360 deg, which is compared with the first one. Frames only.
         empty: frame of the empty capillary. Frames only.
-        bayer: grey frames are Bayer mosaics whose first row reads R G R G. Frames only.
+        bayer: grey frames are Bayer mosaics: `"rggb"`, `"grbg"`, `"gbrg"` or `"bggr"`, the first four pixels row by row. `True` is
+            `"rggb"`. Frames only.
         segmentation: `"hybrid"` (default) or `"level-set"`. Frames only.
         settings: keys of a method's `segment` table. Frames only.
         method: more keys of a method (docs/configuration.md), for example `{"quality": {...}}`. Frames only.
@@ -409,15 +410,14 @@ def _frames(
     calibrate: bool,
     closure: npt.ArrayLike | None,
     empty: npt.ArrayLike | None,
-    bayer: bool,
+    bayer: _arrays.Bayer | bool | None,
     segmentation: SegmentMethod | None,
     settings: Mapping[str, Any] | None,
     method: Mapping[str, Any] | None,
     progress: Progress | None,
 ) -> Measurement:
     frames = _arrays.pictures("views", views)
-    if bayer and frames[0].ndim == 3:
-        raise InputError("bayer: the frames are in colour, expected grey mosaics")
+    mosaic = _arrays.bayer(bayer, frames[0])
     more = dict(method or {})
     keys: dict[str, Any] = {
         **more,
@@ -442,7 +442,7 @@ def _frames(
     of_closure, of_empty = (None if other is None else next(in_eight) for other in others)
     found = _native.measure_frames(
         in_bytes,
-        bool(bayer),
+        mosaic,
         _arrays.angles(angles, len(frames)),
         of_closure,
         of_empty,

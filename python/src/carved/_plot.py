@@ -33,7 +33,7 @@ def plot_views(
     angles: Sequence[float] | npt.NDArray[np.float64] | None = None,
     most: int = 6,
     outlines: bool = True,
-    bayer: bool = False,
+    bayer: _arrays.Bayer | bool | None = None,
     columns: int = 3,
 ) -> Figure:
     """Draw views of a turn, evenly spread, each with its outline.
@@ -43,7 +43,7 @@ def plot_views(
         angles: angle of each view, rad, for the titles. Default: those of the recording.
         most: number of views to draw at most.
         outlines: find and draw the outline in each view that is drawn.
-        bayer: grey frames are Bayer mosaics whose first row reads R G R G. Default: as the recording says.
+        bayer: order of the Bayer mosaic of grey frames, as `segment` takes it. Default: as the recording says.
         columns: pictures side by side.
 
     Returns:
@@ -56,7 +56,7 @@ def plot_views(
 
     found: Sequence[Any] = views.frames if isinstance(views, Recording) else _arrays.items("views", views)
     if isinstance(views, Recording):
-        angles, bayer = views.angles if angles is None else angles, views.is_bayer
+        angles, bayer = views.angles if angles is None else angles, views.bayer
     if most < 1 or columns < 1:
         raise InputError(f"most is {most} and columns is {columns}, expected 1 or more")
     radians = None if angles is None else _arrays.angles(angles, len(found))

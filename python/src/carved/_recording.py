@@ -11,8 +11,12 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _native
+from ._arrays import Bayer
 from ._camera import Camera
 from ._measure import Measurement, Progress
+
+# The orders of the mosaics, by the formats of the frames.
+_ORDERS: dict[str, Bayer] = {"BayerRG8": "rggb", "BayerGR8": "grbg", "BayerGB8": "gbrg", "BayerBG8": "bggr"}
 
 
 class Frames(Sequence[npt.NDArray[np.uint8]]):
@@ -83,9 +87,9 @@ class Recording:
         return self._found.empty
 
     @property
-    def is_bayer(self) -> bool:
-        """Whether the frames are Bayer mosaics that begin with R G, the order that `bayer=True` means."""
-        return bool(self.info["rig"]["pixel_format"] == "BayerRG8")
+    def bayer(self) -> Bayer | None:
+        """The order of the frames' Bayer mosaic, as `measure` and `segment` take it. `None` where the frames are no mosaics."""
+        return _ORDERS.get(self.info["rig"]["pixel_format"])
 
     @property
     def stored(self) -> str | None:

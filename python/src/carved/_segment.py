@@ -73,7 +73,7 @@ def segment(
     method: Method | None = None,
     settings: Mapping[str, Any] | None = None,
     empty: npt.ArrayLike | None = None,
-    bayer: bool = False,
+    bayer: _arrays.Bayer | bool | None = None,
 ) -> Profile:
     """Find the outline of the specimen in a picture of its capillary. Both walls must be in view.
 
@@ -83,7 +83,7 @@ def segment(
         method: `"hybrid"` (default) or `"level-set"`.
         settings: keys of a method's `segment` table (docs/configuration.md), for example `{"edge": {"blur_px": 1.5}}`.
         empty: picture of the empty capillary of the same shape. What it shows is not taken for the specimen.
-        bayer: a grey image is a Bayer mosaic whose first row reads R G R G.
+        bayer: a grey image is a Bayer mosaic: `"rggb"`, `"grbg"`, `"gbrg"` or `"bggr"`, the first four pixels row by row. `True` is `"rggb"`.
 
     Returns:
         The profile. Its mask is empty where the capillary is empty.
@@ -94,13 +94,12 @@ def segment(
         SegmentError: the picture gives no profile.
     """
     pixels = _arrays.picture("image", image)
-    if bayer and pixels.ndim == 3:
-        raise InputError("bayer: the image is in colour, expected a grey mosaic (height, width)")
+    mosaic = _arrays.bayer(bayer, pixels)
     other = None if empty is None else _arrays.picture("empty", empty)
     if other is not None and other.shape != pixels.shape:
         raise InputError(f"empty: the shape is {other.shape}, expected {pixels.shape} as the image")
     in_eight = _arrays.eight_bits([pixels] if other is None else [pixels, other])
-    found = _native.segment(in_eight[0], bayer, json.dumps(settings_json(method, settings)), None if other is None else in_eight[1])
+    found = _native.segment(in_eight[0], mosaic, json.dumps(settings_json(method, settings)), None if other is None else in_eight[1])
     warnings = []
     if found.blocks is not None:
         warnings.append(
@@ -110,7 +109,7 @@ def segment(
     if found.mosaic is not None:
         warnings.append(
             f"this looks like a colour camera's mosaic: every second pixel differs from those beside it by {found.mosaic:.1f} grey "
-            "values in the mean; use bayer=True, or give the picture in colour"
+            "values in the mean; use bayer=, or give the picture in colour"
         )
     return Profile(
         mask=found.mask,

@@ -47,10 +47,10 @@ impl Source {
         }
     }
 
-    fn read(&self, bayer: bool) -> anyhow::Result<Input> {
+    fn read(&self, mosaic: Option<PixelFormat>) -> anyhow::Result<Input> {
         let read = match self.page {
-            None => input::read(&self.path, bayer),
-            Some((page, _)) => input::read_page(&self.path, page, bayer),
+            None => input::read(&self.path, mosaic),
+            Some((page, _)) => input::read_page(&self.path, page, mosaic),
         };
         read.with_context(|| self.path.with_file_name(self.name()).display().to_string())
     }
@@ -73,7 +73,7 @@ impl Looked {
 
     /// Reads the pixels again. Fails if the file has changed since the check.
     pub fn frame(&self) -> anyhow::Result<RawFrame> {
-        let input = self.source.read(self.kind.format == PixelFormat::BayerRG8)?;
+        let input = self.source.read(Some(self.kind.format).filter(|format| format.mosaic().is_some()))?;
         ensure!(input.sha256 == self.file_sha256, "{}: the file was changed while it was imported", self.source.path.display());
         Ok(input.frame)
     }
@@ -150,8 +150,8 @@ pub(super) fn size(path: &Path) -> anyhow::Result<(u32, u32)> {
 }
 
 /// Reads every picture, and refuses pictures that cannot be views of one turn.
-pub(super) fn look(sources: &[Source], bayer: bool, warn: &mut dyn FnMut(String)) -> anyhow::Result<(Vec<Looked>, Kind)> {
-    let looks: Vec<anyhow::Result<Looked>> = sources.par_iter().map(|source| look_at(source, bayer)).collect();
+pub(super) fn look(sources: &[Source], mosaic: Option<PixelFormat>, warn: &mut dyn FnMut(String)) -> anyhow::Result<(Vec<Looked>, Kind)> {
+    let looks: Vec<anyhow::Result<Looked>> = sources.par_iter().map(|source| look_at(source, mosaic)).collect();
     let broken: Vec<String> = looks.iter().filter_map(|l| l.as_ref().err()).map(|e| format!("{e:#}")).collect();
     ensure!(broken.is_empty(), "{} of {} pictures cannot be used:\n{}", broken.len(), sources.len(), broken.join("\n"));
     let looks: Vec<Looked> = looks.into_iter().collect::<anyhow::Result<_>>()?;
@@ -171,8 +171,8 @@ pub(super) fn look(sources: &[Source], bayer: bool, warn: &mut dyn FnMut(String)
     Ok((looks, kind))
 }
 
-fn look_at(source: &Source, bayer: bool) -> anyhow::Result<Looked> {
-    let input = source.read(bayer)?;
+fn look_at(source: &Source, mosaic: Option<PixelFormat>) -> anyhow::Result<Looked> {
+    let input = source.read(mosaic)?;
     let frame = &input.frame;
     let kind = input.kind();
     let picture = Picture::from_frame(frame);
@@ -197,9 +197,9 @@ fn doubts(looks: &[Looked], warn: &mut dyn FnMut(String)) {
 }
 
 /// Reads the empty-capillary picture, which must have the format of the frames.
-pub(super) fn empty(path: &Path, bayer: bool, expected: Kind) -> anyhow::Result<RawFrame> {
+pub(super) fn empty(path: &Path, mosaic: Option<PixelFormat>, expected: Kind) -> anyhow::Result<RawFrame> {
     let place = || format!("--empty {}", path.display());
-    let looked = look_at(&Source::file(path.to_owned()), bayer).with_context(place)?;
+    let looked = look_at(&Source::file(path.to_owned()), mosaic).with_context(place)?;
     ensure!(
         looked.kind == expected,
         "{}: found {}, expected {expected} as the frames are: take it with the same camera settings",

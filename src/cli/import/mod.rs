@@ -15,10 +15,10 @@ pub(super) mod rig;
 mod turn;
 mod write;
 
-use crate::cli::segment::input::Kind;
+use crate::cli::segment::input::{self, Kind};
 use angles::{Angles, PlatePictures};
 use anyhow::{Context, bail, ensure};
-use carved_core::frame::RawFrame;
+use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::measure::references::References;
 use carved_core::pipeline::Pipeline;
 use carved_records::{Mode, PlannedWell, RunPlan, SpecimenKind};
@@ -94,9 +94,9 @@ pub struct Args {
     /// Picture of the empty capillary, taken like the frames; they are compared with it [default: the configuration's]
     #[arg(long, value_name = "FILE")]
     empty: Option<PathBuf>,
-    /// Grey pictures are Bayer mosaics whose first row reads R G R G
-    #[arg(long)]
-    bayer: bool,
+    /// Grey pictures are Bayer mosaics; ORDER is that of the first four pixels, row by row [default: rggb]
+    #[arg(long, value_name = "ORDER", num_args = 0..=1, require_equals = true, default_missing_value = "rggb", value_parser = input::mosaics())]
+    bayer: Option<PixelFormat>,
     /// New folder for the recording; nothing is overwritten [default: FRAMES-recording in the current folder, numbered if taken]
     #[arg(long, value_name = "DIR", conflicts_with = "plate")]
     out: Option<PathBuf>,

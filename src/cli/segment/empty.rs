@@ -2,6 +2,7 @@
 
 use super::input::{self, Input, Kind};
 use anyhow::Context;
+use carved_core::frame::PixelFormat;
 use carved_core::profile::{EmptyCapillary, Picture, SegmentSettings};
 use std::path::Path;
 
@@ -21,9 +22,9 @@ pub(super) struct OtherKind {
 }
 
 impl Empty {
-    pub fn read(file: &Path, settings: &SegmentSettings, bayer: bool) -> anyhow::Result<Self> {
+    pub fn read(file: &Path, settings: &SegmentSettings, mosaic: Option<PixelFormat>) -> anyhow::Result<Self> {
         let name = || format!("--reference {}", file.display());
-        let input = input::read(file, bayer).with_context(name)?;
+        let input = input::read(file, mosaic).with_context(name)?;
         let reference = EmptyCapillary::new(Picture::from_frame(&input.frame), &settings.walls).with_context(name)?;
         Ok(Self { reference, sha256: input.sha256.clone(), kind: input.kind() })
     }

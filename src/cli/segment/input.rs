@@ -2,8 +2,10 @@
 
 use anyhow::bail;
 use carved_core::frame::{PixelFormat, RawFrame};
+use carved_offline::picture::{step_grey, uneven_greens};
 use carved_pictures::decode::{self, FRAMES};
 use carved_records::sha256_hex;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use image::DynamicImage;
 use std::path::Path;
 
@@ -38,36 +40,38 @@ impl std::fmt::Display for Kind {
     }
 }
 
+/// Values of `--bayer`.
+pub(in crate::cli) fn mosaics() -> impl TypedValueParser<Value = PixelFormat> {
+    let orders = PixelFormat::ALL.into_iter().filter_map(PixelFormat::mosaic);
+    PossibleValuesParser::new(orders).try_map(|order| PixelFormat::of_mosaic(&order).ok_or("no such order"))
+}
+
 /// Alpha is ignored, because a transparent pixel need not show light.
-pub(in crate::cli) fn read(path: &Path, bayer: bool) -> anyhow::Result<Input> {
-    decode(&decode::read(path)?, bayer)
+pub(in crate::cli) fn read(path: &Path, mosaic: Option<PixelFormat>) -> anyhow::Result<Input> {
+    decode(&decode::read(path)?, mosaic)
 }
 
 /// A page of a file, from 0.
-pub(in crate::cli) fn read_page(path: &Path, page: usize, bayer: bool) -> anyhow::Result<Input> {
+pub(in crate::cli) fn read_page(path: &Path, page: usize, mosaic: Option<PixelFormat>) -> anyhow::Result<Input> {
     let bytes = decode::read_turn(path)?;
-    frame(decode::decode_page(&bytes, page, FRAMES)?, &bytes, bayer)
+    frame(decode::decode_page(&bytes, page, FRAMES)?, &bytes, mosaic)
 }
 
 /// The picture in the bytes of a file.
-pub(in crate::cli) fn decode(bytes: &[u8], bayer: bool) -> anyhow::Result<Input> {
-    frame(decode::decode(bytes, FRAMES)?, bytes, bayer)
+pub(in crate::cli) fn decode(bytes: &[u8], mosaic: Option<PixelFormat>) -> anyhow::Result<Input> {
+    frame(decode::decode(bytes, FRAMES)?, bytes, mosaic)
 }
 
-fn frame(image: DynamicImage, bytes: &[u8], bayer: bool) -> anyhow::Result<Input> {
+fn frame(image: DynamicImage, bytes: &[u8], mosaic: Option<PixelFormat>) -> anyhow::Result<Input> {
     let (width, height) = (image.width(), image.height());
     if width == 0 || height == 0 {
         bail!("found a picture of {width} x {height} px, expected one pixel or more");
     }
     let grey = !image.color().has_color();
-    if bayer && !grey {
+    if mosaic.is_some() && !grey {
         bail!("found a picture in colour, expected a grey mosaic; leave --bayer out");
     }
-    let format = match (grey, bayer) {
-        (true, true) => PixelFormat::BayerRG8,
-        (true, false) => PixelFormat::Mono8,
-        (false, _) => PixelFormat::RGB8Packed,
-    };
+    let format = if grey { mosaic.unwrap_or(PixelFormat::Mono8) } else { PixelFormat::RGB8Packed };
     let (pixels, bits) = match (image, grey) {
         (image @ (DynamicImage::ImageLuma8(_) | DynamicImage::ImageLumaA8(_)), _) => (image.into_luma8().into_raw(), 8),
         (image @ (DynamicImage::ImageRgb8(_) | DynamicImage::ImageRgba8(_)), _) => (image.into_rgb8().into_raw(), 8),
@@ -75,12 +79,15 @@ fn frame(image: DynamicImage, bytes: &[u8], bayer: bool) -> anyhow::Result<Input
         (image, false) => eight_bits(&image.into_rgb16().into_raw()),
     };
     if format == PixelFormat::Mono8
-        && let Some(step) = carved_offline::picture::step_grey(&pixels, width as usize)
+        && let Some(step) = step_grey(&pixels, width as usize)
     {
         bail!(
             "found what looks like a colour camera's mosaic: every second pixel differs from those beside it by {step:.1} grey values in the \
-             mean; read it with --bayer, or give the picture in colour"
+             mean; read it with --bayer=ORDER, or give the picture in colour"
         );
+    }
+    if let Some(mosaic) = mosaic.and_then(|format| uneven_greens(&pixels, width as usize, format)) {
+        bail!("{mosaic}; give the order of the camera: --bayer=ORDER");
     }
     Ok(Input { frame: RawFrame::new(width, height, format, pixels)?, sha256: sha256_hex(bytes), bits })
 }

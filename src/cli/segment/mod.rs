@@ -21,6 +21,7 @@ pub(super) mod shapes;
 
 use annotation::Annotations;
 use anyhow::{Context, bail};
+use carved_core::frame::PixelFormat;
 use carved_core::profile::{Method, Picture, SegmentSettings, Segmenters};
 use carved_store::durable;
 use empty::Empty;
@@ -48,9 +49,9 @@ pub struct Args {
     /// Picture of the empty capillary, taken like the others: what it shows (dust, scratches, glass) is not taken for specimen
     #[arg(long, value_name = "EMPTY")]
     reference: Option<PathBuf>,
-    /// Grey pictures are Bayer mosaics whose first row reads R G R G
-    #[arg(long)]
-    bayer: bool,
+    /// Grey pictures are Bayer mosaics; ORDER is that of the first four pixels, row by row [default: rggb]
+    #[arg(long, value_name = "ORDER", num_args = 0..=1, require_equals = true, default_missing_value = "rggb", value_parser = input::mosaics())]
+    bayer: Option<PixelFormat>,
     /// Write `STEM__SHAPES.json` too: the outline as a feature of FishInspector, to be corrected by hand; a file that is there is not replaced
     /// [default: fishContour]
     #[arg(long, value_enum, value_name = "FEATURE", num_args = 0..=1, require_equals = true, default_missing_value = "fishContour")]
@@ -166,9 +167,15 @@ impl Failures {
     }
 }
 
-fn one<'a>(names: &Names, settings: &'a SegmentSettings, bayer: bool, empty: Option<&'a Empty>, segmenters: &Segmenters) -> Report<'a> {
+fn one<'a>(
+    names: &Names,
+    settings: &'a SegmentSettings,
+    mosaic: Option<PixelFormat>,
+    empty: Option<&'a Empty>,
+    segmenters: &Segmenters,
+) -> Report<'a> {
     let mut report = Report::new(names, settings, empty.map(|e| e.sha256.as_str()));
-    match input::read(&names.image, bayer) {
+    match input::read(&names.image, mosaic) {
         Err(e) => report.fail(format!("{e:#}")),
         Ok(input) => {
             if let Err(e) = empty.map_or(Ok(()), |e| e.check_kind_of(&input)) {

@@ -4,7 +4,7 @@ mod blocks;
 mod mosaic;
 
 pub use blocks::too_blocky;
-pub use mosaic::step_grey;
+pub use mosaic::{UnevenGreens, step_grey, uneven_greens};
 
 use carved_core::profile::{Detection, Polygon, Profile, ProfileQuality, SegmentSettings, Walls};
 use carved_core::range::Ranged;
