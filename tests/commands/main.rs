@@ -23,6 +23,7 @@ mod notices;
 mod object_store;
 mod output_command;
 mod parsers;
+mod plate_columns;
 mod provenance;
 mod reconstruct;
 mod reference;

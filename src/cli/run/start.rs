@@ -19,6 +19,9 @@ pub struct Args {
     /// Number of wells of the plate: 6, 12, 24, 48, 96, 384 or 1536 [default: that of the plate map, or a plate that holds the wells]
     #[arg(long, value_name = "WELLS")]
     plate_format: Option<u32>,
+    /// What each column of the plate map is: the corrected output of `carved plate columns` [default: by the headings]
+    #[arg(long, value_name = "JSON")]
+    columns: Option<PathBuf>,
     /// The plate's barcode.
     #[arg(long)]
     barcode: String,
@@ -45,7 +48,7 @@ pub struct Args {
 
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let client = Client::new(&args.daemon)?;
-    let map = match plate::read(&args.plate_map, Some(&args.barcode), args.plate_format)? {
+    let map = match plate::read(&args.plate_map, Some(&args.barcode), args.plate_format, args.columns.as_deref())? {
         Ok(map) => map,
         Err(mistakes) => {
             plate::print(&args.plate_map, &mistakes);

@@ -256,6 +256,40 @@ mod tests {
         }
     }
 
+    /// The transfers that failed are listed under the same headings, before or behind those that were made.
+    #[test]
+    fn a_report_with_exceptions_is_proposed_and_read_by_its_details() {
+        let head = "Src Well,Dest Well,Substance,Conc (uM),Transfer Status";
+        let made = format!("[DETAILS]\n{head}\nA1,B3,rapamycin,5,\nA2,B4,DMSO,,\n\nInstrument Name,E5XX-1\n");
+        let failed = format!("[EXCEPTIONS]\n{head}\nA1,C1,rapamycin,5,MM0202007\nA1,C2,rapamycin,5,MM0202007\nA1,C3,x,5,MM0202007\n\n");
+        for report in [format!("Run ID,7\n\n{failed}{made}"), format!("Run ID,7\n\n{made}\n{failed}")] {
+            let found = propose(report.as_bytes()).unwrap();
+            assert_eq!(found.columns[1].column, Some(Column::Well), "{found:?}");
+            assert_eq!(found.columns[1].examples, ["B3", "B4"]);
+            let mut columns = mapped(&report);
+            columns.iter_mut().for_each(|found| found.column = None);
+            for (at, column) in [(1, Column::Well), (2, Column::Compound), (3, Column::Concentration)] {
+                columns[at].column = Some(column);
+            }
+            let map = read(&report, &columns).unwrap();
+            assert_eq!(map.plate_map.iter().map(|planned| planned.well.as_str()).collect::<Vec<_>>(), ["B03", "B04"]);
+            assert_eq!(map.plate_map[0].compound.as_deref(), Some("rapamycin"));
+            assert!(map.notes.iter().any(|note| note.contains("the transfers of this section failed")), "{:?}", map.notes);
+        }
+    }
+
+    /// A line with a cell too many is a mistake of that line, not the headings.
+    #[test]
+    fn one_bad_line_does_not_hide_the_headings() {
+        let own = propose(b"well,compound,concentration,concentration_unit\nA01,x,1,uM\nA02,x,1,5,uM\n").unwrap();
+        assert_eq!((own.line, own.columns.len()), (1, 4), "{own:?}");
+        assert!(own.columns.iter().all(|column| column.is_own_name));
+        let foreign = "Layout of May\nPosition,Drug,Dose (uM)\nA1,x,1\nA2,x,1,5\nA3,y,2\n";
+        assert_eq!(propose(foreign.as_bytes()).unwrap().line, 2);
+        let wrong = read(foreign, &mapped(foreign)).unwrap_err();
+        assert!(wrong.len() == 1 && wrong[0].contains("line 4: 4 cells, the heading has 3 columns"), "{wrong:?}");
+    }
+
     /// A unit is that of the concentration alone: of two that are named, the other one would be taken for it.
     #[test]
     fn the_unit_of_another_column_is_not_taken_for_that_of_the_concentration() {

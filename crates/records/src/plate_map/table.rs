@@ -10,7 +10,7 @@ use super::cell::{Cell, Column, Row, well_of};
 use super::number::Decimal;
 use super::{MappedColumn, Mistake, Place, Reading, text};
 use csv::{ByteRecord, ReaderBuilder, StringRecord};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// The records of a CSV, each with its line, and the decimal sign of its numbers. `None` after a mistake.
 fn records(bytes: &[u8], reading: &mut Reading) -> Option<(Vec<(u64, StringRecord)>, Decimal)> {
@@ -55,20 +55,48 @@ pub fn headed(bytes: &[u8], reading: &mut Reading) -> Option<Headed> {
         reading.wrong(Mistake::in_line(*line, "", "the file is in the layout of the plate: its blocks are named in their corners"));
         return None;
     }
+    let names_a_column = |(_, record): &(u64, StringRecord)| record.iter().any(|cell| Column::of_heading(cell).is_some());
     let begin = match heading(&rows, reading) {
-        // A title has one cell; the headings are the first line with all cells of the table.
-        0 => {
-            let widest = rows.iter().map(|(_, record)| record.len()).max().unwrap_or_default();
-            rows.iter().position(|(_, record)| record.len() == widest).unwrap_or_default()
-        }
+        0 if !rows.first().is_some_and(names_a_column) => likely_heading(&rows),
         found => found,
     };
-    let mut rows = rows.into_iter().skip(begin);
+    let is_in_sections = details(&rows).is_some();
+    let mut rows = section(rows, begin).into_iter();
     let Some((line, headings)) = rows.next() else {
         reading.wrong(Mistake::in_line(1, "", "the file is empty"));
         return None;
     };
-    Some(Headed { line, headings, rows: rows.map(|(_, record)| record).collect(), decimal })
+    // Lines behind the list name no well.
+    let rows = rows.map(|(_, record)| record).filter(|record| !is_in_sections || record.len() >= headings.len()).collect();
+    Some(Headed { line, headings, rows, decimal })
+}
+
+/// The place of the headings, where they name no column of carved: the first line with as many cells as most lines have. A title has one
+/// cell, and a line with a cell too many is a mistake in it. In a report with sections it is that of the list of transfers.
+fn likely_heading(records: &[(u64, StringRecord)]) -> usize {
+    let details = details(records).unwrap_or(0);
+    let list = || records[details.min(records.len())..].iter().map(|(_, record)| record.len());
+    let mut lines = BTreeMap::<usize, usize>::new();
+    for cells in list().filter(|cells| *cells > 1) {
+        *lines.entry(cells).or_default() += 1;
+    }
+    let usual = lines.into_iter().max_by_key(|&(cells, lines)| (lines, cells)).map_or(1, |(cells, _)| cells);
+    details + list().position(|cells| cells == usual).unwrap_or_default()
+}
+
+/// The place of the line behind which an Echo lists the transfers that it made. Those that failed are in a section of their own.
+fn details(records: &[(u64, StringRecord)]) -> Option<usize> {
+    records.iter().position(|(_, record)| record.get(0).is_some_and(|cell| cell.eq_ignore_ascii_case("[DETAILS]")))
+}
+
+/// The lines from the headings on, up to the next section of the report.
+fn section(records: Vec<(u64, StringRecord)>, begin: usize) -> Vec<(u64, StringRecord)> {
+    let is_section = |record: &StringRecord| {
+        let mut cells = record.iter();
+        cells.next().is_some_and(|cell| cell.starts_with('[') && cell.ends_with(']')) && cells.all(str::is_empty)
+    };
+    let list = records.into_iter().skip(begin).enumerate().take_while(|(at, (_, record))| *at == 0 || !is_section(record));
+    list.map(|(_, line)| line).collect()
 }
 
 /// Reads a table. With a `mapping`, its columns are what a person says.
@@ -81,14 +109,19 @@ pub fn read(bytes: &[u8], mapping: Option<&[MappedColumn]>, reading: &mut Readin
         None => heading(&rows, reading),
         Some(mapping) => {
             let has_all = |record: &StringRecord| mapping.iter().all(|mapped| record.iter().any(|cell| cell == mapped.heading));
-            let Some(found) = rows.iter().position(|(_, record)| has_all(record)) else {
+            let first = details(&rows).unwrap_or(0);
+            let Some(found) = rows.iter().skip(first).position(|(_, record)| has_all(record)).map(|at| first + at) else {
                 let names: Vec<&str> = mapping.iter().map(|mapped| mapped.heading.as_str()).collect();
                 return reading.wrong(Mistake::in_line(1, "", format!("no line has the columns {}", names.join(", "))));
             };
             found
         }
     };
-    let mut rows = rows.into_iter().skip(begin);
+    let is_in_sections = details(&rows).is_some();
+    if let Some((line, _)) = rows.iter().find(|(_, record)| record.get(0).is_some_and(|cell| cell.eq_ignore_ascii_case("[EXCEPTIONS]"))) {
+        reading.note(format!("line {line}: the transfers of this section failed, and are left out"));
+    }
+    let mut rows = section(rows, begin).into_iter();
     let Some((line, headings)) = rows.next() else {
         return reading.wrong(Mistake::in_line(1, "", format!("the file is empty; its first line names the columns: {}", Column::known())));
     };
@@ -102,7 +135,7 @@ pub fn read(bytes: &[u8], mapping: Option<&[MappedColumn]>, reading: &mut Readin
     let unit = mapping.and_then(|mapping| unit_of_concentration(mapping, reading));
     let rows: Vec<_> = rows.collect();
     one_plate(&rows, line, &columns, reading);
-    let rows = transfers(rows, &columns, reading);
+    let rows = transfers(rows, &columns, is_in_sections, reading);
     if !columns.iter().any(|heading| matches!(heading, Heading::Known(Column::Well, _))) {
         // Every line would have the same mistake.
         return;
@@ -338,7 +371,7 @@ fn heading(records: &[(u64, StringRecord)], reading: &mut Reading) -> usize {
         return 0;
     }
     // An Echo lists the transfers that failed before, under the same heading.
-    let details = records.iter().position(|(_, record)| record.get(0) == Some("[DETAILS]")).unwrap_or(0);
+    let details = details(records).unwrap_or(0);
     let is_heading = |record: &StringRecord| {
         record.len() > 2
             && (names(record, Column::of_heading, Some(Column::Well)) || names(record, Column::of_foreign_heading, Some(Column::Well)))
@@ -370,11 +403,18 @@ fn one_plate(records: &[(u64, StringRecord)], line: u64, columns: &[Heading], re
 }
 
 /// The lines of a dispenser's report that name a well's treatment: a solvent that was dispensed beside a compound is left out, and so are
-/// lines behind the list that name no well. Of another file, all lines.
-fn transfers(records: Vec<(u64, StringRecord)>, columns: &[Heading], reading: &mut Reading) -> Vec<(u64, StringRecord)> {
+/// lines behind the list that name no well. Of another file, all lines. A report is told by its sections or by the name of its wells.
+fn transfers(
+    records: Vec<(u64, StringRecord)>,
+    columns: &[Heading],
+    is_in_sections: bool,
+    reading: &mut Reading,
+) -> Vec<(u64, StringRecord)> {
     let place = |column: Column| columns.iter().position(|heading| matches!(heading, Heading::Known(known, _) if *known == column));
-    let is_report =
-        columns.iter().any(|heading| matches!(heading, Heading::Known(Column::Well, name) if Column::of_foreign_heading(name).is_some()));
+    let is_report = is_in_sections
+        || columns
+            .iter()
+            .any(|heading| matches!(heading, Heading::Known(Column::Well, name) if Column::of_foreign_heading(name).is_some()));
     let (Some(well), true) = (place(Column::Well), is_report) else { return records };
     let well = |record: &StringRecord| record.get(well).and_then(well_of);
     let is_solvent = |record: &StringRecord| {

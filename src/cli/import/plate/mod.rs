@@ -54,6 +54,9 @@ pub(super) struct PlateArgs {
     /// Plate map (CSV or JSON) with age, compound and more of the wells, as in a run
     #[arg(long, requires = "plate", value_name = "FILE")]
     pub plate_map: Option<PathBuf>,
+    /// What each column of the plate map is: the corrected output of `carved plate columns` [default: by the headings]
+    #[arg(long, requires = "plate_map", value_name = "JSON")]
+    pub columns: Option<PathBuf>,
     /// Wells of the plate: 6, 12, 24, 48, 96, 384 or 1536 [default: as the plate map says]
     #[arg(long, requires = "plate", value_name = "WELLS")]
     pub plate_format: Option<u32>,

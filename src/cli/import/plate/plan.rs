@@ -63,7 +63,7 @@ impl Plan {
 /// The plate map, with the wells that have pictures and that it does not name after its own.
 fn wells(args: &Args, barcode: &str, plate: &Plate, warn: &mut dyn FnMut(String)) -> anyhow::Result<PlateMap> {
     let mut map = match &args.of_plate.plate_map {
-        Some(file) => map(file, barcode, args.of_plate.plate_format)?,
+        Some(file) => map(file, barcode, args.of_plate.plate_format, args.of_plate.columns.as_deref())?,
         None => PlateMap::default(),
     };
     let wells = &mut map.plate_map;
@@ -85,9 +85,9 @@ fn wells(args: &Args, barcode: &str, plate: &Plate, warn: &mut dyn FnMut(String)
     Ok(map)
 }
 
-fn map(file: &Path, barcode: &str, plate_format: Option<u32>) -> anyhow::Result<PlateMap> {
+fn map(file: &Path, barcode: &str, plate_format: Option<u32>, columns: Option<&Path>) -> anyhow::Result<PlateMap> {
     // A MIHCSME file may have several plates, of which the barcode names one.
-    let map = plate_map::read(file, Some(barcode), plate_format)?;
+    let map = plate_map::read(file, Some(barcode), plate_format, columns)?;
     let map = map.map_err(|mistakes| {
         plate_map::print(file, &mistakes);
         anyhow::anyhow!("--plate-map {}: {} mistakes; correct them, then import", file.display(), mistakes.len())
