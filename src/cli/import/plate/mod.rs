@@ -187,11 +187,7 @@ fn one_run(args: &super::Args, barcode: &str, id: &str, fish: Option<u32>) -> an
         if well.folder.is_dir() {
             let reader = RecordingReader::open(&well.folder)?;
             pairs.extend(pictures.take_all(&reader.recording().ledger, &planned.well));
-            if let Some(opacity) =
-                reader.closed_numbers().filter(|_| planned.specimen != SpecimenKind::Bead).and_then(|file| file.record.opacity())
-            {
-                opacities.add(opacity);
-            }
+            opacity_of(&reader).into_iter().for_each(|opacity| opacities.add(opacity));
         }
         say!("{}", line(&status));
         wells.push(status);
@@ -222,17 +218,27 @@ fn one_run(args: &super::Args, barcode: &str, id: &str, fish: Option<u32>) -> an
     durable::write_json(&part.path().join("run.json"), &record)?;
     part.put(&out)?;
     followed(&out, id);
-    let count = |outcome| record.wells.iter().filter(|w| w.outcome == Some(outcome)).count();
-    let report = json!({
+    say!("{}", report(&out, outcome, &record.wells));
+    Ok(code_of(outcome))
+}
+
+/// How opaque the larva of a well is. `None` for a bead, and without numbers.
+fn opacity_of(reader: &RecordingReader) -> Option<f64> {
+    let is_larva = reader.recording().specimen.specimen != SpecimenKind::Bead;
+    reader.closed_numbers().filter(|_| is_larva)?.record.opacity()
+}
+
+/// What is printed at the end.
+fn report(out: &Path, outcome: RunOutcome, wells: &[WellStatus]) -> serde_json::Value {
+    let count = |outcome| wells.iter().filter(|w| w.outcome == Some(outcome)).count();
+    json!({
         "run": out,
         "outcome": outcome,
-        "wells": record.wells.len(),
+        "wells": wells.len(),
         "succeeded": count(SpecimenOutcome::Succeeded),
         "failed": count(SpecimenOutcome::Failed),
         "skipped": count(SpecimenOutcome::Skipped),
-    });
-    say!("{report}");
-    Ok(code_of(outcome))
+    })
 }
 
 /// Fails both wells of each pair: nothing says which of them the pictures show. Returns the wells that have failed.
