@@ -70,7 +70,9 @@ mod tests {
 
     fn usual(opacities: &[f64]) -> Option<UsualOpacity> {
         let mut recent = RecentOpacities::default();
-        opacities.iter().for_each(|opacity| recent.add(*opacity));
+        for opacity in opacities {
+            recent.add(*opacity);
+        }
         recent.usual()
     }
 

@@ -187,7 +187,9 @@ fn one_run(args: &super::Args, barcode: &str, id: &str, fish: Option<u32>) -> an
         if well.folder.is_dir() {
             let reader = RecordingReader::open(&well.folder)?;
             pairs.extend(pictures.take_all(&reader.recording().ledger, &planned.well));
-            opacity_of(&reader).into_iter().for_each(|opacity| opacities.add(opacity));
+            if let Some(opacity) = opacity_of(&reader) {
+                opacities.add(opacity);
+            }
         }
         say!("{}", line(&status));
         wells.push(status);
