@@ -267,7 +267,9 @@ mod tests {
             assert_eq!(found.columns[1].column, Some(Column::Well), "{found:?}");
             assert_eq!(found.columns[1].examples, ["B3", "B4"]);
             let mut columns = mapped(&report);
-            columns.iter_mut().for_each(|found| found.column = None);
+            for found in &mut columns {
+                found.column = None;
+            }
             for (at, column) in [(1, Column::Well), (2, Column::Compound), (3, Column::Concentration)] {
                 columns[at].column = Some(column);
             }
