@@ -173,13 +173,14 @@ struct Queue(Vec<(String, RunPlan)>);
 impl Queue {
     fn change(&mut self, change: QueueChange) -> Accepted {
         match change {
-            QueueChange::Put { run, plan } => match self.0.iter_mut().find(|(queued, _)| *queued == run) {
-                Some((_, queued)) => *queued = plan,
-                None => {
+            QueueChange::Put { run, plan } => {
+                if let Some((_, queued)) = self.0.iter_mut().find(|(queued, _)| *queued == run) {
+                    *queued = plan;
+                } else {
                     self.0.push((run, plan));
                     return Accepted::Created;
                 }
-            },
+            }
             QueueChange::Remove { run } => self.0.retain(|(queued, _)| *queued != run),
             QueueChange::Order { runs } => self.0.sort_by_key(|(queued, _)| runs.iter().position(|run| run == queued)),
         }
