@@ -4,6 +4,7 @@ use carved::config::{Config, references};
 use carved_core::carver::Leaves;
 use carved_core::flag::Flag;
 use carved_core::geometry::{BoxUm, VoxelGrid};
+use carved_core::measure::SphereFit;
 use carved_core::measure::references::{MissingReason, Quantity, References};
 use carved_core::pipeline::SpecimenRecord;
 use carved_core::profile::Mask;
@@ -238,6 +239,9 @@ fn a_larva_looks_dead_beside_those_that_the_rig_measured_before_it() {
     assert!(looks_dead(0.95, Some(0.7)), "a dead larva of a dark rig");
     assert!(!looks_dead(0.4, Some(0.1)), "no view shows it opaque");
     assert!(!looks_dead(0.95, None), "nothing is known of living larvae");
+    let mut bead = of_opacity(0.95);
+    bead.measurement.sphere = Some(SphereFit { diameter_um: 500.0, rms_um: 0.7, centre_um: [0.0; 3] });
+    assert_eq!(bead.opacity(), None, "a bead does not live");
 }
 
 /// A run of larvae of one age and different sizes, and one bead.

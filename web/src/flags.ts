@@ -72,7 +72,7 @@ export const FLAGS: Record<string, { meaning: string; whatToDo: string; isBound:
     isBound: false,
   },
   dead_looking: {
-    meaning: "The larva is opaque in most views, and far more than the larvae that the rig measured before it.",
+    meaning: "The larva is opaque in most views, and much darker than the larvae that the rig measured before it.",
     whatToDo: "Look at it, and leave it out of the results if it is dead.",
     isBound: false,
   },

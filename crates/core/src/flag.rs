@@ -156,7 +156,7 @@ flags! {
         "The views do not show all fins, so the volume may be up to 5 % too small.",
         "Check light and focus.";
     DeadLooking = "dead_looking", Turn, [],
-        "The larva is opaque in most views, and far more than the larvae that the rig measured before it.",
+        "The larva is opaque in most views, and much darker than the larvae that the rig measured before it.",
         "Look at it, and leave it out of the results if it is dead.";
     Uncalibrated = "uncalibrated", Turn, [],
         "The turn has no calibration of its own and was measured with the camera of the rig.",

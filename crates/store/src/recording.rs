@@ -177,7 +177,7 @@ pub struct Recording {
     /// Numbers of the views without a picture: of an imported turn as the names of the pictures count, of a sweep around the turn.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub missing_views: Vec<u32>,
-    /// How opaque the larvae were that this rig measured before it. `None` where too few are known, for a bead, and in files of versions
+    /// How opaque the larvae were that this rig measured before it. `None` where too few are known, and in files of versions
     /// that did not write it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub usual_opacity: Option<UsualOpacity>,

@@ -432,8 +432,7 @@ impl RunContext {
                 .map(|(camera, configured)| SecondRecord { optics: configured.optics.clone(), identity: camera.identity().to_owned() }),
         };
         let recording = Recording::new(&self.run, planned.clone(), self.mode, rig, &self.method_name, self.method.clone());
-        let is_larva = planned.specimen != SpecimenKind::Bead;
-        let usual_opacity = is_larva.then(|| self.opacities.lock().unwrap_or_else(PoisonError::into_inner).usual()).flatten();
+        let usual_opacity = self.opacities.lock().unwrap_or_else(PoisonError::into_inner).usual();
         Recording { instrument: Some(self.identity.clone()), usual_opacity, ..recording }
     }
 

@@ -18,7 +18,7 @@ use carved_core::pipeline::{Pipeline, PipelineError, SpecimenRecord, TurnVerdict
 use carved_core::reconstruction::is_seen_around;
 use carved_core::surface::Mesh;
 use carved_devices::rotation::RotationDriver;
-use carved_records::{LedgerEntry, Light, Phase, PlannedWell, SpecimenKind, SpecimenOutcome, ViewOrder, WellStatus, WellTimes};
+use carved_records::{LedgerEntry, Light, Phase, PlannedWell, SpecimenOutcome, ViewOrder, WellStatus, WellTimes};
 use carved_store::{self, MeasurementFile, RecordingWriter};
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 use std::sync::mpsc::{Receiver, Sender};
@@ -328,7 +328,7 @@ fn written(
     let fluorescence = second.and_then(|s| {
         carved_store::fluorescence(mesh, &record.measurement, &s.optics, seconds.iter().map(|(entry, frame)| (entry, frame)))
     });
-    if let Some(opacity) = record.opacity().filter(|_| writer.recording().specimen.specimen != SpecimenKind::Bead) {
+    if let Some(opacity) = record.opacity() {
         context.opacities.lock().unwrap_or_else(PoisonError::into_inner).add(opacity);
     }
     let file = MeasurementFile { fluorescence, ..MeasurementFile::new(writer.recording(), &context.config.references, record) };

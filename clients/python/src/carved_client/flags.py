@@ -32,7 +32,7 @@ FLAGS = MappingProxyType({
     "uncertain": Flag("The standard deviation of the volume is unusually large.", "Look at the frames, or measure it again with more views."),
     "nonconvex": Flag("The body is bent or hollow in places, so the numbers are those of the voxels, which are less exact.", "Look at the frames for a strongly bent larva, debris or a second specimen."),
     "fins_unseen": Flag("The views do not show all fins, so the volume may be up to 5 % too small.", "Check light and focus."),
-    "dead_looking": Flag("The larva is opaque in most views, and far more than the larvae that the rig measured before it.", "Look at it, and leave it out of the results if it is dead."),
+    "dead_looking": Flag("The larva is opaque in most views, and much darker than the larvae that the rig measured before it.", "Look at it, and leave it out of the results if it is dead."),
     "uncalibrated": Flag("The turn has no calibration of its own and was measured with the camera of the rig.", "Look at the frames and at the reason in `uncalibrated`, or turn the calibration of the method on."),
     "calibration_gate": Flag("Another axis than the calibrated one leaves a larger hull, so the views do not quite agree on one turn.", "Look at the frames for a twitch or dirt, or measure it again."),
     "calibration_off": Flag("The axis of the turn is not where the configuration says.", "Mount the capillary again, or write the new axis into `[optics]`."),

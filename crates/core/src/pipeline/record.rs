@@ -191,8 +191,11 @@ impl SpecimenRecord {
         (!blurs.is_empty()).then(|| upper_median(blurs))
     }
 
-    /// Median opacity of the larva over the views that count, 0 (clear) to 1 (black). `None` where no view shows it.
+    /// Median opacity of the larva over the views that count, 0 (clear) to 1 (black). `None` where no view shows it, and for a bead.
     pub fn opacity(&self) -> Option<f64> {
+        if self.measurement.sphere.is_some() {
+            return None;
+        }
         median(self.views.iter().filter(|view| view.used).filter_map(|view| view.detection?.opacity).collect())
     }
 

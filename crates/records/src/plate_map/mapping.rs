@@ -90,7 +90,10 @@ pub fn propose(bytes: &[u8]) -> Result<ColumnProposal, Vec<Mistake>> {
         }
     }
     if columns.iter().all(|found| found.column != Some(Column::Well))
-        && let Some(at) = (0..columns.len()).find(|&at| columns[at].column.is_none() && is_readable(Column::Well, cells(at), table.decimal))
+        && let Some(at) = (0..columns.len()).find(|&at| {
+            let found = &columns[at];
+            found.column.is_none() && !is_of_source(&words_of(&found.heading)) && is_readable(Column::Well, cells(at), table.decimal)
+        })
     {
         columns[at].column = Some(Column::Well);
     }
@@ -108,6 +111,11 @@ fn words_of(heading: &str) -> Vec<String> {
     plain.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()).map(str::to_lowercase).collect()
 }
 
+/// Whether a heading is that of the plate from which a dispenser takes. Its wells are not those of the measured plate.
+fn is_of_source(words: &[String]) -> bool {
+    words.iter().any(|word| ["source", "src"].contains(&word.as_str()))
+}
+
 /// The column that the words of a heading suggest.
 fn by_words(heading: &str) -> Option<Column> {
     const WORDS: [(&[&str], Column); 9] = [
@@ -122,6 +130,9 @@ fn by_words(heading: &str) -> Option<Column> {
         (&["dpf", "age"], Column::Dpf),
     ];
     let words = words_of(heading);
+    if is_of_source(&words) {
+        return None;
+    }
     let found = WORDS.into_iter().find(|(known, _)| words.iter().any(|word| known.contains(&word.as_str())));
     found.map(|(_, column)| column).or_else(|| (words == ["specimen", "type"]).then_some(Column::Specimen))
 }

@@ -86,7 +86,12 @@ fn likely_heading(records: &[(u64, StringRecord)]) -> usize {
 
 /// The place of the line behind which an Echo lists the transfers that it made. Those that failed are in a section of their own.
 fn details(records: &[(u64, StringRecord)]) -> Option<usize> {
-    records.iter().position(|(_, record)| record.get(0).is_some_and(|cell| cell.eq_ignore_ascii_case("[DETAILS]")))
+    titled(records, "[DETAILS]")
+}
+
+/// The place of the line that begins a section of a report.
+fn titled(records: &[(u64, StringRecord)], title: &str) -> Option<usize> {
+    records.iter().position(|(_, record)| record.get(0).is_some_and(|cell| cell.eq_ignore_ascii_case(title)))
 }
 
 /// The lines from the headings on, up to the next section of the report.
@@ -118,7 +123,7 @@ pub fn read(bytes: &[u8], mapping: Option<&[MappedColumn]>, reading: &mut Readin
         }
     };
     let is_in_sections = details(&rows).is_some();
-    if let Some((line, _)) = rows.iter().find(|(_, record)| record.get(0).is_some_and(|cell| cell.eq_ignore_ascii_case("[EXCEPTIONS]"))) {
+    if let Some((line, _)) = titled(&rows, "[EXCEPTIONS]").and_then(|at| rows.get(at)) {
         reading.note(format!("line {line}: the transfers of this section failed, and are left out"));
     }
     let mut rows = section(rows, begin).into_iter();

@@ -21,7 +21,7 @@ use anyhow::{Context, bail, ensure};
 use carved_core::frame::RawFrame;
 use carved_core::quality::RecentOpacities;
 use carved_records::picture_name::{self, Pattern};
-use carved_records::{Method, Mode, PicturesOfWells, RunOutcome, SamePictures, SpecimenKind, SpecimenOutcome, WellStatus, is_plain_name};
+use carved_records::{Method, Mode, PicturesOfWells, RunOutcome, SamePictures, SpecimenOutcome, WellStatus, is_plain_name};
 use carved_store::{RecordingReader, RunRecord, durable};
 use part::{DoneWell, Part};
 use plan::Plan;
@@ -187,7 +187,7 @@ fn one_run(args: &super::Args, barcode: &str, id: &str, fish: Option<u32>) -> an
         if well.folder.is_dir() {
             let reader = RecordingReader::open(&well.folder)?;
             pairs.extend(pictures.take_all(&reader.recording().ledger, &planned.well));
-            if let Some(opacity) = opacity_of(&reader) {
+            if let Some(opacity) = reader.closed_numbers().and_then(|file| file.record.opacity()) {
                 opacities.add(opacity);
             }
         }
@@ -222,12 +222,6 @@ fn one_run(args: &super::Args, barcode: &str, id: &str, fish: Option<u32>) -> an
     followed(&out, id);
     say!("{}", report(&out, outcome, &record.wells));
     Ok(code_of(outcome))
-}
-
-/// How opaque the larva of a well is. `None` for a bead, and without numbers.
-fn opacity_of(reader: &RecordingReader) -> Option<f64> {
-    let is_larva = reader.recording().specimen.specimen != SpecimenKind::Bead;
-    reader.closed_numbers().filter(|_| is_larva)?.record.opacity()
 }
 
 /// What is printed at the end.

@@ -14,7 +14,7 @@ use carved_core::pipeline::SegmentedFrame;
 use carved_core::profile::Mask;
 use carved_core::quality::UsualOpacity;
 use carved_offline::recording::{Computed, NumbersError, compute};
-use carved_records::{LedgerEntry, PlannedWell, SpecimenKind, SpecimenOutcome, WellStatus, sha256_hex};
+use carved_records::{LedgerEntry, PlannedWell, SpecimenOutcome, WellStatus, sha256_hex};
 use carved_store::{Recording, RecordingReader};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -172,7 +172,7 @@ impl Well<'_> {
             warnings.push(doubt);
         })?;
         let imported = Imported::new(self.args, &rig, (looks, kind), turn, plan.angles_from.clone(), warnings)?;
-        let usual_opacity = self.usual_opacity.filter(|_| self.planned.specimen != SpecimenKind::Bead);
+        let usual_opacity = self.usual_opacity;
         let recording =
             Recording { missing_views: missing, usual_opacity, ..recording(rig, self.run, self.planned.clone(), kind, &imported)? };
         Ok((imported, recording))
