@@ -157,7 +157,7 @@ fn a_mosaic_is_read_in_the_order_of_its_camera() {
         assert_eq!(output.status.code(), Some(0), "{order}");
         assert_eq!(json(&dir.path().join(format!("out/{order}.json")))["input"]["pixel_format"], format.name());
         let found = mask(&dir.path().join(format!("out/{order}.mask.png")));
-        // The tint costs 0.001 of what the test before has.
+        // 0.859 in the order grbg. The limit without the tint is 0.86.
         assert!(found.iou(&truth) > 0.85, "{order}: IoU {}", found.iou(&truth));
     }
     let output = segment_files(dir.path(), &["--bayer=rggb"], &["grbg.png"]);

@@ -83,7 +83,8 @@ def segment(
         method: `"hybrid"` (default) or `"level-set"`.
         settings: keys of a method's `segment` table (docs/configuration.md), for example `{"edge": {"blur_px": 1.5}}`.
         empty: picture of the empty capillary of the same shape. What it shows is not taken for the specimen.
-        bayer: a grey image is a Bayer mosaic: `"rggb"`, `"grbg"`, `"gbrg"` or `"bggr"`, the first four pixels row by row. `True` is `"rggb"`.
+        bayer: a grey image is a Bayer mosaic: `"rggb"`, `"grbg"`, `"gbrg"` or `"bggr"`, the first four pixels row by row. `True`
+            is `"rggb"`.
 
     Returns:
         The profile. Its mask is empty where the capillary is empty.
