@@ -190,7 +190,7 @@ const EVENTS: [kind: string, data: unknown, words: string][] = [
   [
     "specimen.done",
     { outcome: "succeeded", volume_um3: 243.1e6, volume_sd_um3: 1.4e6, flags: ["dead_looking"], seconds: 61 },
-    "trouble: A01: measured, 243.1 ± 1.4 nL (the larva looks dead in most views: look at it, and leave it out of the results if it is dead), after 1 min 1 s.",
+    "trouble: A01: measured, 243.1 ± 1.4 nL (the larva is opaque in most views, and much darker than the larvae that the rig measured before it: look at it, and leave it out of the results if it is dead), after 1 min 1 s.",
   ],
   [
     "fault.raised",
