@@ -7,6 +7,7 @@ use super::driver_state::DriverState;
 use super::faults;
 use crate::api::QueuedPlate;
 use carved_records::{EventData, Fault, RunPlan, fault_table};
+use carved_store::Store;
 
 /// Carries out a change, and shows the queue.
 ///
@@ -42,11 +43,14 @@ pub(super) fn plan_of(d: &DriverState, run: &str) -> Result<RunPlan, Refusal> {
     Ok(d.queue.get(run).map(|plate| plate.plan.clone()).ok_or_else(unknown)?)
 }
 
-/// Takes the plates out that have become runs, and shows the queue.
-pub(super) fn take_begun(d: &mut DriverState) {
+/// Takes the plate out whose run has begun, and shows the queue.
+pub(super) fn take_out(d: &mut DriverState, begun: &str) {
+    take_begun(d, |_, run| run == begun);
+}
+
+fn take_begun(d: &mut DriverState, has_begun: impl Fn(&Store, &str) -> bool) {
     let store = d.outbox.store();
-    let is_run = |run: &str| store.run(run).is_ok_and(|known| known.is_some()) || store.reader().was_accepted(run).unwrap_or(false);
-    if let Err(error) = d.queue.take_begun(is_run) {
+    if let Err(error) = d.queue.take_begun(|run| has_begun(store, run)) {
         // Nothing is lost: the next start leaves these plates out again, because their runs are on disk.
         tracing::warn!(%error, "the plate that has begun is still in the file of the queue");
     }
@@ -61,7 +65,8 @@ pub(super) fn restore(d: &mut DriverState) {
         let (seq, since) = (d.state().faults.newest() + 1, jiff::Timestamp::now().to_string());
         d.event(None, EventData::FaultRaised(Fault::new(seq, &fault_table::QUEUE_UNREADABLE, why, since)));
     }
-    take_begun(d);
+    // A start that was not accepted has no record any more: it was removed before.
+    take_begun(d, |store, run| store.run(run).is_ok_and(|known| known.is_some()) || store.reader().was_accepted(run).unwrap_or(false));
 }
 
 fn show(d: &DriverState) {

@@ -10,9 +10,10 @@ use super::loader::{LoaderMessage, capillary_full};
 use super::plates::Surroundings;
 use super::room;
 use super::run::RunInProgress;
-use super::{course, faults, people, queue};
+use super::{course, faults, people, queue, start};
 use crate::api::{self, HandoffNeeds};
 use carved_records::{Asked, EventData, Fault, Handoff, HandoffEnd, Report, ResumedBy, RunPlan, WellLoaded, Work, fault_table};
+use carved_store::RunRecord;
 use std::future::Future;
 use std::pin::pin;
 use tokio::sync::{mpsc, oneshot};
@@ -105,17 +106,44 @@ fn next_plate(d: &mut DriverState, barcode: &str) -> Result<(String, Accepted), 
     }
     let next = d.queue.next(barcode)?.clone();
     let accepted = begin(d, &next.run, next.plan)?;
-    queue::take_begun(d);
+    queue::take_out(d, &next.run);
     Ok((next.run, accepted))
 }
 
-fn begin(d: &mut DriverState, id: &str, plan: RunPlan) -> Result<Accepted, Refusal> {
-    let store = d.outbox.store();
-    if let Some(known) = store.run(id).map_err(Refusal::from)? {
-        return if known.plan == plan { Ok(Accepted::Same) } else { Err(Refusal::OtherPlan { id: id.to_owned() }) };
+/// What the data folder knows of a run that is to begin.
+enum Known {
+    Not,
+    Run(Box<RunRecord>),
+    Pruned,
+}
+
+/// Looks a run up. The record of a start that the disk refused is removed first, if it is still there: nothing has happened in that run.
+fn known(d: &mut DriverState, id: &str) -> Result<Known, Refusal> {
+    let is_open = |known: &RunRecord| known.outcome.is_none();
+    let mut known = d.outbox.store().run(id)?;
+    if !d.is(id) && known.as_ref().is_some_and(is_open) {
+        // The end of a run may wait for the disk.
+        d.outbox.flush()?;
+        known = d.outbox.store().run(id)?;
+        if known.as_ref().is_some_and(is_open) && !start::has_wells(d.outbox.store(), id) {
+            d.outbox.store().forget_run(id)?;
+            return Ok(Known::Not);
+        }
     }
-    if store.reader().was_accepted(id).unwrap_or(false) {
-        return Err(Refusal::Pruned { id: id.to_owned() });
+    let was_accepted = || d.outbox.store().reader().was_accepted(id).unwrap_or(false);
+    Ok(match known {
+        Some(known) => Known::Run(Box::new(known)),
+        None if was_accepted() => Known::Pruned,
+        None => Known::Not,
+    })
+}
+
+fn begin(d: &mut DriverState, id: &str, plan: RunPlan) -> Result<Accepted, Refusal> {
+    match known(d, id)? {
+        Known::Not => {}
+        Known::Run(known) if known.plan == plan => return Ok(Accepted::Same),
+        Known::Run(_) => return Err(Refusal::OtherPlan { id: id.to_owned() }),
+        Known::Pruned => return Err(Refusal::Pruned { id: id.to_owned() }),
     }
     plan.check(&d.config.methods).map_err(Refusal::InvalidPlan)?;
     gate::refuses(&d.config, d.mode, &plan).map_or(Ok(()), |mistake| Err(Refusal::InvalidPlan(vec![mistake])))?;

@@ -14,10 +14,14 @@ pub(super) fn newest_of(mut open: Vec<RunRecord>, mode: Mode) -> (Option<RunReco
 /// Whether the previous process ended between the record of a run and its acceptance. No client has an answer, and nothing has happened in
 /// the run.
 pub(super) fn is_not_accepted(store: &Store, run: &str) -> bool {
-    let has_wells = || std::fs::read_dir(store.run_folder(run)).is_ok_and(|mut folder| folder.any(|e| e.is_ok_and(|e| e.path().is_dir())));
     // An acceptance may be in the journal and not in the file of the run.
     let has_no_events = store.events_of(run).is_ok_and(|events| events.is_empty());
-    has_no_events && store.reader().was_accepted(run).is_ok_and(|was| !was) && !has_wells()
+    has_no_events && store.reader().was_accepted(run).is_ok_and(|was| !was) && !has_wells(store, run)
+}
+
+/// Whether a run has a folder of a well.
+pub(super) fn has_wells(store: &Store, run: &str) -> bool {
+    std::fs::read_dir(store.run_folder(run)).is_ok_and(|mut folder| folder.any(|e| e.is_ok_and(|e| e.path().is_dir())))
 }
 
 /// The events of a run, oldest first. If they cannot be read: the newest events of all.

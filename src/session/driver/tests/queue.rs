@@ -163,6 +163,37 @@ fn a_crash_at_any_moment_loses_no_plate_and_begins_none_twice() {
     });
 }
 
+/// The disk refuses everything from an operation on, also the removal of what was written, until it takes writes again. Then the plate is
+/// reported again, or the other one is put before it.
+#[test]
+fn a_plate_whose_start_the_disk_refused_waits_until_it_begins() {
+    on_this_thread(async {
+        for [then, left] in [["1", "2"], ["2", "1"]] {
+            let mut refused = 0;
+            for k in 0.. {
+                let dir = scratch();
+                let mut b = with_two(dir.path());
+                disk_trace::die(k);
+                let first = b.next("P-1");
+                let is_whole = !disk_trace::was_full();
+                disk_trace::make_room();
+                if first.is_err() {
+                    refused += 1;
+                    assert_eq!((b.current(), b.queued()), (None, vec!["n-1".to_owned(), "n-2".into()]), "{k}");
+                    b.change(QueueChange::Order { runs: vec![format!("n-{then}"), format!("n-{left}")] }).unwrap();
+                    assert_eq!(b.next(&format!("P-{then}")), Ok((format!("n-{then}"), Accepted::Created)), "{k}: {first:?}");
+                    assert_eq!((b.current(), b.queued()), (Some(format!("n-{then}")), vec![format!("n-{left}")]), "{k}: {first:?}");
+                }
+                disk_trace::end();
+                if is_whole {
+                    assert!(refused > 2, "{refused} of {k} operations on the disk");
+                    break;
+                }
+            }
+        }
+    });
+}
+
 #[test]
 fn a_queue_that_cannot_be_read_is_a_fault_and_its_file_stays() {
     let dir = scratch();

@@ -34,16 +34,23 @@ fn identify(wire: &mut Wire) -> Result<Option<Answer>, DeviceError> {
     let build: Vec<String> = wire.listing(b"$I\n")?.into_iter().filter(|l| l.starts_with('[')).collect();
     let settings: BTreeMap<u16, f64> = wire.listing(b"$$\n")?.iter().filter_map(|l| setting(l)).collect();
     let name = greeting.and_then(|g| Some(g.split(" [").next()?.to_owned()));
-    // A controller that was not reset has said its version only.
-    // Grbl 0.9 separates the fields of its status by commas.
-    let is_driven = if let Some(name) = &name {
-        Dialect::Auto.of(name).is_ok()
-    } else {
-        let is_1_1 = |line: &String| line.strip_prefix("[VER:").is_none_or(|version| version.starts_with("1.1"));
-        build.iter().all(is_1_1) && status.is_none_or(|status| status.contains('|'))
+    let is_driven = match (&name, &status) {
+        (Some(name), _) => Dialect::Auto.of(name).is_ok(),
+        (None, Some(status)) => is_driven(status, &build),
+        (None, None) => false,
     };
-    let version = name.into_iter().chain(build).collect::<Vec<_>>().join(" ");
+    // What reports like a Grbl and says no version is shown by its report.
+    let unnamed = status.filter(|_| name.is_none() && build.is_empty());
+    let version = name.into_iter().chain(build).chain(unnamed).collect::<Vec<_>>().join(" ");
     Ok(Some(answer(is_driven, &version, &settings)))
+}
+
+/// Whether the driver accepts a controller that was not reset, by its status and its answer to `$I`. Grbl 0.9 separates the fields of its
+/// status by commas. A busy controller refuses `$I`; an idle one without a version is another firmware.
+fn is_driven(status: &str, build: &[String]) -> bool {
+    let mut versions = build.iter().filter_map(|line| line.strip_prefix("[VER:")).peekable();
+    let says_why = versions.peek().is_some() || !status.starts_with("<Idle");
+    status.contains('|') && says_why && versions.all(|version| version.starts_with("1.1"))
 }
 
 fn setting(line: &str) -> Option<(u16, f64)> {
@@ -111,6 +118,21 @@ mod tests {
         assert!(refused.name.contains("FluidNC") && refused.refusal.is_some() && refused.keys.is_empty(), "{refused:?}");
         let driven = answer(true, "Grbl 1.1h", &settings);
         assert!(driven.refusal.is_none() && driven.keys.len() == 1, "{driven:?}");
+    }
+
+    #[test]
+    fn a_version_that_is_missing_is_allowed_to_a_busy_controller_only() {
+        let lines = |text: &str| text.split_whitespace().map(str::to_owned).collect::<Vec<_>>();
+        for (status, build, expected) in [
+            ("<Idle|MPos:0.000,0.000,0.000|FS:0,0>", "[VER:1.1h.20190830:] [OPT:V,15,128]", true),
+            ("<Idle|MPos:0.000,0.000,0.000|FS:0,0>", "[OPT:V,15,128]", false),
+            ("<Idle|MPos:0.000,0.000,0.000|FS:0,0>", "", false),
+            ("<Hold:0|MPos:0.000,0.000,0.000|FS:0,0>", "", true),
+            ("<Idle|MPos:0.000,0.000,0.000|FS:0,0>", "[VER:3.7]", false),
+            ("<Idle,MPos:0.000,0.000,0.000,WPos:0.000,0.000,0.000>", "[VER:1.1h.20190830:]", false),
+        ] {
+            assert_eq!(is_driven(status, &lines(build)), expected, "{status} {build}");
+        }
     }
 
     #[test]
