@@ -8,6 +8,7 @@ use carved_core::quality::TurnFinding;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
+use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// The bytes of an RGB frame at an angle, rad. Each number has its own noise. The last value asks for the other larva.
@@ -103,15 +104,15 @@ impl Turn {
         })
     }
 
-    /// The views of the turn, each with its picture.
-    pub fn seen(&self, shot: impl Fn(usize) -> Shot + Sync) -> (Pipeline, Vec<Arc<SegmentedFrame>>) {
+    /// These views of the turn, each with its picture.
+    pub fn seen(&self, views: Range<usize>, shot: impl Fn(usize) -> Shot + Sync) -> (Pipeline, Vec<Arc<SegmentedFrame>>) {
         let pipeline = Pipeline::new(self.settings.clone()).unwrap();
-        let seen = (0..self.views).into_par_iter().map(|view| self.look(&pipeline, view, shot(view))).collect();
+        let seen = views.into_par_iter().map(|view| self.look(&pipeline, view, shot(view))).collect();
         (pipeline, seen)
     }
 
     pub fn measured(&self, shot: impl Fn(usize) -> Shot + Sync) -> SpecimenRecord {
-        let (mut pipeline, seen) = self.seen(shot);
+        let (mut pipeline, seen) = self.seen(0..self.views, shot);
         for (view, frame) in seen.iter().enumerate() {
             pipeline.observe(view as u32, self.omega(view as f64), frame).unwrap();
         }
@@ -139,8 +140,8 @@ impl Turn {
     }
 }
 
-/// Judges turns of many specimens and prints what is wrong. `CARVED_TURNS` is the number of specimens, `CARVED_FROM` the first one, and
-/// `CARVED_KINDS` a kind of turn, or `good` for good turns only.
+/// Judges turns of many specimens and prints what is wrong. `CARVED_TURNS` is the number of specimens, `CARVED_FROM` the first one,
+/// `CARVED_VIEWS` the number of views, and `CARVED_KINDS` a kind of turn, or `good` for good turns only.
 pub fn survey(turn: impl Fn(u64, usize) -> (String, Turn)) {
     let number = |key: &str, otherwise: u64| std::env::var(key).ok().and_then(|n| n.parse().ok()).unwrap_or(otherwise);
     let only = std::env::var("CARVED_KINDS").ok();
@@ -148,7 +149,7 @@ pub fn survey(turn: impl Fn(u64, usize) -> (String, Turn)) {
     let (from, turns) = (number("CARVED_FROM", 0), number("CARVED_TURNS", 4));
     let mut missed = 0;
     for seed in from..from + turns {
-        let (name, turn) = turn(seed, [21, 12, 21, 32][(seed % 4) as usize]);
+        let (name, turn) = turn(seed, number("CARVED_VIEWS", [21, 12, 21, 32][seed as usize % 4]) as usize);
         for wrong in turn.judged(&name, &only) {
             missed += 1;
             println!("{wrong}");

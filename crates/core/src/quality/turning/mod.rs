@@ -31,13 +31,19 @@ use std::f64::consts::TAU;
 
 /// Least views of a stretch that stands still.
 const STILL_VIEWS: usize = 3;
-/// Least angle of a stretch whose pixels and outlines are unchanged, deg. Neighbours of 84 views are 4.3 deg apart, so that three views tell.
-const STILL_DEG: f64 = 8.0;
+/// Least angle of a stretch whose outlines are unchanged and whose pixels surely are, deg. Neighbours of 84 views are 4.3 deg apart, so that three
+/// views tell.
+const STILL_SURE_DEG: f64 = 8.0;
+/// The same where the pixels may be unchanged, deg. A larva that is nearly round shows little of so small a turn.
+const STILL_DEG: f64 = 12.0;
 /// Least angle of a stretch of which only the outlines are known to be unchanged, deg. Over a quarter of a turn a larva shows side and back.
 const STILL_OUTLINES_DEG: f64 = 84.0;
 /// Largest change of the pixels of a specimen that stands still. On 12 larvae of the second renderer, frames of one pose had 0.3 to 0.7, larvae that
 /// turned by 8.6 deg 2.2 and more, both with a smaller floor of the variances (1/6) than now.
 const STILL_CHANGE: f64 = 1.3;
+/// The same where no turn is as small. On 11 larvae of two renderers, frames of one pose had 0.45 to 0.62. A good turn, of 9 of 84 views, had 1.05
+/// over 8.6 deg between outlines that did not differ.
+const STILL_SURE_CHANGE: f64 = 0.85;
 /// Largest distance of outlines of a specimen that stands still, px per deg of the ledger, within limits: the segmentation's noise, and less than a
 /// larva changes.
 const STILL_PX_PER_DEG: f64 = 0.03;
@@ -82,8 +88,17 @@ struct SeenView {
 #[derive(Debug, Clone, Default)]
 pub struct Turning {
     views: Vec<SeenView>,
-    /// Distance of the outlines of two views in which nothing has changed, by their numbers.
-    unchanged_px: BTreeMap<(u32, u32), Option<f64>>,
+    /// What two views differ by in which nothing has changed, by their numbers.
+    unchanged: BTreeMap<(u32, u32), Option<Unchanged>>,
+}
+
+/// What two views differ by in which nothing has changed.
+#[derive(Debug, Clone, Copy, Default)]
+struct Unchanged {
+    /// Distance of the outlines, px.
+    moved_px: f64,
+    /// Change of the pixels, as [`Difference::change`]. 0 where they were not compared.
+    change: f64,
 }
 
 impl Turning {
@@ -107,7 +122,7 @@ impl Turning {
     /// Forgets a view.
     pub fn forget(&mut self, index: u32) {
         self.views.retain(|v| v.index != index);
-        self.unchanged_px.retain(|(a, b), _| *a != index && *b != index);
+        self.unchanged.retain(|(a, b), _| *a != index && *b != index);
     }
 
     /// Median row of the middle of the bore over the views, px.
@@ -128,13 +143,14 @@ impl Turning {
             return None;
         }
         let mut first = 0;
-        let mut moved_px: f64 = 0.0;
+        let mut most = Unchanged::default();
         for last in 1..self.views.len() {
             // The longest stretch that ends here.
             while first < last {
-                let distances = (first..last).map(|at| self.unchanged_px(at, last)).collect::<Option<Vec<f64>>>();
-                if let Some(distances) = distances {
-                    moved_px = distances.into_iter().fold(0.0, f64::max);
+                let unchanged = (first..last).map(|at| self.unchanged(at, last)).collect::<Option<Vec<Unchanged>>>();
+                if let Some(unchanged) = unchanged {
+                    let max = |of: fn(&Unchanged) -> f64| unchanged.iter().map(of).fold(0.0, f64::max);
+                    most = Unchanged { moved_px: max(|u| u.moved_px), change: max(|u| u.change) };
                     break;
                 }
                 first += 1;
@@ -142,26 +158,31 @@ impl Turning {
             let ledger_deg = self.apart_deg(first, last);
             let stretch = &self.views[first..=last];
             let by_pixels = stretch.iter().all(|v| v.bore.is_some());
-            let needed_deg = if by_pixels { STILL_DEG } else { STILL_OUTLINES_DEG };
+            let needed_deg = match by_pixels {
+                false => STILL_OUTLINES_DEG,
+                true if most.change <= STILL_SURE_CHANGE => STILL_SURE_DEG,
+                true => STILL_DEG,
+            };
             if stretch.len() >= STILL_VIEWS && ledger_deg >= needed_deg {
-                return Some(TurnFinding::Still { first: stretch[0].index, last: self.views[last].index, ledger_deg, moved_px });
+                let (first, last) = (stretch[0].index, self.views[last].index);
+                return Some(TurnFinding::Still { first, last, ledger_deg, moved_px: most.moved_px });
             }
         }
         None
     }
 
-    /// Distance of the outlines of two views in which nothing has changed, px. `None` where something has.
-    fn unchanged_px(&mut self, at: usize, other: usize) -> Option<f64> {
+    /// What two views differ by in which nothing has changed. `None` where something has.
+    fn unchanged(&mut self, at: usize, other: usize) -> Option<Unchanged> {
         let key = (self.views[at].index, self.views[other].index);
-        if let Some(known) = self.unchanged_px.get(&key) {
+        if let Some(known) = self.unchanged.get(&key) {
             return *known;
         }
-        let found = self.compared_px(at, other);
-        self.unchanged_px.insert(key, found);
+        let found = self.compared(at, other);
+        self.unchanged.insert(key, found);
         found
     }
 
-    fn compared_px(&self, at: usize, other: usize) -> Option<f64> {
+    fn compared(&self, at: usize, other: usize) -> Option<Unchanged> {
         let (a, b) = (&self.views[at], &self.views[other]);
         let apart_deg = self.apart_deg(at, other);
         let down_px = b.middle_v.zip(a.middle_v).map_or(0.0, |(b, a)| b - a);
@@ -169,10 +190,13 @@ impl Turning {
         let distances = [distance_px(&a.body, &b.body, 0.0)?, distance_px(&a.body, &b.body, down_px)?];
         let moved_px = distances[0].min(distances[1]);
         let allowed = (STILL_PX_PER_DEG * apart_deg).clamp(STILL_LEAST_PX, STILL_MOST_PX);
+        if moved_px > allowed {
+            return None;
+        }
         let pixels = || a.bore.as_ref().zip(b.bore.as_ref()).and_then(|(x, y)| difference((x, &a.body), (y, &b.body), Sampling::All));
-        let is_same =
-            moved_px <= allowed && (apart_deg >= STILL_OUTLINES_DEG || pixels().is_none_or(|found| found.change() <= STILL_CHANGE));
-        is_same.then_some(moved_px)
+        let compared = (apart_deg < STILL_OUTLINES_DEG).then(pixels).flatten();
+        let change = compared.map_or(0.0, |found| found.change());
+        (change <= STILL_CHANGE).then_some(Unchanged { moved_px, change })
     }
 
     fn apart_deg(&self, at: usize, other: usize) -> f64 {
