@@ -34,23 +34,21 @@ fn identify(wire: &mut Wire) -> Result<Option<Answer>, DeviceError> {
     let build: Vec<String> = wire.listing(b"$I\n")?.into_iter().filter(|l| l.starts_with('[')).collect();
     let settings: BTreeMap<u16, f64> = wire.listing(b"$$\n")?.iter().filter_map(|l| setting(l)).collect();
     let name = greeting.and_then(|g| Some(g.split(" [").next()?.to_owned()));
-    let is_driven = match (&name, &status) {
-        (Some(name), _) => Dialect::Auto.of(name).is_ok(),
-        (None, Some(status)) => is_driven(status, &build),
-        (None, None) => false,
-    };
-    // What reports like a Grbl and says no version is shown by its report.
-    let unnamed = status.filter(|_| name.is_none() && build.is_empty());
-    let version = name.into_iter().chain(build).chain(unnamed).collect::<Vec<_>>().join(" ");
+    let is_driven = name
+        .as_ref()
+        .map_or_else(|| status.as_ref().is_some_and(|status| is_driven(status, &build)), |name| Dialect::Auto.of(name).is_ok());
+    // What is refused without a name is shown by its report too: the report may be why.
+    let report = status.filter(|_| name.is_none() && !is_driven);
+    let version = name.into_iter().chain(build).chain(report).collect::<Vec<_>>().join(" ");
     Ok(Some(answer(is_driven, &version, &settings)))
 }
 
 /// Whether the driver accepts a controller that was not reset, by its status and its answer to `$I`. Grbl 0.9 separates the fields of its
 /// status by commas. A busy controller refuses `$I`; an idle one without a version is another firmware.
 fn is_driven(status: &str, build: &[String]) -> bool {
-    let mut versions = build.iter().filter_map(|line| line.strip_prefix("[VER:")).peekable();
-    let says_why = versions.peek().is_some() || !status.starts_with("<Idle");
-    status.contains('|') && says_why && versions.all(|version| version.starts_with("1.1"))
+    let versions: Vec<&str> = build.iter().filter_map(|line| line.strip_prefix("[VER:")).collect();
+    let may_say_none = !status.starts_with("<Idle");
+    status.contains('|') && (may_say_none || !versions.is_empty()) && versions.iter().all(|version| version.starts_with("1.1"))
 }
 
 fn setting(line: &str) -> Option<(u16, f64)> {
