@@ -34,7 +34,7 @@ fn turn(seed: u64, views: usize) -> Turn {
 fn a_turn_that_is_none_is_named_on_the_emulated_rig() {
     let few = ["still", "every second view mirrored", "the second half upside down"];
     let mut wrong = turn(1, 12).judged("larva 1", &few);
-    // Every view of two larvae that are alike is a compromise, and a good turn of few views says little of each of them.
+    // In a turn of two like larvae every view is a compromise. In a turn of 6 views none is held against the others.
     wrong.extend(turn(7001, 12).judged("larva 7001", &["two larvae"]));
     wrong.extend(turn(9001, 6).judged("larva 9001", &["still"]));
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));

@@ -104,7 +104,7 @@ impl Turn {
         })
     }
 
-    /// These views of the turn, each with its picture.
+    /// The given views of the turn, each with its picture.
     pub fn seen(&self, views: Range<usize>, shot: impl Fn(usize) -> Shot + Sync) -> (Pipeline, Vec<Arc<SegmentedFrame>>) {
         let pipeline = Pipeline::new(self.settings.clone()).unwrap();
         let seen = views.into_par_iter().map(|view| self.look(&pipeline, view, shot(view))).collect();

@@ -28,7 +28,7 @@ const BODY_BORE2: f64 = 0.015;
 const OWN: f32 = 0.7;
 
 /// Contrast that the mean of a faint piece must reach somewhere, as a multiple of the least one of its blocks. On a frame of a VAST, means over
-/// fine dust beside a tail reach more than 1.5 times the least one. Fins of the second renderer are found as before.
+/// fine dust beside a tail reach more than 1.5 times the least one.
 const SURE: f32 = 2.0;
 
 /// Finds the blocks of the specimen. The memory is reused from frame to frame.
@@ -252,6 +252,13 @@ mod tests {
         assert!(within.len() > 300, "{} of 400", within.len());
         let far = beside.iter().filter(|(u, v)| *v < 8 || *u < 13 || *u > 56 || *v > 41).count();
         assert!(far == 0 && beside.len() < 100, "{} beside, {far} of them far", beside.len());
+    }
+
+    /// Fine dust raises means to the least contrast, and nowhere to that of a fin.
+    #[test]
+    fn what_is_nowhere_dark_enough_is_not_added() {
+        let found = added(patch(2.6, 15..55, 10..20));
+        assert!(found.is_empty(), "{} blocks", found.len());
     }
 
     /// A shade that lies all along the wall shows no border on that side, whatever it is.

@@ -79,7 +79,7 @@ pub enum TurnFinding {
     },
     /// Several views fit the turn at no angle.
     #[error(
-        "{views} of {of} views, the first of them {view}, fit the others at no angle: they show another specimen, or are no good pictures. Look at them"
+        "{views} of {of} views, the first of them {view}, fit the others at no angle: they show another specimen, the specimen moved, or the pictures are bad. Look at them"
     )]
     Foreign {
         /// The first of them.

@@ -38,11 +38,10 @@ const STILL_SURE_DEG: f64 = 8.0;
 const STILL_DEG: f64 = 12.0;
 /// Least angle of a stretch of which only the outlines are known to be unchanged, deg. Over a quarter of a turn a larva shows side and back.
 const STILL_OUTLINES_DEG: f64 = 84.0;
-/// Largest change of the pixels of a specimen that stands still. On 12 larvae of the second renderer, frames of one pose had 0.3 to 0.7, larvae that
-/// turned by 8.6 deg 2.2 and more, both with a smaller floor of the variances (1/6) than now.
+/// Largest change of the pixels of a specimen that stands still.
 const STILL_CHANGE: f64 = 1.3;
-/// The same where no turn is as small. On 11 larvae of two renderers, frames of one pose had 0.45 to 0.62. A good turn, of 9 of 84 views, had 1.05
-/// over 8.6 deg between outlines that did not differ.
+/// The same where the specimen surely stands still. On 11 larvae of two renderers, frames of one pose had 0.45 to 0.62. One of 9 good turns of 84
+/// views had 1.05 over 8.6 deg between outlines that did not differ.
 const STILL_SURE_CHANGE: f64 = 0.85;
 /// Largest distance of outlines of a specimen that stands still, px per deg of the ledger, within limits: the segmentation's noise, and less than a
 /// larva changes.

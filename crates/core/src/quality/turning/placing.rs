@@ -22,8 +22,8 @@ const ELSEWHERE_OF_HALF: f64 = 0.7;
 /// Least number and least share of the views that fit at no angle, for more than single bad pictures.
 const FOREIGN_LEAST: usize = 2;
 const FOREIGN_SHARE: f64 = 0.1;
-/// Distance within which half of the edges of most views must be, px. Where the two halves of a turn show two larvae, every view is a compromise: of
-/// 8 such turns of two renderers the median of this distance was 1.3 px or more, of 75 good turns of 11 views or more at most 0.3.
+/// Half of the edges of most views are within this distance, px. Where the two halves of a turn show two larvae, every view is a compromise. The
+/// median of this distance was 1.3 px or more in 8 such turns, and at most 0.3 px in 66 measurements of good turns of 11 views or more.
 const COMPROMISE_PX: f64 = 0.8;
 const COMPROMISE_SHARE: f64 = 0.5;
 /// Largest distance of the axis from the middle of the bore, px: glass that is not round, and chucks that hold it off their axis.
@@ -119,7 +119,7 @@ mod tests {
         assert!(is_elsewhere(&[placed_elsewhere(3.0, 0.34)], 1.2), "the common fins do not explain it");
     }
 
-    /// Most views are a compromise of two larvae. Some that are is what a movement leaves.
+    /// Half of the views are a compromise of two larvae. Fewer are no finding.
     #[test]
     fn views_that_are_all_a_compromise_are_named() {
         let between = Placed { own_px: 2.2, half_px: 1.3, best_px: 2.0, off_rad: 0.1 };
