@@ -2,6 +2,7 @@
 // memory of a page after each run, and the time of the instrument's steps without a page and with PAGES of them open.
 //
 //   node watch.mjs ../target/release/carved [PAGES] [MINUTES] [ROUNDS]     5 pages, 10 minutes, 3 rounds; a daemon of its own on the emulated rig
+//   CARVED_MODEL=none node watch.mjs ...                                   the browser has no WebGL, and the processor draws no models
 //
 //   carved simulate ─┬─ ROUNDS times: a run alone, with readers, with pages ── moved_ms + settle_ms + grab_ms of each view
 //                    └─ runs with the same pages, until MINUTES are over ───── heap and elements of the first page after each run
@@ -108,11 +109,16 @@ async function heard(over) {
   return at;
 }
 
+const WEBGL =
+  process.env["CARVED_MODEL"] === "none"
+    ? ["--disable-gpu"]
+    : ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"];
+
 const load = () => `load ${loadavg()[0].toFixed(1)}`;
 const opened = async () => {
   const browser = await chromium.launch({
     executablePath: process.env["CARVED_CHROMIUM"] ?? "/usr/bin/chromium",
-    args: ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"],
+    args: ["--no-sandbox", ...WEBGL],
   });
   const open = [];
   for (let i = 0; i < Number(pages); i += 1) {

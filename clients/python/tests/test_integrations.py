@@ -119,10 +119,15 @@ class Node:
         self.map.write_text(plate_map)
         arguments = {"plate_barcode": "P-1", "operator": "kim"}
         request = ActionRequest(action_name="measure_plate", args=arguments, files={"plate_map": str(self.map)})
-        return self.client.send_action(request, await_result=wait, timeout=PATIENCE_S)
+        started = self.client.send_action(request, await_result=False)
+        return self._ended(started) if wait else started
 
     def act(self, name: str, **arguments: Any) -> Any:
-        return self.client.send_action(ActionRequest(action_name=name, args=arguments), timeout=PATIENCE_S)
+        return self._ended(self.client.send_action(ActionRequest(action_name=name, args=arguments), await_result=False))
+
+    def _ended(self, started: Any) -> Any:
+        """The result of an action. `send_action` leaves out the errors of an action that fails after it has begun."""
+        return self.client.await_action_result(started.action_id, timeout=PATIENCE_S)
 
 
 @pytest.fixture(scope="module")
