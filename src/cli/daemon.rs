@@ -61,6 +61,7 @@ impl Daemon {
         let publisher = publisher.noticing(notices.clone());
         let handle = handle.noticing(notices.clone()).offering(config.methods.clone());
         let heartbeat = Heartbeat::default();
+        let slow_disk = publisher.slow_disk(heartbeat.clone());
         let driver = Driver {
             config: config.clone(),
             mode,
@@ -96,6 +97,7 @@ impl Daemon {
         };
         let served = runtime.block_on(async {
             let informs = tokio::spawn(tell_systemd(handle.clone(), heartbeat.clone()));
+            tokio::spawn(slow_disk.watch());
             let session = handle.clone();
             let mut serving = tokio::spawn(async move {
                 // Clients wait in the backlog of the listener. On a disk that hangs they get a status that says `starting`.

@@ -112,9 +112,14 @@ impl Halt {
 
     /// Resolves while the stop is pressed and not taken. The client that pressed it may have disconnected.
     pub async fn pressed(&self) {
-        while !self.with(|aim| aim.pressed) {
+        while !self.is_pressed() {
             self.shared.1.notified().await;
         }
+    }
+
+    /// Whether the stop is pressed and not taken.
+    pub fn is_pressed(&self) -> bool {
+        self.with(|aim| aim.pressed)
     }
 
     /// Whether the stop was pressed since the last call. Clears it: new work is not cancelled any more.

@@ -2,6 +2,8 @@
 //! changes state.
 
 use super::halt::Halt;
+use super::heartbeat::Heartbeat;
+use super::slow_disk::SlowDisk;
 use super::tally::Tally;
 use super::{Check, State, Status};
 use crate::api::{HandoffNeeds, RunOutcome};
@@ -427,9 +429,12 @@ impl SessionHandle {
     }
 }
 
+/// The newest status, as it is written.
+pub type SharedStatus = watch::Sender<Arc<Status>>;
+
 /// The driver's end: it writes everything that the handle reads. It has no way to read the status, which is output only.
 pub struct Publisher {
-    status: watch::Sender<Arc<Status>>,
+    status: Arc<SharedStatus>,
     live: Arc<Mutex<Live>>,
     events: Arc<EventLog>,
     halt: Halt,
@@ -446,6 +451,11 @@ impl Publisher {
     /// The path of the emergency stop.
     pub fn halt(&self) -> &Halt {
         &self.halt
+    }
+
+    /// What shows in the status that the driver waits for the disk.
+    pub fn slow_disk(&self, heartbeat: Heartbeat) -> SlowDisk {
+        SlowDisk::new(&self.status, self.halt.clone(), heartbeat)
     }
 
     /// The newest events in memory, oldest first.
@@ -572,7 +582,7 @@ pub fn channel(first: Status, tail: Vec<Event>) -> (SessionHandle, mpsc::Receive
         methods: Arc::default(),
         notices: None,
     };
-    (handle, mailbox, Publisher { status, live, events, halt, notices: None })
+    (handle, mailbox, Publisher { status: Arc::new(status), live, events, halt, notices: None })
 }
 
 #[cfg(test)]

@@ -21,6 +21,7 @@ mod preflight;
 pub mod replays;
 mod search;
 mod sentence;
+mod slow_disk;
 pub mod standard;
 mod state;
 mod tally;

@@ -1,5 +1,6 @@
 //! Tests with a scripted controller: the exact bytes that the driver sends, and its reaction to each answer.
 
+use super::talk::OWN_GREETING;
 use super::*;
 use crate::cancel::CancelToken;
 use crate::rotation::scripted::Scripted;
@@ -901,6 +902,21 @@ fn a_greeting_before_anything_moves_makes_the_reference_try_once_more() {
     let mut grbl = open(&controller).unwrap();
     assert_eq!(grbl.reference(&CancelToken::new()).unwrap(), Achieved { steps: Steps(0), epoch: 1 });
     controller.followed(grbl);
+}
+
+/// The reset button, pressed at rest before the first reference: seen by a check, or by the reference that follows.
+#[test]
+fn a_reset_long_after_the_controller_was_opened_is_that_of_a_person() {
+    for looks in [true, false] {
+        let mut script = opening();
+        script.push(("?", GREETING.to_owned() + "<Alarm|MPos:0.000,0.000,0.000>\r\n"));
+        let controller = play(script);
+        let mut grbl = open(&controller).unwrap();
+        grbl.own_reset = Instant::now().checked_sub(OWN_GREETING * 2).expect("the computer runs for longer");
+        let seen = if looks { grbl.check() } else { grbl.reference(&CancelToken::new()).map(drop) };
+        assert!(matches!(seen, Err(DeviceError::Intervention { .. })), "{seen:?}");
+        controller.followed(grbl);
+    }
 }
 
 #[test]

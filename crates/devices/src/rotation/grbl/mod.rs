@@ -96,6 +96,8 @@ pub struct Grbl {
     outputs: Bank<GrblPin>,
     /// What the controller said at a reset that carved did not request, until it is reported.
     unreported_reset: Option<String>,
+    /// When carved last reset the controller, or may have: as it opened the port, woke it, or stopped it.
+    own_reset: Instant,
 }
 
 impl Grbl {
@@ -135,6 +137,7 @@ impl Grbl {
             slide: translation.map(Slide::new),
             controller_settings: ControllerSettings::new(),
             unreported_reset: None,
+            own_reset: Instant::now(),
         };
         match grbl.identify() {
             // The daemon can start and show it: `check` reports it again.
@@ -241,6 +244,7 @@ impl Grbl {
             self.unreported_reset = None;
         } else if self.link.is_moving() {
             self.link.halt();
+            self.own_reset = Instant::now();
         }
         self.link.set_moving(false);
         self.outputs.forget();
@@ -277,6 +281,7 @@ impl Grbl {
         let was_stopped = self.link.is_stopped();
         self.link.release(cancel)?;
         if was_stopped {
+            self.own_reset = Instant::now();
             self.doubt(&DeviceError::Stopped);
         }
         Ok(())

@@ -17,6 +17,8 @@ use crate::DeviceError;
 use carved_core::units::Steps;
 use std::time::{Duration, Instant};
 
+/// Time after which a greeting is not that of a reset of carved. A boot loader delays it by up to two seconds.
+pub(super) const OWN_GREETING: Duration = Duration::from_secs(5);
 /// Number of soft resets until a greeting or a report must have come. A controller that restarts when its port is opened spends up to two
 /// seconds in its boot loader, which ignores them.
 const WAKE_ATTEMPTS: u32 = 4;
@@ -108,6 +110,7 @@ impl Grbl {
     fn wake(&mut self) -> Result<Option<String>, DeviceError> {
         for _ in 0..WAKE_ATTEMPTS {
             self.link.send(SOFT_RESET)?;
+            self.own_reset = Instant::now();
             self.outputs.forget();
             let until = Instant::now() + WAKE_WAIT;
             while let Some(text) = self.link.line(until)? {
@@ -448,15 +451,16 @@ impl Grbl {
     /// Makes lines after which the position is not known errors.
     ///
     /// A greeting belongs to a reset. carved resets the controller with a stop, when it is opened and while it takes a reference. Otherwise
-    /// somebody else did, and the reset counts as a person's: it is the emergency stop of a controller without one. It is announced once,
-    /// so it is remembered until it is reported.
+    /// somebody else did, and the reset counts as a person's, also before the first reference: it is the emergency stop of a controller
+    /// without one. It is announced once, so it is remembered until it is reported.
     fn unless_lost(&mut self, line: Line) -> Result<Line, DeviceError> {
         let sign = match &line {
             Line::Greeting(greeting) => greeting.clone(),
             Line::Alarm(intervention::RESET_IN_MOTION) => alarm_text(intervention::RESET_IN_MOTION),
             _ => return unless_alarm(line),
         };
-        let is_own = self.link.is_stopped() || !(self.knowledge.is_known() || self.link.is_moving());
+        let is_late = self.own_reset.elapsed() > OWN_GREETING;
+        let is_own = self.link.is_stopped() || !(is_late || self.knowledge.is_known() || self.link.is_moving());
         if !is_own {
             let error = intervention::reset(&sign);
             self.knowledge.doubt(&error);
