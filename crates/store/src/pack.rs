@@ -67,19 +67,19 @@ impl RecordingFiles {
         }
     }
 
-    /// The bytes of a file. `None` if it is not there.
+    /// The bytes of a file. `None` if it is not there. No link below the folder is followed.
     ///
     /// # Errors
     /// It cannot be read.
     pub fn read(&self, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
-        let path = match self {
+        let folder = match self {
             Self::Pack(pack) => return pack.read(Path::new(name)),
-            Self::Folder(folder) => folder.join(name),
+            Self::Folder(folder) => folder,
         };
-        match carved_files::read(&path) {
+        match carved_files::read_below(folder, Path::new(name)) {
             Ok(bytes) => Ok(Some(bytes)),
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(None),
-            Err(e) => Err(StoreError::io("read", &path)(e)),
+            Err(e) => Err(StoreError::io("read", &folder.join(name))(e)),
         }
     }
 
@@ -258,4 +258,29 @@ pub fn pack<'a>(run: &Path, files: impl Iterator<Item = (&'a PathBuf, &'a String
 /// Whether a file name stays inside its folder.
 pub(super) fn is_below(name: &Path) -> bool {
     name.components().all(|part| matches!(part, Component::Normal(_)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::os::unix::fs::symlink;
+
+    #[test]
+    fn no_link_below_a_recording_is_followed() {
+        let dir = tempfile::tempdir().unwrap();
+        let [own, other] = ["A01", "elsewhere"].map(|name| dir.path().join(name));
+        for folder in [&own, &other] {
+            std::fs::create_dir(folder).unwrap();
+        }
+        std::fs::write(other.join("000.png"), "pixels").unwrap();
+        symlink(&other, own.join("frames")).unwrap();
+        symlink(other.join("000.png"), own.join("first.png")).unwrap();
+        let files = RecordingFiles::of(&own).unwrap();
+        for name in ["frames/000.png", "first.png"] {
+            let error = files.read(name).unwrap_err().to_string();
+            assert!(error.contains(name) && error.contains("a link"), "{error}");
+        }
+        assert_eq!(files.read("nothing.png").unwrap(), None);
+        assert_eq!(RecordingFiles::of(&other).unwrap().read("000.png").unwrap(), Some(b"pixels".to_vec()));
+    }
 }

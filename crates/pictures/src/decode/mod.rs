@@ -342,7 +342,9 @@ fn of_image(error: ImageError, format: ImageFormat, formats: Formats) -> DecodeE
     let why = error.to_string();
     match error {
         ImageError::IoError(error) if error.kind() == std::io::ErrorKind::UnexpectedEof => {
-            DecodeError::Incomplete { format, why: "the file ends before its last pixel".into() }
+            // The decoder says the same of some sound tiles whose size is no multiple of 16.
+            let tiled = if format == ImageFormat::Tiff { ", or it has tiles that cannot be read: then save it without tiles" } else { "" };
+            DecodeError::Incomplete { format, why: format!("the file ends before its last pixel{tiled}") }
         }
         ImageError::Unsupported(_) => DecodeError::Kind { why: format!("this kind of {format:?} ({why})") },
         _ => DecodeError::Unreadable { expected: formats.words, why },
