@@ -18,10 +18,16 @@ export function isBoundBy(flags: readonly string[]): boolean {
   return flags.some((flag) => FLAGS[flag]?.isBound === true);
 }
 
-/** What a flag means, and what to do. A run of another version may have a flag that this page does not know. */
+/** What a flag means. A run of another version may have a flag that this page does not know. */
+export function meaningWords(flag: string): string {
+  const entry = FLAGS[flag];
+  return entry === undefined ? words(flag) : phrase(entry.meaning);
+}
+
+/** What a flag means, and what to do. */
 export function flagWords(flag: string): string {
   const entry = FLAGS[flag];
-  return entry === undefined ? words(flag) : `${phrase(entry.meaning)}: ${phrase(entry.whatToDo)}`;
+  return entry === undefined ? words(flag) : `${meaningWords(flag)}: ${phrase(entry.whatToDo)}`;
 }
 
 /** A sentence as a part of another one. */

@@ -1,7 +1,7 @@
 // The position of a well on its plate, and its condition.
 
 import { capitalised, counted, nanolitres, squareMillimetres } from "./format.ts";
-import { flagWords, isBoundBy, reasonWords } from "./reasons.ts";
+import { isBoundBy, meaningWords, reasonWords } from "./reasons.ts";
 import type { PlannedWell, SpecimenStatus, WellStatus } from "./status.ts";
 import { treatmentWords } from "./treatment.ts";
 
@@ -147,12 +147,16 @@ export function spoken(well: WellStatus, condition: Condition, planned?: Planned
     .join(", ");
 }
 
-/** A finished well in one line: `245 ± 2 nL, 3.42 ± 0.02 mm², moved`. Pure. */
+/** A finished well in one line: `245 ± 2 nL, 3.42 ± 0.02 mm², the specimen moved during the turn, and 2 more flags`. Pure. */
 export function doneWords(well: WellStatus): string {
   if (well.volume_um3 === null) return conditionWords(well, conditionOf(well, null));
   const bound = isBound(well);
   const sd = (value: number | null) => (bound ? null : value);
-  const parts = [`${bound ? "at least " : ""}${nanolitres(well.volume_um3, sd(well.volume_sd_um3))}`];
-  if (well.area_um2 !== null) parts.push(squareMillimetres(well.area_um2, sd(well.area_sd_um2)));
-  return [...parts, ...well.flags.map(flagWords)].join(", ");
+  const numbers = [nanolitres(well.volume_um3, sd(well.volume_sd_um3))];
+  if (well.area_um2 !== null) numbers.push(squareMillimetres(well.area_um2, sd(well.area_sd_um2)));
+  const [first, ...others] = well.flags;
+  // The card of the well has them all, and what to do.
+  const more = others.length === 0 ? [] : [`and ${counted(others.length, "more flag")}`];
+  const flags = first === undefined ? [] : [meaningWords(first), ...more];
+  return [...numbers.map((words) => (bound ? `at least ${words}` : words)), ...flags].join(", ");
 }

@@ -581,6 +581,14 @@ test("the wall display shows state, count and plate, keeps the emergency stop an
   }
   const px = await page.locator("#instrument").evaluate((e) => parseFloat(getComputedStyle(e).fontSize));
   assert.ok(px >= 28, `the name has ${px} px`);
+  const lines = await page.locator("#last-done").evaluate((e) => {
+    const words = e.innerHTML;
+    e.append(" A long text.".repeat(200));
+    const found = e.clientHeight / parseFloat(getComputedStyle(e).lineHeight);
+    e.innerHTML = words;
+    return found;
+  });
+  assert.ok(lines < 3.1, `${lines} lines of the well that was finished last`);
   await shoot(page, "wall-running");
 });
 

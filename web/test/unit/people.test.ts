@@ -38,7 +38,16 @@ test("a finished well is told in one line, and a bound has no interval", () => {
   } as const;
   assert.match(doneWords(well("A01", done)), /^245.* ± 2.*nL, 3\.42.* ± 0\.02.*mm²$/);
   const bound = doneWords(well("A01", { ...done, flags: ["clipped_left"] }));
-  assert.match(bound, /^at least 245/);
+  assert.match(bound, /^at least 245[^,]*, at least 3\.42/);
   assert.doesNotMatch(bound, /±/);
   assert.equal(doneWords(well("A01", { outcome: "skipped", reason: "empty" })).length > 0, true);
+});
+
+test("a finished well with many flags has the meaning of one, and not what to do", () => {
+  const flagged = (...flags: string[]) => doneWords(well("A01", { outcome: "succeeded", volume_um3: 245e6, flags }));
+  const moved = "the specimen moved during the turn";
+  assert.equal(flagged("moved").endsWith(`, ${moved}`), true);
+  assert.equal(flagged("moved", "residual").endsWith(`, ${moved}, and 1 more flag`), true);
+  assert.equal(flagged("moved", "residual", "overlap").endsWith(`, ${moved}, and 2 more flags`), true);
+  assert.equal(flagged("of_another_version").endsWith(", of another version"), true);
 });
