@@ -70,6 +70,14 @@ fn with_sd(value: Option<f64>, sd: Option<f64>, scale: f64) -> String {
     }
 }
 
+/// A number of the whole body, which is `at least` this where it is a bound: an interval around a bound would not contain the true one.
+fn of_body(s: &Specimen, value: Option<f64>, sd: Option<f64>, scale: f64) -> String {
+    match value {
+        Some(v) if s.is_bound() => format!("at least {}", plots::short(v / scale)),
+        value => with_sd(value, sd, scale),
+    }
+}
+
 fn outcome(outcome: Option<SpecimenOutcome>) -> String {
     let word = serde_json::to_value(outcome).ok();
     word.as_ref().and_then(|w| w.as_str()).unwrap_or("not done").to_owned()
@@ -187,7 +195,11 @@ impl Report<'_> {
                 section {
                     h2 { (name) ": volume" }
                     (svg(plot))
-                    p.small { "A crossed well has no number. An orange dot marks a flag." @if has_beads { " Beads are listed below." } }
+                    p.small {
+                        "A crossed well has no number. A well without colour is a lower bound (≥) or was left out by a person; neither sets the \
+                         scale. An orange dot marks a flag."
+                        @if has_beads { " Beads are listed below." }
+                    }
                 }
             }
         })
@@ -411,7 +423,7 @@ impl Report<'_> {
                         img src={ "data:image/jpeg;base64," (data) } alt={ (s.well) ", " (picture.words) } title=(picture.words);
                     }
                     @for sentence in &s.pictures.left_out { p.flags { (sentence) } }
-                    @if let Some(volume) = s.volume_um3 { p { (with_sd(Some(volume), s.volume_sd_um3, MILLION)) " · 10⁶ µm³" } }
+                    @if let Some(volume) = s.volume_um3 { p { (of_body(s, Some(volume), s.volume_sd_um3, MILLION)) " · 10⁶ µm³" } }
                     @else { p { (outcome(s.outcome)) @if let Some(reason) = &s.reason { ": " (reason) } } }
                     @if let [Some(volume), sd] = s.eye_volume_um3 { p { "an eye " (with_sd(Some(volume), sd, MILLION)) " · 10⁶ µm³" } }
                     @if !s.flags.is_empty() { p.flags { (StoredFlag::joined(&s.flags, ", ")) } }
@@ -452,6 +464,8 @@ impl Report<'_> {
             ([volume, sd], _) => with_sd(volume, sd, MILLION),
         };
         let bladder = |s: &Specimen| match (s.bladder_volume_um3, s.bladder_state.as_deref()) {
+            // What no view shows may have the gas.
+            ([None, _], Some("not_inflated")) if s.is_bound() => "undecided".to_owned(),
             ([None, _], Some(state)) => state.replace('_', " "),
             ([volume, sd], _) => with_sd(volume, sd, MILLION),
         };
@@ -460,8 +474,8 @@ impl Report<'_> {
                 tr {
                     @if several { td { (s.run) } }
                     td { (s.well) } td.left { (s.condition.words()) } td { (outcome(s.outcome)) }
-                    td { (with_sd(s.volume_um3, s.volume_sd_um3, MILLION)) } td { (with_sd(s.area_um2, s.area_sd_um2, MILLION)) }
-                    td { (number(s.length_um, 1000.0)) } td { (eyes(s)) } td { (with_sd(s.eye_distance_um[0], s.eye_distance_um[1], 1.0)) }
+                    td { (of_body(s, s.volume_um3, s.volume_sd_um3, MILLION)) } td { (of_body(s, s.area_um2, s.area_sd_um2, MILLION)) }
+                    td { (of_body(s, s.length_um, None, 1000.0)) } td { (eyes(s)) } td { (with_sd(s.eye_distance_um[0], s.eye_distance_um[1], 1.0)) }
                     td { (bladder(s)) }
                     @for z in s.z { td { (z.map_or_else(String::new, |z| format!("{z:+.1}"))) } }
                     td { (s.estimator.as_deref().unwrap_or_default()) }
@@ -473,7 +487,8 @@ impl Report<'_> {
         html! {
             section.table {
                 h2 { "Table" }
-                p.small { "Eye: the mean of both. z: standard deviations from the mean of reference larvae of the same age. The last column begins \
+                p.small { "Eye: the mean of both. z: standard deviations from the mean of reference larvae of the same age. At least: part of the larva \
+                    was not measured, so that the number is a lower bound without SD and z. The last column begins \
                     the SHA-256 of measurement.json. carved export table writes all columns." }
                 table {
                     thead { tr {

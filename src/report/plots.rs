@@ -1,7 +1,7 @@
 //! The plots of a report, as SVG.
 //!
 //! ```text
-//!  plate ────────── a square per well, coloured by a number; wells without one are empty; a dot is a flag
+//!  plate ────────── a square per well, coloured by a number that counts; wells without a number are crossed; a dot is a flag
 //!  distributions ── a row per group: its wells, mean and 95 % interval; behind them the interval of 95 % of reference larvae
 //!  response ─────── wells over the logarithm of the dose, dose 0 at the left, the fitted curve and the EC50 with their intervals
 //! ```
@@ -28,6 +28,17 @@ pub(super) const GREY: RGBColor = RGBColor(110, 110, 110);
 pub struct WellNumber {
     pub value: Option<f64>,
     pub flagged: bool,
+    /// Whether the number is a lower bound.
+    pub is_bound: bool,
+    /// Whether a person has left the well out.
+    pub is_excluded: bool,
+}
+
+impl WellNumber {
+    /// The number, if the colours show it.
+    fn coloured(&self) -> Option<f64> {
+        self.value.filter(|_| !self.is_bound && !self.is_excluded)
+    }
 }
 
 /// The text of a number with three digits.
@@ -48,7 +59,7 @@ pub fn plate(wells: &BTreeMap<String, WellNumber>, format: PlateFormat, unit: &s
     let PlateFormat { rows, columns } = format;
     let (cell, left, top) = (if columns > 12 { 34 } else { 56 }, 26, 22);
     let size = (left + cell * columns as i32 + 110, top + cell * rows as i32 + 8);
-    let numbers: Vec<f64> = wells.values().filter_map(|w| w.value).collect();
+    let numbers: Vec<f64> = wells.values().filter_map(WellNumber::coloured).collect();
     let [low, high] = numbers.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], &v| [l.min(v), h.max(v)]);
     let share = |value: f64| if high > low { (value - low) / (high - low) } else { 0.5 };
     let colour = |value: f64| ViridisRGB.get_color(share(value));
@@ -70,18 +81,18 @@ pub fn plate(wells: &BTreeMap<String, WellNumber>, format: PlateFormat, unit: &s
                 let other = (corner.0 + cell - 2, corner.1 + cell - 2);
                 let well = wells.get(&well_name(row, column));
                 root.draw(&Rectangle::new([corner, other], RGBColor(205, 205, 205).stroke_width(1)))?;
-                match well.map(|well| well.value) {
-                    // Not in the plan.
-                    None => {}
-                    Some(None) => {
-                        root.draw(&PathElement::new([corner, other], RGBColor(205, 205, 205)))?;
-                    }
-                    Some(Some(value)) => {
+                // One that is not in the plan has neither.
+                if let Some(value) = well.and_then(|well| well.value) {
+                    let coloured = well.and_then(WellNumber::coloured);
+                    if coloured.is_some() {
                         root.draw(&Rectangle::new([corner, other], colour(value).filled()))?;
-                        let text = if share(value) > 0.6 { BLACK } else { WHITE };
-                        let size = if cell > 40 { 14 } else { 10 };
-                        root.draw(&Text::new(short(value), (corner.0 + cell / 2, corner.1 + cell / 2), middle(size, text)))?;
                     }
+                    let text = if coloured.is_some_and(|value| share(value) <= 0.6) { WHITE } else { BLACK };
+                    let size = if cell > 40 { 14 } else { 10 };
+                    let words = format!("{}{}", if well.is_some_and(|well| well.is_bound) { "≥ " } else { "" }, short(value));
+                    root.draw(&Text::new(words, (corner.0 + cell / 2, corner.1 + cell / 2), middle(size, text)))?;
+                } else if well.is_some() {
+                    root.draw(&PathElement::new([corner, other], RGBColor(205, 205, 205)))?;
                 }
                 if well.is_some_and(|well| well.flagged) {
                     root.draw(&Circle::new((other.0 - 7, corner.1 + 7), 4, FLAGGED.filled()))?;
@@ -389,7 +400,7 @@ mod tests {
 
     #[test]
     fn a_plot_of_a_plate_has_each_number_and_a_mark_per_flag() {
-        let number = |value, flagged| WellNumber { value, flagged };
+        let number = |value, flagged| WellNumber { value, flagged, is_bound: false, is_excluded: false };
         let wells = BTreeMap::from([
             ("A01".to_owned(), number(Some(307.0), false)),
             ("A02".to_owned(), number(Some(258.0), true)),
@@ -398,5 +409,22 @@ mod tests {
         let svg = plate(&wells, PlateFormat::shown(None, &wells.keys().map(String::as_str)), "nl").unwrap();
         assert!(svg.starts_with("<svg") && svg.contains("307") && svg.contains("258"), "{svg}");
         assert_eq!(svg.matches("<circle").count(), 2, "one mark, with a border");
+    }
+
+    #[test]
+    fn a_bound_and_a_well_that_a_person_left_out_have_no_colour_and_do_not_set_the_scale() {
+        let number = |value, is_bound, is_excluded| WellNumber { value: Some(value), flagged: false, is_bound, is_excluded };
+        let mut wells = BTreeMap::from([("A01".to_owned(), number(307.0, false, false)), ("A02".to_owned(), number(258.0, false, false))]);
+        let drawn = |wells: &BTreeMap<String, WellNumber>| plate(wells, PlateFormat { rows: 2, columns: 3 }, "nl").unwrap();
+        let filled = |svg: &str| svg.matches("fill=\"#").count() - svg.matches("<text").count();
+        let before = drawn(&wells);
+        wells.extend([("A03".to_owned(), number(9.0, true, false)), ("B01".to_owned(), number(999.0, false, true))]);
+        let svg = drawn(&wells);
+        assert!(svg.contains("≥ 9") && svg.contains("999") && svg.matches("282").count() == 1, "{svg}");
+        assert_eq!(filled(&svg), filled(&before), "both have text alone");
+        // A plate of nothing else has no scale.
+        wells.retain(|_, well| well.coloured().is_none());
+        let svg = drawn(&wells);
+        assert!(svg.contains("≥ 9") && !svg.contains("nl"), "{svg}");
     }
 }

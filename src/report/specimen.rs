@@ -3,7 +3,7 @@
 use super::pictures::{self, Pictures};
 use super::plots::WellNumber;
 use crate::tables::statistics::WellCondition;
-use carved_core::flag::StoredFlag;
+use carved_core::flag::{Effect, Flag, StoredFlag};
 use carved_core::inside::EyesMissing;
 use carved_core::quality::Quality;
 use carved_records::{PlannedWell, SpecimenKind, SpecimenOutcome};
@@ -46,7 +46,8 @@ pub struct Specimen {
     pub started: Option<String>,
     pub sphere_rms_um: Option<f64>,
     pub aspect_ratio: Option<f64>,
-    /// Standard deviations of volume, area, eye volume and distance of the eyes above the mean of reference larvae.
+    /// Standard deviations of volume, area, eye volume and distance of the eyes above the mean of reference larvae. `None` where the
+    /// numbers are bounds.
     pub z: [Option<f64>; 4],
     pub quality: Quality,
     pub measurement_sha256: Option<String>,
@@ -66,6 +67,8 @@ impl Specimen {
                 |quantity: &str| well.measurement.as_ref().and_then(|m| place_among_references(m, quantity)).map(|(_, place)| place);
             let quantities = ["volume", "area", "eye_volume", "eye_distance"].map(place);
             let status = well.status.as_ref();
+            let flags = status.map(|s| s.flags.clone()).unwrap_or_default();
+            let is_bound = is_bound(&flags);
             let quality = well.measurement.as_ref().and_then(|m| serde_json::from_value(m["quality"].clone()).ok());
             Ok(Self {
                 run: run.record().id.clone(),
@@ -74,7 +77,7 @@ impl Specimen {
                 condition: WellCondition::of(planned),
                 outcome: status.and_then(|s| s.outcome),
                 reason: status.and_then(|s| s.reason.clone()),
-                flags: status.map(|s| s.flags.clone()).unwrap_or_default(),
+                flags,
                 estimator: well.measurement.as_ref().and_then(|m| m["measurement"]["estimator"].as_str().map(str::to_owned)),
                 volume_um3: number("/measurement/volume_um3"),
                 volume_sd_um3: number("/measurement/volume_sd_um3"),
@@ -90,7 +93,7 @@ impl Specimen {
                 started: well.recording.as_ref().and_then(|r| r["started"].as_str().map(str::to_owned)),
                 sphere_rms_um: number("/measurement/sphere_rms_um"),
                 aspect_ratio: number("/measurement/aspect_ratio"),
-                z: quantities.map(|place| place.and_then(|p| p["z"].as_f64())),
+                z: quantities.map(|place| place.filter(|_| !is_bound).and_then(|p| p["z"].as_f64())),
                 quality: quality.unwrap_or_default(),
                 pictures: pictures::of(&well),
                 measurement_sha256: well.measurement_sha256,
@@ -99,10 +102,24 @@ impl Specimen {
         run.record().plan.plate_map.par_iter().map(read).collect()
     }
 
+    /// Whether the true volume, area and length are larger than the numbers: part of the specimen was not measured.
+    pub fn is_bound(&self) -> bool {
+        is_bound(&self.flags)
+    }
+
     /// The volume for the plot of the plate, in 10^6 um^3.
     pub fn on_plate(&self) -> WellNumber {
-        WellNumber { value: self.volume_um3.map(|v| v / MILLION), flagged: !self.flags.is_empty() }
+        WellNumber {
+            value: self.volume_um3.map(|v| v / MILLION),
+            flagged: !self.flags.is_empty(),
+            is_bound: self.is_bound(),
+            is_excluded: self.flags.iter().any(|flag| *flag == Flag::Excluded),
+        }
     }
+}
+
+fn is_bound(flags: &[StoredFlag]) -> bool {
+    flags.iter().any(|flag| flag.effect() == Effect::LowerBound)
 }
 
 /// The sentence for a reason. A later version's reason stays as it is written.

@@ -327,6 +327,32 @@ fn a_report_of_flagged_specimens_alone_says_why_it_has_no_groups() {
 }
 
 #[test]
+fn a_report_gives_a_bound_as_one() {
+    let dir = tempfile::tempdir().unwrap();
+    let run = plate(&dir.path().join("data"), "r1", "P-1", 4);
+    let out = dir.path().join("report.html");
+    let report = |flags: Value| {
+        let mut stored = json(&run.join("run.json"));
+        stored["wells"][0]["flags"] = flags;
+        std::fs::write(run.join("run.json"), stored.to_string()).unwrap();
+        done(&carved().arg("report").arg(&run).arg("--out").arg(&out).output().unwrap());
+        std::fs::read_to_string(&out).unwrap()
+    };
+    let volume = format!("{:.0}", example("larva.json")["measurement"]["volume_um3"].as_f64().unwrap() / 1e6);
+    let z = |text: &str| text.matches("<td>+").count() + text.matches("<td>-").count();
+    let whole = report(json!([]));
+    assert!(whole.contains(&format!("<td>{volume} ± ")) && !whole.contains("<td>at least ") && z(&whole) > 0);
+    for flag in ["clipped_left", "clipped_right", "outside_box"] {
+        let bound = report(json!([flag]));
+        // In the table with area and length, on the card, and on the plate.
+        assert_eq!(bound.matches("<td>at least ").count(), 3, "{flag}");
+        assert!(bound.contains(&format!("<td>at least {volume}</td>")) && bound.contains(&format!("<p>at least {volume} · ")), "{flag}");
+        assert!(bound.contains(&format!("≥ {volume}")) && !bound.contains(&format!("{volume} ± ")), "{flag}");
+        assert_eq!(z(&bound), 0, "{flag}");
+    }
+}
+
+#[test]
 fn a_report_has_everything_inside_and_escapes_what_plate_maps_say() {
     let dir = tempfile::tempdir().unwrap();
     let data = dir.path().join("data");
