@@ -15,11 +15,12 @@ mod samples;
 pub use flat::{groups as groups_table, responses as responses_table, windows as windows_table};
 
 use carved_core::assay::{DoseResponse, Parameter, Summary, Window};
+use carved_core::flag::{Effect, Flag};
 use carved_records::{Control, PlannedWell, SpecimenKind};
 use carved_store::{StoreError, StoredRun};
 use samples::Sample;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use utoipa::ToSchema;
 
 /// The signal of the second camera.
@@ -330,16 +331,54 @@ impl WellCondition {
 }
 
 impl QuantityStatistics {
-    /// How many wells do not count, and why: `3 of 12 wells left out: moved 2, clipped_left 1`. `None` if all count.
+    /// How many wells do not count, and why: `3 of 12 wells are left out: 1 by a person, 2 because their numbers are doubtful (moved)`.
+    /// Each well counts once: what a person said comes before a bound, and a bound before a doubtful number. `None` if all count.
     pub fn left_out_words(&self) -> Option<String> {
         let n = self.left_out.len();
-        let mut by_flag: BTreeMap<&str, usize> = BTreeMap::new();
-        for flag in self.left_out.iter().flat_map(|well| &well.flags) {
-            *by_flag.entry(flag).or_default() += 1;
-        }
         let all = n + self.groups.iter().map(|group| group.n).sum::<usize>();
-        let why: Vec<String> = by_flag.iter().map(|(flag, wells)| format!("{flag} {wells}")).collect();
-        (n > 0).then(|| format!("{n} of {all} wells left out: {}", why.join(", ")))
+        let mut by_reason: BTreeMap<Reason, (usize, BTreeSet<&str>)> = BTreeMap::new();
+        for well in &self.left_out {
+            let reason = well.flags.iter().map(|flag| Reason::of(flag)).min().unwrap_or(Reason::Flag);
+            let (wells, flags) = by_reason.entry(reason).or_default();
+            *wells += 1;
+            flags.extend(well.flags.iter().map(String::as_str).filter(|flag| Reason::of(flag) == reason));
+        }
+        let why: Vec<String> = by_reason.iter().map(|(reason, (wells, flags))| reason.words(*wells, flags)).collect();
+        (n > 0).then(|| format!("{n} of {all} wells {} left out: {}", if n == 1 { "is" } else { "are" }, why.join(", ")))
+    }
+}
+
+/// Why a well does not count. The first that holds is told.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Reason {
+    Person,
+    Bound,
+    Doubtful,
+    /// A flag of a number that holds. Statistics leave it out on request.
+    Flag,
+}
+
+impl Reason {
+    fn of(flag: &str) -> Self {
+        match Flag::ALL.iter().find(|known| known.code() == flag).map(|known| known.effect()) {
+            Some(Effect::Excluded) => Self::Person,
+            Some(Effect::LowerBound) => Self::Bound,
+            Some(Effect::Doubtful) => Self::Doubtful,
+            Some(Effect::Holds) | None => Self::Flag,
+        }
+    }
+
+    fn words(self, wells: usize, flags: &BTreeSet<&str>) -> String {
+        let why = match (self, wells) {
+            (Self::Person, _) => return format!("{wells} by a person"),
+            (Self::Bound, 1) => "its number is a bound",
+            (Self::Bound, _) => "their numbers are bounds",
+            (Self::Doubtful, 1) => "its number is doubtful",
+            (Self::Doubtful, _) => "their numbers are doubtful",
+            (Self::Flag, 1) => "it has a flag",
+            (Self::Flag, _) => "they have flags",
+        };
+        format!("{wells} because {why} ({})", flags.iter().copied().collect::<Vec<_>>().join(", "))
     }
 }
 

@@ -4,6 +4,7 @@
 import { fetchStatistics, Refused } from "./api.ts";
 import { element, setText, show, svg } from "./dom.ts";
 import { doseCharts, windowWords } from "./doses.ts";
+import { FLAGS } from "./flags.ts";
 import { capitalised, counted, grouped, significant, UM3_PER_NL, words as spaced } from "./format.ts";
 import { Latest } from "./latest.ts";
 import type { Interval, QuantityStatistics, RunStatus, Statistics, WellGroup, WellValue } from "./status.ts";
@@ -42,14 +43,33 @@ export function referenceWords(groups: readonly WellGroup[]): string {
   return [...new Set(words)].join(", ");
 }
 
-/** How many wells do not count, and why: `2 wells are left out: moved (1), clipped left (1).` Empty where all count. Pure. */
+/** Why a well does not count. The first that holds is told. */
+const REASONS = [
+  { holds: (flag: string) => flag === "excluded", one: "by a person", many: "by a person" },
+  {
+    holds: (flag: string) => FLAGS[flag]?.isBound === true,
+    one: "because its number is a bound",
+    many: "because their numbers are bounds",
+  },
+  { holds: () => true, one: "because its number is doubtful", many: "because their numbers are doubtful" },
+];
+
+/**
+ * How many wells do not count, and why: `3 wells are left out: 1 by a person, 2 because their numbers are doubtful (moved).` Each counts once.
+ * Empty where all count. Pure.
+ */
 export function leftOutWords(found: Pick<QuantityStatistics, "left_out"> | undefined): string {
   const wells = found?.left_out ?? [];
   if (wells.length === 0) return "";
-  const flags = new Map<string, number>();
-  for (const flag of wells.flatMap((well) => well.flags)) flags.set(flag, (flags.get(flag) ?? 0) + 1);
-  const why = [...flags].map(([flag, n]) => `${spaced(flag)} (${n})`).join(", ");
-  return `${counted(wells.length, "well")} ${wells.length === 1 ? "is" : "are"} left out, because the number is a bound or doubtful: ${why}.`;
+  const reasonOf = (flag: string) => REASONS.findIndex(({ holds }) => holds(flag));
+  const why = REASONS.flatMap(({ one, many }, reason) => {
+    const own = wells.filter(({ flags }) => Math.min(...flags.map(reasonOf)) === reason);
+    if (own.length === 0) return [];
+    const flags = new Set(own.flatMap(({ flags }) => flags.filter((flag) => reasonOf(flag) === reason)));
+    const named = reason === 0 ? "" : ` (${[...flags].sort().map(spaced).join(", ")})`;
+    return `${grouped(own.length)} ${own.length === 1 ? one : many}${named}`;
+  });
+  return `${counted(wells.length, "well")} ${wells.length === 1 ? "is" : "are"} left out: ${why.join(", ")}.`;
 }
 
 /** The wells with a number, and these numbers: when they change, the statistics are read again. Pure. */

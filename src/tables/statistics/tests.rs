@@ -96,6 +96,25 @@ fn a_response_starts_from_the_negative_controls_and_finds_the_ec50_of_its_wells(
 }
 
 #[test]
+fn the_words_of_what_is_left_out_count_each_well_once_and_name_the_person_first() {
+    let mut samples = plate();
+    samples[0].flags = vec![Flag::Moved.into(), Flag::Excluded.into()];
+    samples[1].flags = vec![Flag::Moved.into(), Flag::OutsideBox.into(), Flag::ClippedLeft.into()];
+    samples[2].flags = vec![Flag::Residual.into(), Flag::Moved.into()];
+    samples[3].flags = vec![Flag::Moved.into()];
+    let words = |samples: &[Sample], flagged| of(samples, flagged).quantities[0].left_out_words();
+    assert_eq!(
+        words(&samples, Flagged::Sound).unwrap(),
+        "4 of 15 wells are left out: 1 by a person, 1 because its number is a bound (clipped_left, outside_box), \
+         2 because their numbers are doubtful (moved, residual)"
+    );
+    assert_eq!(words(&samples, Flagged::Included).unwrap(), "1 of 15 wells is left out: 1 by a person");
+    samples[4].flags = vec![Flag::BeadGate.into()];
+    let on_request = words(&samples, Flagged::Excluded).unwrap();
+    assert!(on_request.starts_with("5 of 15") && on_request.ends_with(", 1 because it has a flag (bead_gate)"), "{on_request}");
+}
+
+#[test]
 fn a_bound_and_a_doubtful_number_are_left_out_by_name_and_all_or_none_of_the_flagged_count_on_request() {
     let mut samples = plate();
     // A01 and A02 of r1 and A01 of r2 are negative controls.
@@ -109,7 +128,10 @@ fn a_bound_and_a_doubtful_number_are_left_out_by_name_and_all_or_none_of_the_fla
     assert_eq!(negative(&sound), (1, 2));
     let left_out: Vec<_> = sound.quantities[0].left_out.iter().map(|w| (w.run.as_str(), w.well.as_str(), w.flags.join(" "))).collect();
     assert_eq!(left_out, [("r1", "A01", "clipped_left".to_owned()), ("r2", "A01", "moved".to_owned())]);
-    assert_eq!(sound.quantities[0].left_out_words().unwrap(), "2 of 15 wells left out: clipped_left 1, moved 1");
+    assert_eq!(
+        sound.quantities[0].left_out_words().unwrap(),
+        "2 of 15 wells are left out: 1 because its number is a bound (clipped_left), 1 because its number is doubtful (moved)"
+    );
     let response = |s: &Statistics| s.quantities[0].responses[0].points.len();
     assert_eq!((response(&sound), sound.quantities[0].windows[0].negative), (11, 1), "neither Z' nor a curve contains them");
     let all = of(&samples, Flagged::Included);

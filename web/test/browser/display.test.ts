@@ -286,7 +286,7 @@ test("groups of the plate map: the daemon's statistics as dots, means and a tabl
   await page.locator('#groups-chart svg[data-groups="2"]').waitFor();
   await until(
     "groups-words",
-    /a square has a flag.* 1 well is left out, because the number is a bound or doubtful: clipped left \(1\)\..* of the same age, by the estimator of the references: 12 larvae \(fixed, 3 dpf\)\./,
+    /a square has a flag.* 1 well is left out: 1 because its number is a bound \(clipped left\)\..* of the same age, by the estimator of the references: 12 larvae \(fixed, 3 dpf\)\./,
   );
   const marks = (name: string) => page.locator(`#groups-chart ${name}`).count();
   assert.deepEqual(

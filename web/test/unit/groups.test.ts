@@ -27,7 +27,15 @@ test("what does not count is said with its reasons", () => {
   assert.equal(leftOutWords({ left_out: [] }), "");
   assert.equal(
     leftOutWords({ left_out: [out("A01", "clipped_left", "moved"), out("A02", "moved")] }),
-    "2 wells are left out, because the number is a bound or doubtful: clipped left (1), moved (2).",
+    "2 wells are left out: 1 because its number is a bound (clipped left), 1 because its number is doubtful (moved).",
+  );
+  assert.equal(leftOutWords({ left_out: [out("A01", "excluded")] }), "1 well is left out: 1 by a person.");
+  const bounds = [out("A02", "moved", "outside_box"), out("A03", "clipped_left", "outside_box")];
+  const doubtful = [out("A04", "residual", "moved"), out("A05", "moved")];
+  assert.equal(
+    leftOutWords({ left_out: [...doubtful, ...bounds, out("A01", "moved", "excluded")] }),
+    "5 wells are left out: 1 by a person, 2 because their numbers are bounds (clipped left, outside box), " +
+      "2 because their numbers are doubtful (moved, residual).",
   );
 });
 
