@@ -67,6 +67,17 @@ impl WellNote {
             .collect()
     }
 
+    /// The remark when its well is measured again. An exclusion was said of the measurement before, and ends with it: its comment says so,
+    /// cut to the most characters of a comment. The event of the remark keeps the whole.
+    #[must_use]
+    pub fn measured_again(self) -> Self {
+        if !self.excluded {
+            return self;
+        }
+        let comment = format!("the measurement before was left out of statistics: {}", self.comment);
+        Self { excluded: false, comment: comment.chars().take(LONG).collect(), ..self }
+    }
+
     /// Whether it says the same, whenever that was.
     pub fn says_the_same(&self, other: &Self) -> bool {
         (&self.by, self.excluded, &self.comment, &self.tags) == (&other.by, other.excluded, &other.comment, &other.tags)
@@ -104,5 +115,15 @@ mod tests {
         assert_eq!(wrong(note("kim", false, "two\nlines", &[])), ["/comment"]);
         assert_eq!(wrong(note("kim", false, "", &["t"; 17])), ["/tags"]);
         assert_eq!(SaidBy { by: String::new(), reason: "x".repeat(1001) }.mistakes().len(), 2);
+    }
+
+    #[test]
+    fn an_exclusion_ends_with_the_measurement_that_it_was_said_of() {
+        let said =
+            |excluded, comment: String| WellNote { by: "kim".into(), time: "t".into(), excluded, comment, tags: vec!["twin".into()] };
+        let again = said(true, "two larvae".into()).measured_again();
+        assert_eq!(again, said(false, "the measurement before was left out of statistics: two larvae".into()));
+        assert_eq!(again.clone().measured_again(), again, "a third measurement does not change it");
+        assert_eq!(said(true, "ü".repeat(LONG)).measured_again().mistakes(), []);
     }
 }

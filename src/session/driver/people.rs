@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! skip ── held, no outcome ──► outcome skipped; what is inside must leave first
-//! redo ── held, has outcome ─► no outcome; its files become those of an earlier attempt
+//! redo ── held, has outcome ─► no outcome; its files become those of an earlier attempt, and its exclusion was said of that one
 //! note ── any run ───────────► run.json and the event; the numbers stay
 //! ```
 //! The record is written before its event. A crash between the two leaves a request that was carried out and has no event. The event of a
@@ -99,7 +99,7 @@ fn redo(d: &mut DriverState, run: &str, well: &str, says: SaidBy) -> Result<(), 
 
 /// Makes a well that is to be measured again one without an outcome.
 fn forget(status: &mut WellStatus, planned: &PlannedWell) {
-    let note = status.note.take();
+    let note = status.note.take().map(|note| Box::new(note.measured_again()));
     *status = WellStatus { note, ..WellStatus::pending(planned) };
 }
 

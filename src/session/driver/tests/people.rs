@@ -109,6 +109,30 @@ fn a_held_run_measures_a_well_again_and_keeps_the_first_attempt() {
     });
 }
 
+#[test]
+fn an_exclusion_ends_with_the_measurement_that_it_was_said_of() {
+    on_this_thread(async {
+        let dir = scratch();
+        let mut b = started(dir.path(), true, &["A01", "A02"]);
+        b.done("A01");
+        b.steer(Towards::Hold).unwrap();
+        b.ends(RunEnd::Paused).await;
+        b.said("A01", note(true, "two larvae")).unwrap();
+        b.said("A01", Said::Redo(says("another larva"))).unwrap();
+        b.steer(Towards::Unhold).unwrap();
+        b.report(Progress::Ready);
+        b.done("A01");
+        let well = b.status().run.unwrap().results[0].clone();
+        assert_eq!((well.outcome, well.flags.contains(&Flag::Excluded.into())), (Some(SpecimenOutcome::Succeeded), false), "{well:?}");
+        let note = *well.note.unwrap();
+        assert_eq!((note.excluded, note.by.as_str(), &note.tags[..]), (false, "kim", &["twin".to_owned()][..]));
+        assert_eq!(note.comment, "the measurement before was left out of statistics: two larvae");
+        let events = journalled(dir.path());
+        let noted = events.iter().position(|event| event.body.data.kind() == "well.noted").unwrap();
+        assert_eq!(count(&events[noted..], "well.redo_requested"), 1, "the journal has both in their order");
+    });
+}
+
 /// The process ends before each of the disk operations of a redo. After the next start the well is finished with its files, or it is not done
 /// and its files are those of an earlier attempt.
 #[test]
@@ -124,7 +148,7 @@ fn a_redo_that_a_crash_cuts_short_is_ended_by_the_next_start() {
             std::fs::write(folder.join("A01/measurement.json"), "{}").unwrap();
             b.steer(Towards::Hold).unwrap();
             b.ends(RunEnd::Paused).await;
-            b.said("A01", note(false, "a bubble")).unwrap();
+            b.said("A01", note(true, "a bubble")).unwrap();
             disk_trace::begin(None);
             disk_trace::die(at);
             let said = b.said("A01", Said::Redo(says("a bubble")));
@@ -135,7 +159,9 @@ fn a_redo_that_a_crash_cuts_short_is_ended_by_the_next_start() {
             let b = bench(dir.path(), true);
             let (is_redone, attempt) = (outcome(&b, 0).is_none(), folder.join("A01.attempt-1/measurement.json").is_file());
             assert_eq!((is_redone, attempt, folder.join("A01").exists()), (is_redone, is_redone, !is_redone), "operation {at}");
-            assert_eq!(b.status().run.unwrap().results[0].note.as_ref().unwrap().comment, "a bubble");
+            let known = b.status().run.unwrap().results[0].clone();
+            assert!(known.note.is_some_and(|note| note.excluded != is_redone && note.comment.ends_with("a bubble")), "operation {at}");
+            assert_eq!(known.flags.contains(&Flag::Excluded.into()), !is_redone, "operation {at}");
             let stored = b.d.outbox.store().run(RUN).unwrap().unwrap();
             assert_eq!(stored.wells[0].outcome.is_none(), is_redone, "operation {at}");
             was_both[usize::from(is_redone)] = true;
