@@ -5,7 +5,7 @@ use super::systemd;
 use crate::api::Status;
 use crate::config::{Config, NotifySettings};
 use crate::notify::Notices;
-use crate::session::{self, Departure, Driver, Heartbeat, Instrument, SessionHandle};
+use crate::session::{self, Departure, Driver, Heartbeat, Instrument, SessionHandle, SlowDisk};
 use anyhow::Context;
 use carved_devices::sampler::LoaderInterlock;
 use carved_records::Mode;
@@ -61,7 +61,7 @@ impl Daemon {
         let publisher = publisher.noticing(notices.clone());
         let handle = handle.noticing(notices.clone()).offering(config.methods.clone());
         let heartbeat = Heartbeat::default();
-        let slow_disk = publisher.slow_disk(heartbeat.clone());
+        let slow_disk = SlowDisk::new(publisher.shared(), publisher.halt().clone(), heartbeat.clone());
         let driver = Driver {
             config: config.clone(),
             mode,

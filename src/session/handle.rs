@@ -2,8 +2,6 @@
 //! changes state.
 
 use super::halt::Halt;
-use super::heartbeat::Heartbeat;
-use super::slow_disk::SlowDisk;
 use super::tally::Tally;
 use super::{Check, State, Status};
 use crate::api::{HandoffNeeds, RunOutcome};
@@ -11,7 +9,7 @@ use crate::notify::Notices;
 use carved_records::{Asked, Event, FieldError, Handoff, HandoffEnd, HandoffIntent, Method, RunPlan, SaidBy, WellNote};
 use carved_store::{QueueError, StoreError, size};
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::time::Instant;
 use tokio::sync::{broadcast, mpsc, oneshot, watch};
 
@@ -453,9 +451,9 @@ impl Publisher {
         &self.halt
     }
 
-    /// What shows in the status that the driver waits for the disk.
-    pub fn slow_disk(&self, heartbeat: Heartbeat) -> SlowDisk {
-        SlowDisk::new(&self.status, self.halt.clone(), heartbeat)
+    /// The status, for what shows that the driver waits for the disk.
+    pub fn shared(&self) -> Weak<SharedStatus> {
+        Arc::downgrade(&self.status)
     }
 
     /// The newest events in memory, oldest first.

@@ -34,6 +34,7 @@ pub use handle::{
 };
 pub use heartbeat::Heartbeat;
 pub use instrument::Instrument;
+pub use slow_disk::SlowDisk;
 pub use tally::Tally;
 
 use crate::api::{

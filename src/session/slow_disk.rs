@@ -66,8 +66,8 @@ pub struct SlowDisk {
 }
 
 impl SlowDisk {
-    pub fn new(status: &Arc<SharedStatus>, halt: Halt, heartbeat: Heartbeat) -> Self {
-        Self { status: Arc::downgrade(status), halt, heartbeat, shown: None, was_pressed: false }
+    pub fn new(status: Weak<SharedStatus>, halt: Halt, heartbeat: Heartbeat) -> Self {
+        Self { status, halt, heartbeat, shown: None, was_pressed: false }
     }
 
     /// Looks until the driver has ended.
@@ -125,7 +125,7 @@ mod tests {
     #[test]
     fn a_wait_is_shown_once_and_withdrawn_unless_the_driver_has_said_something_else() {
         let status = Arc::new(watch::channel(Arc::new(ready())).0);
-        let mut disk = SlowDisk::new(&status, Halt::default(), Heartbeat::default());
+        let mut disk = SlowDisk::new(Arc::downgrade(&status), Halt::default(), Heartbeat::default());
         let now = || Status::clone(&status.borrow());
 
         disk.show(None);
@@ -154,7 +154,7 @@ mod tests {
     fn a_status_that_says_starting_or_ending_keeps_its_words() {
         for words in [Status::STARTING, Status::ENDING] {
             let status = Arc::new(watch::channel(Arc::new(Status { not_ready_reason: Some(words.into()), ..ready() })).0);
-            SlowDisk::new(&status, Halt::default(), Heartbeat::default()).show(Some(Wait::Disk));
+            SlowDisk::new(Arc::downgrade(&status), Halt::default(), Heartbeat::default()).show(Some(Wait::Disk));
             assert_eq!((status.borrow().revision, status.borrow().not_ready_reason.as_deref()), (1, Some(words)));
         }
     }

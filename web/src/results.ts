@@ -64,8 +64,10 @@ function spread(name: string, of: (well: WellStatus) => number | null): Column {
   return { name, value, words: (w) => or(value(w), (v) => significant(v / 1e6, 2)) };
 }
 
+/** The distance of such a number from references. A bound has none. */
 function distance(name: string, of: (well: WellStatus) => number | null | undefined): Column {
-  return { name, value: (w) => of(w) ?? null, words: (w) => or(of(w), (v) => grouped(v, 1)) };
+  const value = (w: WellStatus) => (isBound(w) ? null : (of(w) ?? null));
+  return { name, value, words: (w) => or(value(w), (v) => grouped(v, 1)) };
 }
 
 /** The wells by a column. Those without a value come last in both directions. Pure. */

@@ -129,6 +129,7 @@ export function contents(well: WellStatus): string {
 /** The comparison with reference larvae: one sentence per number, followed by the conditions that differ. */
 export function places(well: WellStatus): { text: string; doubts: string }[] {
   if (well.reference === null) return [];
+  if (isBound(well)) return [{ text: "Not compared: part of the larva was not measured.", doubts: "" }];
   const { volume, area, eye_volume, eye_distance } = well.reference;
   return [volume, area, eye_volume, eye_distance]
     .flatMap((place) => place ?? [])

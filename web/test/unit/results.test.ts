@@ -5,7 +5,7 @@ import { callFor } from "../../src/calls.ts";
 import { sorted } from "../../src/results.ts";
 import { entryOf } from "../../src/runlog.ts";
 import { asStatus, copyWords, fits } from "../../src/runs.ts";
-import { fault, run, status, well } from "../support/statuses.ts";
+import { fault, placed, run, status, well } from "../support/statuses.ts";
 
 test("wells without a number come last in both directions", () => {
   const wells = [
@@ -18,6 +18,19 @@ test("wells without a number come last in both directions", () => {
   assert.deepEqual(names(4, false), ["A03", "A02", "A10", "A01"]);
   assert.deepEqual(names(4, true), ["A10", "A02", "A03", "A01"]);
   assert.deepEqual(names(0, false), ["A01", "A02", "A03", "A10"]);
+});
+
+test("a bound has no distance from references, and comes last", () => {
+  const place = (z: number) => ({ words: "", group: "g", n: 12, z, percentile: null, mismatches: [] });
+  const at = (z: number) => ({ ...placed, volume: place(z), area: place(z) });
+  const wells = [
+    well("A01", { reference: at(-12), flags: ["clipped_left"] }),
+    well("A02", { reference: at(1) }),
+    well("A03", { reference: at(-1) }),
+  ];
+  const names = (column: number) => sorted(wells, column, false).map((w) => w.well);
+  assert.deepEqual(names(8), ["A03", "A02", "A01"]);
+  assert.deepEqual(names(9), ["A03", "A02", "A01"]);
 });
 
 test("wells are sorted by their treatment, those without one last", () => {

@@ -144,6 +144,11 @@ test("a larva's place is said per number, with what of it does not match", () =>
         "Compare with care: voxel edge: 6.93 um, the reference's not stated; mode: simulated, the reference's hardware.",
     },
   ]);
+  assert.deepEqual(
+    places(well("A01", { reference: placed, flags: ["clipped_left"] })),
+    [{ text: "Not compared: part of the larva was not measured.", doubts: "" }],
+    "a bound has no place",
+  );
   const none = { group: null, n: null, z: null, percentile: null, mismatches: [] };
   const eye_volume = { ...none, words: "eye volume: no reference of the eyes of 4 dpf" };
   assert.deepEqual(places(well("A01", { reference: { ...placed, eye_volume } }))[2], {
