@@ -17,8 +17,8 @@ use crate::DeviceError;
 use carved_core::units::Steps;
 use std::time::{Duration, Instant};
 
-/// Time after which a greeting is not that of a reset of carved. A boot loader delays it by up to two seconds.
-pub(super) const OWN_GREETING: Duration = Duration::from_secs(5);
+/// Time after which a greeting of an identified controller is not that of a reset of carved. It says it within milliseconds.
+pub(super) const OWN_GREETING: Duration = Duration::from_secs(2);
 /// Number of soft resets until a greeting or a report must have come. A controller that restarts when its port is opened spends up to two
 /// seconds in its boot loader, which ignores them.
 const WAKE_ATTEMPTS: u32 = 4;
@@ -459,7 +459,7 @@ impl Grbl {
             Line::Alarm(intervention::RESET_IN_MOTION) => alarm_text(intervention::RESET_IN_MOTION),
             _ => return unless_alarm(line),
         };
-        let is_late = self.own_reset.elapsed() > OWN_GREETING;
+        let is_late = self.is_identified && self.own_reset.elapsed() > OWN_GREETING;
         let is_own = self.link.is_stopped() || !(is_late || self.knowledge.is_known() || self.link.is_moving());
         if !is_own {
             let error = intervention::reset(&sign);
