@@ -94,7 +94,7 @@ fn larvae_have_their_standard_pictures(daemon: &Daemon, folder: &Path, scratch: 
         for (link, file) in
             [("lateral_png", "lateral.png"), ("lateral_tif", "lateral.tif"), ("dorsal_png", "dorsal.png"), ("dorsal_tif", "dorsal.tif")]
         {
-            let path = links[link].as_str().unwrap_or_else(|| panic!("{well} has no {link}: {links}"));
+            let path = links[link].as_str().unwrap_or_else(|| panic!("{well} has no {link}: {links}; {}", stderr(&exported)));
             let mut answer = ureq::get(format!("{}{path}", daemon.url)).call().unwrap();
             let kind = answer.headers()["content-type"].to_str().unwrap().to_owned();
             assert_eq!(kind, if file.ends_with("png") { "image/png" } else { "image/tiff" });
