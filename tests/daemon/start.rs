@@ -83,18 +83,26 @@ fn larvae_have_their_place(status: &Value, folder: &Path) {
 }
 
 /// The left side and the back of each larva in its folder, by the links of its record, and the same again from the frames. A bead has none.
+/// Frames that are lost and taken again have other noise, in which head or back of one larva may stay undecided: then the table says so.
 fn larvae_have_their_standard_pictures(daemon: &Daemon, folder: &Path, scratch: &Path) {
     let run_id = folder.file_name().unwrap().to_str().unwrap();
     let out = scratch.join("pictures");
     let exported = run(&["export", "pictures", folder.to_str().unwrap(), "--out", out.to_str().unwrap()]);
     assert!(exported.status.success(), "{}", stderr(&exported));
+    let index = std::fs::read_to_string(out.join("pictures.csv")).unwrap();
+    let lines: Vec<&str> = index.lines().collect();
+    let is_undecided = |well: &str| lines.iter().any(|line| line.contains(&format!(",{well},")) && line.contains("is not decided"));
     let mut sizes = Vec::new();
     for well in ["A01", "A02"] {
         let links = &daemon.get(&format!("/v1/runs/{run_id}/specimens/{well}"))["links"];
+        if is_undecided(well) {
+            assert!(links["lateral_png"].is_null() && links["dorsal_tif"].is_null(), "{well}: {links}");
+            continue;
+        }
         for (link, file) in
             [("lateral_png", "lateral.png"), ("lateral_tif", "lateral.tif"), ("dorsal_png", "dorsal.png"), ("dorsal_tif", "dorsal.tif")]
         {
-            let path = links[link].as_str().unwrap_or_else(|| panic!("{well} has no {link}: {links}; {}", stderr(&exported)));
+            let path = links[link].as_str().unwrap_or_else(|| panic!("{well} has no {link}: {links}; {index}"));
             let mut answer = ureq::get(format!("{}{path}", daemon.url)).call().unwrap();
             let kind = answer.headers()["content-type"].to_str().unwrap().to_owned();
             assert_eq!(kind, if file.ends_with("png") { "image/png" } else { "image/tiff" });
@@ -109,15 +117,13 @@ fn larvae_have_their_standard_pictures(daemon: &Daemon, folder: &Path, scratch: 
             }
         }
     }
-    assert!(sizes.iter().all(|size| *size == sizes[0]), "cropped alike: {sizes:?}");
+    assert!(sizes.len() >= 2 && sizes.iter().all(|size| *size == sizes[0]), "cropped alike: {sizes:?}; {index}");
     assert!(daemon.get(&format!("/v1/runs/{run_id}/specimens/A03"))["links"]["lateral_png"].is_null(), "a bead has no sides");
     let unknown = ureq::get(format!("{}/v1/runs/{run_id}/specimens/A01/ventral.png", daemon.url)).call();
     assert!(matches!(unknown, Err(ureq::Error::StatusCode(404))), "{unknown:?}");
-    let index = std::fs::read_to_string(out.join("pictures.csv")).unwrap();
-    let lines: Vec<&str> = index.lines().collect();
     assert_eq!(lines[0], "run,well,picture,file,view,off_deg,confidence,um_per_px,reason");
-    assert_eq!(lines.iter().filter(|line| line.ends_with(',')).count(), 4, "two pictures of two larvae: {index}");
-    assert!(lines.iter().any(|line| line.contains(",A03,") && line.contains("is not decided")), "{index}");
+    assert_eq!(lines.iter().filter(|line| line.ends_with(',')).count(), sizes.len(), "the pictures of the larvae: {index}");
+    assert!(is_undecided("A03"), "{index}");
     assert!(lines.iter().any(|line| line.contains(",A04,") && line.contains("no numbers")), "{index}");
 }
 
