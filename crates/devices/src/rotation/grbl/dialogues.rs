@@ -919,6 +919,20 @@ fn a_reset_long_after_the_controller_was_opened_is_that_of_a_person() {
     }
 }
 
+/// carved has stopped the axis after an error, and asks again much later. The greeting has waited since then.
+#[test]
+fn the_greeting_of_a_stop_of_carved_may_be_read_late_and_counts_once() {
+    let mut script = opening();
+    let report = GREETING.to_owned() + &idle("0.000");
+    script.extend([("?", report.clone()), ("?", idle("0.000")), ("?", report)]);
+    let controller = play(script);
+    let mut grbl = open(&controller).unwrap();
+    (grbl.own_reset, grbl.owes_greeting) = (Instant::now().checked_sub(OWN_GREETING * 2).unwrap(), true);
+    assert!(!matches!(grbl.check(), Err(DeviceError::Intervention { .. })));
+    let again = (0..2).map(|_| grbl.check()).find_map(Result::err);
+    assert!(matches!(again, Some(DeviceError::Intervention { .. })), "{again:?}");
+}
+
 #[test]
 fn a_port_that_is_not_there_is_named() {
     let said = Grbl::open(settings("/dev/no-such-port")).err().unwrap().to_string();

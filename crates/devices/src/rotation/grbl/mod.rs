@@ -96,8 +96,10 @@ pub struct Grbl {
     outputs: Bank<GrblPin>,
     /// What the controller said at a reset that carved did not request, until it is reported.
     unreported_reset: Option<String>,
-    /// When carved last reset the controller, or may have: as it opened the port, woke it, or stopped it.
+    /// When carved last reset the controller, or may have: as it opened the port, or woke it.
     own_reset: Instant,
+    /// carved has stopped the controller, and the greeting of that reset was not read yet. It may be read much later than it came.
+    owes_greeting: bool,
 }
 
 impl Grbl {
@@ -138,6 +140,7 @@ impl Grbl {
             controller_settings: ControllerSettings::new(),
             unreported_reset: None,
             own_reset: Instant::now(),
+            owes_greeting: false,
         };
         match grbl.identify() {
             // The daemon can start and show it: `check` reports it again.
@@ -244,7 +247,7 @@ impl Grbl {
             self.unreported_reset = None;
         } else if self.link.is_moving() {
             self.link.halt();
-            self.own_reset = Instant::now();
+            self.owes_greeting = true;
         }
         self.link.set_moving(false);
         self.outputs.forget();
@@ -281,7 +284,7 @@ impl Grbl {
         let was_stopped = self.link.is_stopped();
         self.link.release(cancel)?;
         if was_stopped {
-            self.own_reset = Instant::now();
+            self.owes_greeting = true;
             self.doubt(&DeviceError::Stopped);
         }
         Ok(())

@@ -127,6 +127,7 @@ impl Grbl {
                     },
                     _ => continue,
                 };
+                self.owes_greeting = false;
                 self.link.quiet(SILENCE, Instant::now() + self.settings.answer_timeout())?;
                 let greeting = greeting.split(" [").next().unwrap_or_default().to_owned();
                 self.settings.dialect.of(&greeting)?;
@@ -459,7 +460,7 @@ impl Grbl {
             Line::Alarm(intervention::RESET_IN_MOTION) => alarm_text(intervention::RESET_IN_MOTION),
             _ => return unless_alarm(line),
         };
-        let is_late = self.is_identified && self.own_reset.elapsed() > OWN_GREETING;
+        let is_late = self.is_identified && !self.owes_greeting && self.own_reset.elapsed() > OWN_GREETING;
         let is_own = self.link.is_stopped() || !(is_late || self.knowledge.is_known() || self.link.is_moving());
         if !is_own {
             let error = intervention::reset(&sign);
@@ -468,7 +469,10 @@ impl Grbl {
             return Err(error);
         }
         match line {
-            Line::Greeting(greeting) => Err(DeviceError::Suspect { why: format!("the controller restarted: {greeting}") }),
+            Line::Greeting(greeting) => {
+                self.owes_greeting = false;
+                Err(DeviceError::Suspect { why: format!("the controller restarted: {greeting}") })
+            }
             alarm => unless_alarm(alarm),
         }
     }
