@@ -26,16 +26,14 @@ impl Wait {
     fn reason(self) -> &'static str {
         match self {
             Self::Disk => "a write to the data folder has not ended after 2 s; milliseconds are usual",
-            Self::EmergencyStop => "the emergency stop was pressed; the record of it waits for a slow disk",
+            Self::EmergencyStop => "the emergency stop was pressed, and is not in the record yet",
         }
     }
 
     fn doing(self) -> &'static str {
         match self {
             Self::Disk => "Waiting for the disk of the data folder, which is slow. Commands are taken once it answers.",
-            Self::EmergencyStop => {
-                "The emergency stop was pressed: the motors are stopped. The disk of the data folder is slow; the record follows."
-            }
+            Self::EmergencyStop => "The emergency stop was pressed. It is not in the record yet; look at the disk of the data folder.",
         }
     }
 }

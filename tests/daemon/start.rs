@@ -83,7 +83,7 @@ fn larvae_have_their_place(status: &Value, folder: &Path) {
 }
 
 /// The left side and the back of each larva in its folder, by the links of its record, and the same again from the frames. A bead has none.
-/// Frames that are lost and taken again have other noise, in which head or back of one larva may stay undecided: then the table says so.
+/// In one of six runs on a busy machine a larva had none; why is not known. If its head or back is undecided, the table must say so.
 fn larvae_have_their_standard_pictures(daemon: &Daemon, folder: &Path, scratch: &Path) {
     let run_id = folder.file_name().unwrap().to_str().unwrap();
     let out = scratch.join("pictures");
