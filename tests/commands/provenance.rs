@@ -1,6 +1,6 @@
 //! `carved export methods` and `rocrate`, and `carved report`.
 
-use crate::common::{carved, gates, json, stderr, strict, venv};
+use crate::common::{carved, copy_folder, gates, json, stderr, strict, venv};
 use crate::tables::{done, example, plate};
 use carved_records::sha256_hex;
 use serde_json::{Value, json};
@@ -95,10 +95,6 @@ fn a_crate_lists_the_files_with_their_hashes_and_what_made_them() {
     for part in entity("./")["hasPart"].as_array().unwrap().iter().chain(entity("./")["mentions"].as_array().unwrap()) {
         entity(part["@id"].as_str().unwrap());
     }
-}
-
-fn copy_folder(from: &Path, to: &Path) {
-    assert!(Command::new("cp").arg("-a").args([from, to]).status().unwrap().success());
 }
 
 #[test]
