@@ -100,6 +100,18 @@ fn a_run_goes_on_where_the_camera_comes_back() {
     instrument.succeeded("unplugged");
 }
 
+/// The gamma is compared after the last view only.
+#[test]
+fn a_turn_in_which_another_program_changed_the_gamma_is_not_measured_and_taken_again() {
+    let instrument = Instrument::start();
+    instrument.begin("r1");
+    assert!(instrument.rig.camera().leave("Gamma", 0.5f32.to_bits()));
+    instrument.succeeded("r1");
+    let set_aside = instrument.data.join("runs/r1/A01.attempt-1");
+    assert_eq!(json(&set_aside.join("recording.json"))["ledger"].as_array().unwrap().len(), ASD + 1);
+    assert!(!set_aside.join("measurement.json").exists());
+}
+
 #[test]
 fn a_cable_that_stays_out_holds_the_run_which_continues_by_itself_once_it_is_in() {
     let instrument = Instrument::start();

@@ -396,6 +396,14 @@ pub trait Camera: Send {
     fn features(&self) -> std::collections::BTreeMap<String, String> {
         std::collections::BTreeMap::new()
     }
+    /// Compares these features with their values when the camera was opened, and sets back what differs. It takes some milliseconds, so
+    /// `grab` compares only those that change by themselves or are changed most easily.
+    ///
+    /// # Errors
+    /// [`DeviceError::CameraChanged`] with the first difference, or the camera is lost.
+    fn check_features(&mut self) -> Result<(), DeviceError> {
+        Ok(())
+    }
     /// Starts an acquisition: the camera then waits for triggers. A lost camera is opened again first.
     ///
     /// # Errors

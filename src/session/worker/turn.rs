@@ -174,10 +174,13 @@ impl Worker {
             .map_err(RunError::from)
         });
         times.phase(Phase::Revolve, began.elapsed());
-        match second_failed {
-            Some(e) => Err(RunError::Second(e)),
-            None => taken,
+        if let Some(e) = second_failed {
+            return Err(RunError::Second(e));
         }
+        taken?;
+        // Features that are not compared with every frame may have been changed between two.
+        rig.camera.check_features()?;
+        second.as_mut().map_or(Ok(()), |camera| camera.check_features()).map_err(RunError::Second)
     }
 }
 

@@ -52,6 +52,19 @@ fn a_change_in_mid_turn_is_said_by_name_and_undone() {
     }
 }
 
+#[test]
+fn a_feature_that_is_not_compared_with_every_frame_is_compared_after_a_turn() {
+    let mut bench = Bench::armed();
+    for (name, value) in [("Gamma", 0.5f32.to_bits()), ("BinningHorizontal", 2)] {
+        bench.take();
+        bench.camera.check_features().unwrap();
+        assert!(bench.rig.camera().leave(name, value));
+        let seen = bench.camera.check_features().unwrap_err();
+        assert!(matches!(&seen, DeviceError::CameraChanged { name: found, .. } if found == name), "{name}: {seen}");
+        bench.camera.check_features().unwrap();
+    }
+}
+
 /// A mirror in the light path may be undone by the camera.
 #[test]
 fn what_the_configuration_names_is_kept() {

@@ -360,6 +360,10 @@ impl Camera for AravisCamera {
         self.open.as_ref().map(|open| open.values.clone()).unwrap_or_default()
     }
 
+    fn check_features(&mut self) -> Result<(), DeviceError> {
+        self.held(features::Which::All)
+    }
+
     fn link(&self) -> Link {
         let state = Arc::clone(&self.link_state);
         Link::new(move || {

@@ -1,4 +1,5 @@
-//! Features of a camera that change the picture: set to neutral values when it is opened, and read back at every arm and after every frame.
+//! Features of a camera that change the picture: set to neutral values when it is opened, and read back at every arm and after
+//! every turn; some of them after every frame.
 
 use super::{AravisSettings, refused};
 use crate::DeviceError;

@@ -12,7 +12,7 @@
 
 use super::accept::{Verdict, accept};
 use super::stream::{Armed, BUFFERS};
-use super::{AravisCamera, Open, configure, features, refused};
+use super::{AravisCamera, Open, configure, refused};
 use crate::{Camera, DeviceError, FrameSink, StreamEnd, StreamPlan, StreamedFrame};
 use aravis::prelude::*;
 use std::time::{Duration, Instant, SystemTime};
@@ -210,7 +210,6 @@ impl AravisCamera {
         self.armed = Some(Armed::start(&self.device()?.camera, &self.settings, plan.buffers).map_err(|e| self.noted(e))?);
         let incomplete = self.pass_on(plan, &mut clock, sink)?;
         clock.finish(self.reading()?)?;
-        self.held(features::Which::OfEveryFrame)?;
         Ok(StreamEnd { rate_hz, incomplete })
     }
 
