@@ -106,15 +106,20 @@ async function read(root, source) {
 
 const ENTITIES = { "&lt;": "<", "&gt;": ">", "&quot;": '"', "&#39;": "'", "&amp;": "&" };
 
-/** The text of a page by heading, for the search. */
+/** The text of a page for the search: by heading, and the rows about a code once more by themselves. */
 export function sections(html) {
+  const plain = (part) =>
+    part
+      .replace(/<[^>]*>/g, " ")
+      .replace(/&(lt|gt|quot|#39|amp);/g, (entity) => ENTITIES[entity])
+      .replace(/\s+/g, " ")
+      .trim();
   const parts = html.split(/<h[1-6] id="([^"]*)">/);
   const found = [];
   for (let i = 1; i < parts.length; i += 2) {
-    const plain = parts[i + 1]
-      .replace(/<[^>]*>/g, " ")
-      .replace(/&(lt|gt|quot|#39|amp);/g, (entity) => ENTITIES[entity]);
-    found.push({ id: parts[i], text: plain.replace(/\s+/g, " ").trim() });
+    found.push({ id: parts[i], text: plain(parts[i + 1]) });
+    const rows = parts[i + 1].matchAll(/<tr id="([^"]*)">(.*?)<\/tr>/gs);
+    for (const [, id, cells] of rows) found.push({ id, text: plain(cells) });
   }
   return found;
 }
