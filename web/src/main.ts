@@ -81,7 +81,7 @@ const plate = new PlateView(byId("plate"), byId("legend"), choose);
 const attention = new AttentionList(byId("attention"), byId("attention-list"), choose);
 const card = new WellCard(byId("well-heading"), byId("well-body"));
 const chart = new VolumeChart(byId("chart"), byId("chart-caption"), byId<HTMLInputElement>("with-hull"));
-const rig = new RigView(byId("rig"));
+const rig = new RigView(byId("rig"), byId("rig-words"));
 const commands = new CommandRow(byId);
 const newRun = new NewRun(byId, (words) => commands.tell(words));
 const queue = new QueueView(byId, newRun);

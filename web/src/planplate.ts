@@ -54,7 +54,9 @@ function painted<T extends HTMLElement>(made: T, group: number): T {
   const [background, ink] = coloursOf(group);
   made.style.background = background;
   made.style.color = ink;
-  made.textContent = markOf(group);
+  const mark = element("span", "mark", markOf(group));
+  mark.style.setProperty("--letters", String(mark.textContent.length));
+  made.append(mark);
   return made;
 }
 

@@ -16,6 +16,8 @@ interface Column {
   /** What it is sorted by. Wells without a value come last. */
   value: (well: WellStatus, planned: Planned) => number | string | null;
   words: (well: WellStatus, planned: Planned) => string;
+  /** Whether these are sentences, which need room. */
+  isLong?: boolean;
 }
 
 /** How a well was treated; empty where the plan names nothing or is not read yet. */
@@ -44,11 +46,13 @@ const COLUMNS: readonly Column[] = [
     name: "Flags",
     value: (w) => (w.flags.length === 0 ? null : w.flags.length),
     words: (w) => w.flags.map(flagWords).join("; "),
+    isLong: true,
   },
   {
     name: "Remark",
     value: (w) => (w.note === null ? null : noteWords(w.note)),
     words: (w) => (w.note === null ? "" : noteWords(w.note)),
+    isLong: true,
   },
 ];
 
@@ -155,7 +159,7 @@ export class ResultsTable {
       "tr",
       "",
       element("td", "", open),
-      ...COLUMNS.slice(1).map((c) => element("td", "", c.words(well, this.#planned))),
+      ...COLUMNS.slice(1).map((c) => element("td", c.isLong ? "long" : "", c.words(well, this.#planned))),
     );
     if (well.well === this.#chosen) row.setAttribute("aria-current", "true");
     return row;

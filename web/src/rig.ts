@@ -1,6 +1,6 @@
 // The state of the instrument: axes, camera, disk, calibration.
 
-import { fact } from "./dom.ts";
+import { fact, setText } from "./dom.ts";
 import { age, bytes, capitalised, duration, grouped, micrometres, significant } from "./format.ts";
 import type {
   CalibrationStatus,
@@ -16,10 +16,13 @@ import type {
 
 export class RigView {
   readonly #list: HTMLElement;
+  readonly #words: HTMLElement;
   #shown = "";
 
-  constructor(list: HTMLElement) {
+  /** `words` stand beside the heading, where the list is folded. */
+  constructor(list: HTMLElement, words: HTMLElement) {
     this.#list = list;
+    this.#words = words;
   }
 
   update(status: Status): void {
@@ -49,7 +52,18 @@ export class RigView {
     if (now === this.#shown) return;
     this.#shown = now;
     this.#list.replaceChildren(...rows.flatMap(([term, text]) => fact(term, text)));
+    setText(this.#words, toLookAt(rows));
   }
+}
+
+/** The states that somebody has to look at: `! Calibration: scale never checked with beads`. Pure. */
+export function toLookAt(rows: readonly (readonly [string, string])[]): string {
+  const found = rows.flatMap(([term, text]) => {
+    // One of several outputs may have it.
+    const [, sign] = /(?:^|, )([!✕]) /u.exec(text) ?? [];
+    return sign === undefined ? [] : [`${sign} ${term}: ${text.startsWith(sign) ? text.slice(2) : text}`];
+  });
+  return found.length === 0 ? "✓ nothing to look at" : found.join("; ");
 }
 
 function axis(axis: RotationStatus): string {

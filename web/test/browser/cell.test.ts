@@ -13,10 +13,32 @@ test(
   { timeout: 2 * RUN_MS },
   async (t) => {
     const { daemon, page, complaints } = await opened(t, 5);
+    const choose = (map: string) =>
+      page.getByLabel("Plate map").setInputFiles({ name: "map.csv", mimeType: "text/csv", buffer: Buffer.from(map) });
+    // A map of 384 wells fits beside its legend, and marks of two letters fit into their wells.
+    const names = Array.from(
+      { length: 384 },
+      (_, i) => `${String.fromCharCode(65 + Math.floor(i / 24))}${(i % 24) + 1}`,
+    );
+    await choose(`well,compound\n${names.map((name, i) => `${name},Compound ${i % 60}`).join("\n")}\n`);
+    await until(page, "plate-holds", /^384 wells/);
+    const beyond = await page.locator("#plan .plate-box").evaluate((box) => box.scrollWidth - box.clientWidth);
+    assert.ok(beyond <= 0, `the map is ${beyond} px wider than its box`);
+    const tight = await page.locator("#plan-plate .mark").evaluateAll(
+      (marks) =>
+        marks.filter((mark) => {
+          const [own, well] = [mark, mark.parentElement!].map((of) => of.getBoundingClientRect().width);
+          return own! > well! - 2;
+        }).length,
+    );
+    assert.equal(tight, 0, "marks as wide as their wells");
+    await page.locator('#plan-plate [data-planned="A02"]').click();
+    const out = page.locator(".cell-out");
+    const [box, label] = [await out.locator("input").boundingBox(), await out.boundingBox()];
+    assert.ok(box!.height + 12 > label!.height, `the box stands beside its words: ${label!.height} px`);
+    await shoot(page, "plan-384");
     // The age and the compound of one well are corrected, and the other well is left out.
-    await page
-      .getByLabel("Plate map")
-      .setInputFiles({ name: "map.csv", mimeType: "text/csv", buffer: Buffer.from(MAP) });
+    await choose(MAP);
     await until(page, "plate-holds", /^2 wells: 2 larvae of 3 dpf\.$/);
     await page.locator('#plan-plate [data-planned="A01"]').click();
     await until(page, "cell-heading", /^Well A01$/);

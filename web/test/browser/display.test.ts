@@ -676,7 +676,15 @@ test("the left column of a full plate on which every well has flags is not longe
     const column = (await page.locator(".columns > .column").first().boundingBox())!;
     await shoot(page, `left-${wells.length}`);
     assert.ok(column.height < 2 * 900, `${wells.length} wells: ${column.height} px`);
+    // What somebody has to look at is beside the name of the folded card.
+    await until("rig-words", /[✓!✕] /);
+    assert.equal(await page.locator("#rig").isVisible(), false);
     assert.deepEqual(await breaches(page), []);
+    await page.getByText("Wells as a table").click();
+    const sentences = (await page.locator("#results td.long").first().boundingBox())!;
+    assert.ok(sentences.width >= 280, `the flags have ${sentences.width} px`);
+    const beyond = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
+    assert.ok(beyond <= 0, `${beyond} px beyond the right edge`);
   }
 });
 
@@ -717,7 +725,7 @@ test("notices and sound are off by default, and come once for each need", async 
   server.publish(held);
   await until("state", /^Held$/i);
   server.publish({ ...held, uptime_s: 999 });
-  await until("rig", /16 min/);
+  await page.locator("#rig", { hasText: /16 min/ }).waitFor({ state: "attached" });
   assert.deepEqual((await said()).slice(1), ["carved: Held: Check the camera's cable.", "sound"]);
 });
 

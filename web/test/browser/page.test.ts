@@ -583,6 +583,7 @@ test("a rig with a second camera and a translation shows both, its light, and wh
     },
   });
   await page.goto(server.url);
+  await page.locator("#rig-panel > summary").click();
   await until("rig", /Frames\s*✓ none damaged[\s\S]*Second camera\s*✓ Fluo 1\s*Its frames\s*3 packets missing/);
   const shown = (await text("rig")).replaceAll("\u202f", " ");
   for (const wanted of ["✓ at −5,000 µm", "background 240 of 255, 3.1 % saturated", "1,235 (higher is sharper)"]) {
@@ -1213,7 +1214,7 @@ test("the page holds on a telephone", async () => {
   assert.ok((await page.locator("#sentence").boundingBox())!.width > 250, "the sentence has the page's width");
   // State, plate and well come first, the pictures behind them, and the instrument last.
   const tops = await Promise.all(
-    ["now", "plate", "well-body", "frame-box", "chart", "rig"].map(async (id) => {
+    ["now", "plate", "well-body", "frame-box", "chart", "rig-panel"].map(async (id) => {
       return (await page.locator(`#${id}`).boundingBox())!.y;
     }),
   );

@@ -1,6 +1,14 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { calibrationWords, focusWords, gateWords, lightWords, noticesWords, outputWords } from "../../src/rig.ts";
+import {
+  calibrationWords,
+  focusWords,
+  gateWords,
+  lightWords,
+  noticesWords,
+  outputWords,
+  toLookAt,
+} from "../../src/rig.ts";
 
 const beads = {
   id: "0123456789ab",
@@ -24,6 +32,20 @@ test("a calibration is one line: by what, how old, how far off, and whether it s
     "✓ by beads, 2 h old, beads +0.50 %",
   );
   assert.equal(calibrationWords(null), "! scale never checked with beads");
+});
+
+test("what somebody has to look at stands beside the heading", () => {
+  const rows: [string, string][] = [
+    ["Rotation", "✓ at 0.00°"],
+    ["Camera", "✕ not connected"],
+    ["Outputs", "light on, ! pump off: no answer"],
+    ["Calibration", "! scale never checked with beads"],
+  ];
+  assert.equal(
+    toLookAt(rows),
+    "✕ Camera: not connected; ! Outputs: light on, ! pump off: no answer; ! Calibration: scale never checked with beads",
+  );
+  assert.equal(toLookAt(rows.slice(0, 1)), "✓ nothing to look at");
 });
 
 test("daily beads say in words what is so, and whether it counts", () => {
