@@ -14,7 +14,7 @@ test(
   async (t) => {
     const { daemon, page, complaints } = await opened(t, 5);
     const choose = (map: string) =>
-      page.getByLabel("Plate map").setInputFiles({ name: "map.csv", mimeType: "text/csv", buffer: Buffer.from(map) });
+      page.locator("#plate-map").setInputFiles({ name: "map.csv", mimeType: "text/csv", buffer: Buffer.from(map) });
     // A map of 384 wells fits beside its legend, and marks of two letters fit into their wells.
     const names = Array.from(
       { length: 384 },
