@@ -112,7 +112,8 @@ fn crc32(bytes: &[u8]) -> u32 {
 fn what_may_not_be_freed_is_refused_by_name_and_the_rest_is_searched() {
     let folder = tempfile::tempdir().unwrap();
     let axis_px = profiles(folder.path());
-    let output = specimen(folder.path(), &["--objective", "vrv", "--voxel", "17.1", "--free", "uy,k,gamma,alpha=45"]);
+    let output =
+        specimen(folder.path(), &["--objective", "vrv", "--voxel", "17.1", "--free", "uy,k,gamma,alpha=45", "--evaluations", "400"]);
     let report = report(&output);
     let refusals: Vec<&str> = report["refusals"].as_array().unwrap().iter().map(|r| r.as_str().unwrap()).collect();
     assert!(refusals[0].starts_with("kx is not freed") && refusals[0].contains("37 %"), "{refusals:?}");

@@ -31,7 +31,7 @@ pub struct Expected<'a> {
     pub bead: bool,
     /// Days post fertilisation, if the plate map says it.
     pub dpf: Option<f64>,
-    /// The sampler was asked for this specimen before a restart of the program. It may be in the capillary already.
+    /// The sampler was asked for this specimen before its load was cut short. It may be in the capillary already.
     pub asked_before: bool,
 }
 

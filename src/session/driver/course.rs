@@ -83,7 +83,7 @@ fn launch(d: &mut DriverState) {
     let accepted = d.accepted();
     // A specimen that a plate-loader brought is reported through the interlock.
     let inside = d.specimens().continued_with().filter(|_| !d.loader.fills_capillary()).map(str::to_owned);
-    let asked_before = d.specimens().unknown().map(str::to_owned);
+    let asked_before = d.specimens().asked_before().map(str::to_owned);
     let eject_first = d.must_leave_first().filter(|_| !d.loader.fills_capillary()).map(str::to_owned);
     let (Some(run), Some(instrument)) = (&mut d.run, d.devices.take()) else {
         tracing::error!("there is no run, or no instrument for it");
@@ -91,25 +91,27 @@ fn launch(d: &mut DriverState) {
     };
     let wells = run.wells_left(&accepted);
     let record = run.record();
-    let work = Work::begin(instrument, d.loader.cleared_interlock(), d.publisher.halt(), |cancel, pause, progress| RunContext {
-        config: d.config.clone(),
-        identity: d.identity.clone(),
-        mode: d.mode,
-        run: record.id.clone(),
-        plate: record.plan.plate_barcode.clone(),
-        wells,
-        eject_first,
-        inside,
-        asked_before,
-        method_name: record.plan.method.clone(),
-        method: record.method.clone(),
-        folder: d.outbox.store().run_folder(&record.id),
-        cancel,
-        pause,
-        progress,
-        pictures: std::sync::Arc::default(),
-        opacities: d.opacities.clone(),
-    });
+    let work =
+        Work::begin(instrument, d.loader.cleared_interlock(), d.publisher.halt(), |[cancel, pause, give_back], progress| RunContext {
+            config: d.config.clone(),
+            identity: d.identity.clone(),
+            mode: d.mode,
+            run: record.id.clone(),
+            plate: record.plan.plate_barcode.clone(),
+            wells,
+            eject_first,
+            inside,
+            asked_before,
+            method_name: record.plan.method.clone(),
+            method: record.method.clone(),
+            folder: d.outbox.store().run_folder(&record.id),
+            cancel,
+            pause,
+            give_back,
+            progress,
+            pictures: std::sync::Arc::default(),
+            opacities: d.opacities.clone(),
+        });
     run.set_lacks_gate(lacks_gate);
     run.launch(work);
 }
@@ -328,8 +330,8 @@ pub(super) fn taken_for_good(d: &mut DriverState, run: Option<&str>, well: &str)
     Ok(())
 }
 
-/// Somebody took a specimen out while the driven sampler was at work. The run is held, because a person is at the instrument, and the report
-/// takes effect once the work has ended.
+/// Somebody took a specimen out while the driven sampler was at work. The run is held, because a person is at the instrument. The work at
+/// this specimen ends at once, so that the next one that comes is not measured as this one, and then the report takes effect.
 ///
 /// # Errors
 /// The disk refused the message, which then has no effect.
@@ -339,11 +341,14 @@ pub(super) fn taken_out_at_work(d: &mut DriverState, well: &str) -> Result<(), R
         d.outbox.commit(Some(&run.record().id), Some(well), EventData::WellTakenOut)?;
     }
     let state = d.machine();
-    match commands::steer(Towards::Hold, state) {
-        Ok(true) => hold(d, state, Asked::default()),
-        // It is being held or ended already.
-        Ok(false) | Err(_) => Ok(()),
+    if let Ok(true) = commands::steer(Towards::Hold, state) {
+        hold(d, state, Asked::default())?;
     }
+    // Otherwise it is being held or ended already.
+    if d.specimens().is_worked_at(well) {
+        d.run.iter().for_each(RunInProgress::give_back);
+    }
+    Ok(())
 }
 
 /// Carries out the reports that came while a worker was at work. One that the disk refuses is carried out at the next rest or start.

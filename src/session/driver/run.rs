@@ -134,6 +134,11 @@ impl RunInProgress {
         &mut self.numbers
     }
 
+    /// Ends the work at the present specimen, which somebody has taken out.
+    pub fn give_back(&self) {
+        self.work.iter().for_each(|work| work.give_back.cancel());
+    }
+
     /// Notes a request and passes it to the worker. A hold or a stop takes effect after the current specimen, the others at once.
     pub fn ask(&mut self, what: Request) {
         self.request = self.request.max(what);
@@ -270,6 +275,7 @@ fn after_work(end: RunEnd, request: Request, halted: bool) -> AfterWork {
 pub(super) struct Work {
     cancel: CancelToken,
     pause: CancelToken,
+    give_back: CancelToken,
     stop: StopHandle,
     interlock: LoaderInterlock,
     worker: JoinHandle<(Instrument, RunEnd)>,
@@ -277,21 +283,22 @@ pub(super) struct Work {
 }
 
 impl Work {
-    /// Starts the worker on its own thread. `context` receives the token that cancels the worker, the token that pauses it, and the
-    /// progress channel.
+    /// Starts the worker on its own thread. `context` receives the token that cancels the worker, the one that pauses it, the one that ends
+    /// the work at its specimen, and the progress channel.
     pub fn begin(
         instrument: Instrument,
         interlock: LoaderInterlock,
         halt: &Halt,
-        context: impl FnOnce(CancelToken, CancelToken, mpsc::Sender<Progress>) -> RunContext,
+        context: impl FnOnce([CancelToken; 3], mpsc::Sender<Progress>) -> RunContext,
     ) -> Self {
         let (cancel, pause) = (CancelToken::default(), CancelToken::default());
+        let give_back = cancel.child();
         let stop = instrument.rig.rotation.stop_handle();
         halt.aim(stop.clone(), cancel.clone());
         let (progress_in, progress) = mpsc::channel(64);
-        let context = context(cancel.clone(), pause.clone(), progress_in);
+        let context = context([cancel.clone(), pause.clone(), give_back.clone()], progress_in);
         let worker = tokio::task::spawn_blocking(move || worker::run(instrument, &context));
-        Self { cancel, pause, stop, interlock, worker, progress }
+        Self { cancel, pause, give_back, stop, interlock, worker, progress }
     }
 
     fn obey(&self, request: Request) {
@@ -316,6 +323,11 @@ impl Work {
     #[cfg(test)]
     pub fn is_cancelled(&self) -> bool {
         self.cancel.is_cancelled()
+    }
+
+    #[cfg(test)]
+    pub fn gives_back(&self) -> bool {
+        self.give_back.is_cancelled()
     }
 
     #[cfg(test)]

@@ -159,7 +159,7 @@ pub struct RunContext {
     pub eject_first: Option<String>,
     /// A well whose specimen is already in the capillary of a driven sampler. It is not brought again.
     pub inside: Option<String>,
-    /// A well for which a driven sampler was asked before a restart. Its specimen may be in the capillary already.
+    /// A well for which a driven sampler was asked before its load was cut short. Its specimen may be in the capillary already.
     pub asked_before: Option<String>,
     pub method_name: String,
     pub method: Method,
@@ -167,6 +167,8 @@ pub struct RunContext {
     pub cancel: CancelToken,
     /// Ends the run after the current specimen. The motors do not stop.
     pub pause: CancelToken,
+    /// Ends the work at the present specimen, which somebody has taken out. Its well is not measured.
+    pub give_back: CancelToken,
     pub progress: Sender<Progress>,
     /// The pictures of the wells so far.
     pub pictures: Arc<Mutex<PicturesOfWells>>,

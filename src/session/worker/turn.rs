@@ -49,6 +49,10 @@ impl Worker {
         writer.add_references(&self.context.config.references)?;
         let science = Science::start(&self.context, planned, pipeline, writer)?;
         match self.verdict(planned, &plan, &science, times, last) {
+            Ok(_) if self.context.give_back.is_cancelled() => {
+                science.close()?;
+                Ok(Attempt::Cancelled)
+            }
             Ok(None) => {
                 self.context.phase(&planned.well, Phase::Measure, true);
                 match science.accept() {

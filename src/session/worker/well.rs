@@ -46,7 +46,10 @@ impl Worker {
         let Some(Loaded { truth }) = self.load(planned, &mut times)? else { return Ok(ControlFlow::Break(())) };
         // At most one computation runs beside the next specimen.
         let settled = self.context.settle(before);
-        let end = settled.and_then(|()| self.tries(planned, truth.as_ref(), &mut times));
+        let end = settled.and_then(|()| match self.context.give_back.is_cancelled() {
+            true => Ok(Attempt::Cancelled),
+            false => self.tries(planned, truth.as_ref(), &mut times),
+        });
         let end = match end {
             Ok(Attempt::Accepted(science)) => {
                 let out = self.take_out(planned, true, &mut times);
@@ -94,7 +97,8 @@ impl Worker {
         out.map(ControlFlow::Continue)
     }
 
-    /// Loads the specimen. Returns what is known of it, or `None` if the run was cancelled or paused first.
+    /// Loads the specimen. Returns what is known of it, or `None` if the run was cancelled or paused first, or somebody has taken the
+    /// specimen out.
     fn load(&mut self, planned: &PlannedWell, times: &mut WellTimes) -> Result<Option<Loaded>, RunError> {
         let Self { context, instrument: Instrument { rig, sampler, .. } } = self;
         let well = planned.well.as_str();
@@ -104,7 +108,7 @@ impl Worker {
         let is_inside = context.inside.as_deref() == Some(well);
         let stop = rig.rotation.stop_handle();
         let began = Instant::now();
-        let loaded = within(Phase::Load, context.allowed(Phase::Load), &context.cancel, &stop, |cancel| {
+        let loaded = within(Phase::Load, context.allowed(Phase::Load), &context.give_back, &stop, |cancel| {
             let axis = rig.rotation.as_mut();
             if let Some(stops) = &list {
                 // Before the specimen is requested: the axis reads its list when it takes up the specimen.

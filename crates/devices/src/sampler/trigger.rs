@@ -106,13 +106,23 @@ enum Visitor {
     Left,
 }
 
+/// Whose specimen is in the capillary, if the input says that one is there before a load waits for it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+enum Arrival {
+    /// Nobody's: the capillary was not seen empty.
+    Unknown,
+    /// That of the next load: the capillary was seen empty after the last specimen of this run.
+    Next,
+    /// That of this well: its load was cut short.
+    Of(String),
+}
+
 /// A sampler with a wire to the axis' controller. "Looks" are the readings of the input while nothing runs.
 pub struct TriggerSampler {
     settings: TriggerSettings,
     clock: Clock,
     watch: Watch,
-    /// The capillary was seen empty after the last specimen of this run. What is in it now is what the next load asks for.
-    arrival_counts: bool,
+    arrival: Arrival,
     visitor: Visitor,
     /// Since when every look has found a specimen.
     there_since: Option<Instant>,
@@ -150,7 +160,7 @@ impl TriggerSampler {
             settings,
             clock,
             watch,
-            arrival_counts: false,
+            arrival: Arrival::Unknown,
             visitor: Visitor::None,
             there_since: None,
             gone_since: None,
@@ -206,7 +216,7 @@ impl Sampler for TriggerSampler {
     }
 
     fn begin_run(&mut self) {
-        (self.arrival_counts, self.visitor) = (false, Visitor::None);
+        (self.arrival, self.visitor) = (Arrival::Unknown, Visitor::None);
         (self.there_since, self.gone_since, self.left, self.seen) = (None, None, false, None);
     }
 
@@ -245,13 +255,20 @@ impl Sampler for TriggerSampler {
     fn load(&mut self, axis: &mut dyn RotationAxis, expected: Expected<'_>, cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError> {
         let well = expected.well;
         // Before anything that can fail: the next load of this well is not told again.
-        self.arrival_counts |= expected.asked_before;
+        if expected.asked_before {
+            self.arrival = Arrival::Of(well.to_owned());
+        }
         axis.specimen_input().ok_or_else(gone)?.begin(cancel)?;
         if let Some(left) = self.watch.well() {
             // A stop prevented its ejection.
             self.eject(axis, &left, cancel)?;
         }
-        let counts = std::mem::take(&mut self.arrival_counts) && self.visitor != Visitor::Left;
+        let counts = match std::mem::replace(&mut self.arrival, Arrival::Unknown) {
+            Arrival::Unknown => false,
+            Arrival::Next => true,
+            // Somebody may have taken out the specimen of another well, or it is still on its way.
+            Arrival::Of(asked) => asked == well,
+        } && self.visitor != Visitor::Left;
         if !counts {
             match self.wait_for(false, axis, BOUNCES * self.settings.debounce_ms, Some(cancel))? {
                 Waited::Reached => {}
@@ -266,7 +283,9 @@ impl Sampler for TriggerSampler {
         let waited = self.wait_for(true, axis, self.settings.load_timeout_ms, Some(cancel));
         // Whatever else ended the wait, the specimen is still on its way. If it comes before the next load, it is that of this well.
         self.visitor = Visitor::None;
-        self.arrival_counts = !matches!(waited, Ok(Waited::Reached | Waited::TimedOut));
+        if !matches!(waited, Ok(Waited::Reached | Waited::TimedOut)) {
+            self.arrival = Arrival::Of(well.to_owned());
+        }
         match waited? {
             Waited::Cancelled => Ok(None),
             Waited::TimedOut => {
@@ -300,7 +319,7 @@ impl Sampler for TriggerSampler {
                 Err(Self::failed(well, why.into()))
             }
             Waited::Reached => {
-                self.arrival_counts = false;
+                self.arrival = Arrival::Unknown;
                 self.watch.set(Some(well));
                 Ok(Some(Loaded::default()))
             }
@@ -326,7 +345,7 @@ impl Sampler for TriggerSampler {
             return Err(Self::failed(well, why));
         }
         self.watch.set(None);
-        (self.arrival_counts, self.visitor) = (true, Visitor::None);
+        (self.arrival, self.visitor) = (Arrival::Next, Visitor::None);
         Ok(())
     }
     fn wash(&mut self, _axis: &mut dyn RotationAxis, _well: &str, _cancel: &CancelToken) -> Result<(), DeviceError> {

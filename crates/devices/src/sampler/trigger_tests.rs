@@ -183,6 +183,18 @@ fn a_specimen_that_comes_after_its_load_was_cut_short_is_that_of_this_well() {
     }
 }
 
+/// Its own specimen is out, or is still on its way.
+#[test]
+fn a_specimen_that_comes_after_the_load_of_another_well_was_cut_short_is_not_believed() {
+    let (mut sampler, waits) = (sampler(QUICK), CancelToken::new());
+    let mut axis = wired(&[false; FOR_LONG]);
+    axis.input().cancels = Some(waits.clone());
+    assert!(sampler.load(&mut axis, A01, &waits).unwrap().is_none());
+    (axis.input().cancels, axis.input().last) = (None, true);
+    let said = words(sampler.load(&mut axis, Expected { well: "A02", ..A01 }, &CancelToken::new()));
+    assert!(said.contains("its well is not known"), "{said}");
+}
+
 #[test]
 fn a_specimen_that_leaves_in_mid_turn_ends_it_and_a_blink_does_not() {
     let levels = [[false; FOR_LONG], [true; FOR_LONG]].concat();

@@ -120,6 +120,18 @@ impl Specimens {
         self.find(|state| state == SpecimenState::Unknown)
     }
 
+    /// Whether the specimen of this well is inside or on its way: the worker is at it, if one is at work.
+    pub fn is_worked_at(&self, well: &str) -> bool {
+        let state = self.of(well).state();
+        state == SpecimenState::Loading || state.is_inside()
+    }
+
+    /// The well for which a driven sampler was asked before: its load was cut short, by a restart or by a fault. A sampler that was opened
+    /// again meanwhile does not remember it.
+    pub fn asked_before(&self) -> Option<&str> {
+        self.unknown().or_else(|| self.find(|state| state == SpecimenState::Coming))
+    }
+
     /// The well whose specimen must leave before a worker begins. A loader exchanges a measured specimen for the next one, a driven sampler
     /// ejects it first.
     pub fn must_leave_first(&self, loaded_by: LoadedBy) -> Option<&str> {
