@@ -183,8 +183,8 @@ fn run() -> anyhow::Result<ExitCode> {
         // A refusal is a regular answer: it is printed, and has its own exit code.
         Command::Reconstruct(args) => return Ok(reconstruct::run(&args)),
         Command::Segment(args) => segment::run(&args),
-        Command::Export(command) => export::run(&command),
-        Command::Report(args) => report::run(&args),
+        Command::Export(command) => return export::run(&command),
+        Command::Report(args) => return report::run(&args),
         Command::Archive(args) => archive::archive(&args),
         Command::Prune(args) => archive::prune(&args),
         Command::Index(command) => index::run(&command),

@@ -1,13 +1,14 @@
 //! `carved report`: one HTML file on any number of runs, to read and to print.
 
 use super::export::statistics::Which;
-use super::export::{read, write};
+use super::export::{left_out, read, write};
 use crate::report::html::report;
 use anyhow::ensure;
 use carved_store::gates::GateFile;
 use carved_store::{StoreReader, StoredRun};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use std::process::ExitCode;
 
 #[derive(Debug, clap::Args)]
 pub struct Args {
@@ -28,7 +29,7 @@ pub struct Args {
 ///
 /// # Errors
 /// A run that cannot be read, or a file that cannot be written.
-pub fn run(args: &Args) -> anyhow::Result<()> {
+pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let is_html = args.out.extension().is_some_and(|e| e.eq_ignore_ascii_case("html") || e.eq_ignore_ascii_case("htm"));
     ensure!(is_html, "{}: the name of a report ends in .html", args.out.display());
     let runs = read(&args.runs)?;
@@ -36,7 +37,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let text = report(&runs, &gates(&runs, args.calibrations.as_deref())?, flagged)?;
     write(&args.out, text.as_bytes())?;
     note!("carved: {}: {} run(s), {:.1} MB", args.out.display(), runs.len(), text.len() as f64 / 1e6);
-    Ok(())
+    Ok(left_out(&runs))
 }
 
 /// The bead gates in these calibrations, or in the data folders of the runs. A copy of a run has none.

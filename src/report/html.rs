@@ -15,7 +15,7 @@ use carved_pictures::model::BAR_UM;
 use carved_records::{Mode, PlateFormat, SpecimenOutcome, WellCounts};
 use carved_store::columns::{AFTER, Column, Source};
 use carved_store::gates::GateFile;
-use carved_store::{RunRecord, Software, StoreError, StoredRun};
+use carved_store::{RunRecord, Software, StoredRun};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use std::collections::BTreeMap;
 
@@ -25,8 +25,6 @@ const ROWS: usize = 32;
 /// Why there is no report.
 #[derive(Debug, thiserror::Error)]
 pub enum ReportError {
-    #[error(transparent)]
-    Store(#[from] StoreError),
     #[error("a plot cannot be drawn: {0}")]
     Plot(#[from] Box<dyn std::error::Error + Send + Sync>),
 }
@@ -41,17 +39,17 @@ struct Report<'r> {
     gates: &'r [GateFile],
 }
 
-/// The report of runs. `gates`: the bead gates of their instruments, oldest first.
+/// The report of runs. `gates`: the bead gates of their instruments, oldest first. A well with a file that cannot be read, or was altered, has no numbers, and is named at the top.
 ///
 /// # Errors
-/// A file that is there and cannot be read, or was altered.
+/// A plot that cannot be drawn.
 pub fn report(runs: &[StoredRun], gates: &[GateFile], flagged: Flagged) -> Result<String, ReportError> {
     let mut specimens = Vec::new();
     for run in runs {
-        specimens.extend(Specimen::all(run)?);
+        specimens.extend(Specimen::all(run));
     }
-    let methods = runs.iter().map(Methods::of).collect::<Result<_, _>>()?;
-    let report = Report { runs, statistics: Statistics::of(runs, flagged)?, specimens, methods, gates };
+    let methods = runs.iter().map(Methods::of).collect();
+    let report = Report { runs, statistics: Statistics::of(runs, flagged), specimens, methods, gates };
     Ok(report.page()?.into_string())
 }
 
@@ -156,6 +154,9 @@ impl Report<'_> {
             h1 { "Measurements of zebrafish larvae" }
             @if simulated { p.warning { "Simulated: the frames were rendered. No larva was measured." } }
             @if imported { p.warning { "Imported: the frames were taken without carved." } }
+            @for (s, why) in self.specimens.iter().filter_map(|s| Some((s, s.unreadable.as_ref()?))) {
+                p.warning { "Left out: " (s.run) " " (s.well) ", because it cannot be read: " (why) }
+            }
             table {
                 thead { tr {
                     th { "run" } th.left { "plate" } th.left { "method" } th.left { "operator" } th.left { "started (UTC)" } th { "wells" } th { "measured" }

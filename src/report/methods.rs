@@ -2,7 +2,7 @@
 
 use crate::tables::method_hash;
 use carved_records::{Method, Mode, SpecimenKind, ViewOrder};
-use carved_store::{Software, StoreError, StoredRun};
+use carved_store::{Software, StoredRun};
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -91,19 +91,16 @@ struct Recorded {
 }
 
 impl Methods {
-    /// The methods of a run.
-    ///
-    /// # Errors
-    /// A file that is there and cannot be read, or was altered.
-    pub fn of(run: &StoredRun) -> Result<Self, StoreError> {
-        let recorded = Recorded::of(run)?;
+    /// The methods of a run, without those of wells that cannot be read.
+    pub fn of(run: &StoredRun) -> Self {
+        let recorded = Recorded::of(run);
         let method = recorded.method.clone().unwrap_or_else(|| serde_json::to_value(&run.record().method).unwrap_or_default());
         let mut parameters = Vec::new();
         flatten("method", &method, &mut parameters);
         if let Some(rig) = &recorded.rig {
             flatten("rig", rig, &mut parameters);
         }
-        Ok(Self { run: run.record().id.clone(), paragraph: paragraph(run, &recorded, &method_hash(&method)), parameters })
+        Self { run: run.record().id.clone(), paragraph: paragraph(run, &recorded, &method_hash(&method)), parameters }
     }
 
     /// The paragraph and the parameters as Markdown.
@@ -120,10 +117,9 @@ fn row(parameter: &Parameter) -> String {
 }
 
 impl Recorded {
-    fn of(run: &StoredRun) -> Result<Self, StoreError> {
+    fn of(run: &StoredRun) -> Self {
         let mut found = Self::default();
-        for planned in &run.record().plan.plate_map {
-            let well = run.well(planned)?;
+        for well in run.wells() {
             let Some(recording) = well.recording else { continue };
             if let Ok(software) = serde_json::from_value::<Software>(recording["software"].clone()) {
                 found.software.insert(software.words());
@@ -131,7 +127,7 @@ impl Recorded {
             let text = |key: &str| recording["rig"][key].as_str().unwrap_or("not known").to_owned();
             found.rigs.insert(format!("{} (camera {}; axis {})", text("name"), text("camera_identity"), text("rotation_identity")));
             if let Some(measurement) = &well.measurement {
-                *if planned.specimen == SpecimenKind::Bead { &mut found.beads } else { &mut found.larvae } += 1;
+                *if well.planned.specimen == SpecimenKind::Bead { &mut found.beads } else { &mut found.larvae } += 1;
                 found.fallback += usize::from(measurement["measurement"]["estimator"] == "voxel");
                 let flags = well.status.as_ref().map(|status| status.flags.as_slice()).unwrap_or_default();
                 found.flagged += usize::from(!flags.is_empty());
@@ -150,7 +146,7 @@ impl Recorded {
             found.method.get_or_insert_with(|| recording["method"].clone());
             found.rig.get_or_insert_with(|| recording["rig"].clone());
         }
-        Ok(found)
+        found
     }
 }
 

@@ -81,7 +81,7 @@ pub fn study(runs: &[StoredRun]) -> Result<Value, RembiError> {
             ),
             "rembi_version": VERSION,
         }));
-        analyses.push(json!({ "analysis_overview": Methods::of(run)?.paragraph }));
+        analyses.push(json!({ "analysis_overview": Methods::of(run).paragraph }));
     }
     if samples.is_empty() {
         return Err(RembiError::NoLarva);

@@ -7,7 +7,7 @@ use carved_core::flag::{Effect, Flag, StoredFlag};
 use carved_core::inside::EyesMissing;
 use carved_core::quality::Quality;
 use carved_records::{PlannedWell, SpecimenKind, SpecimenOutcome};
-use carved_store::{StoreError, StoredRun, place_among_references};
+use carved_store::{Computation, StoredRun, place_among_references};
 use rayon::prelude::*;
 use serde::Deserialize;
 use serde_json::Value;
@@ -24,6 +24,8 @@ pub struct Specimen {
     pub condition: WellCondition,
     pub outcome: Option<SpecimenOutcome>,
     pub reason: Option<String>,
+    /// Why its files are not read.
+    pub unreadable: Option<String>,
     pub flags: Vec<StoredFlag>,
     pub estimator: Option<String>,
     pub volume_um3: Option<f64>,
@@ -56,27 +58,27 @@ pub struct Specimen {
 
 impl Specimen {
     /// Every planned well of a run. The wells are read in parallel: nearly all of the time is their pictures.
-    ///
-    /// # Errors
-    /// A file that is there and cannot be read, or was altered.
-    pub fn all(run: &StoredRun) -> Result<Vec<Self>, StoreError> {
+    /// A well with a file that cannot be read, or was altered, has the reason and no numbers.
+    pub fn all(run: &StoredRun) -> Vec<Self> {
         let read = |planned: &PlannedWell| {
-            let well = run.well(planned)?;
+            let well = run.readable_well(planned);
             let number = |pointer: &str| well.measurement.as_ref()?.pointer(pointer)?.as_f64();
             let place =
                 |quantity: &str| well.measurement.as_ref().and_then(|m| place_among_references(m, quantity)).map(|(_, place)| place);
             let quantities = ["volume", "area", "eye_volume", "eye_distance"].map(place);
             let status = well.status.as_ref();
+            let unreadable = if let Computation::Unreadable(why) = &well.computation { Some(why.clone()) } else { None };
             let flags = status.map(|s| s.flags.clone()).unwrap_or_default();
             let is_bound = is_bound(&flags);
             let quality = well.measurement.as_ref().and_then(|m| serde_json::from_value(m["quality"].clone()).ok());
-            Ok(Self {
+            Self {
                 run: run.record().id.clone(),
                 well: planned.well.clone(),
                 is_bead: planned.specimen == SpecimenKind::Bead,
                 condition: WellCondition::of(planned),
                 outcome: status.and_then(|s| s.outcome),
-                reason: status.and_then(|s| s.reason.clone()),
+                reason: unreadable.clone().or_else(|| status.and_then(|s| s.reason.clone())),
+                unreadable,
                 flags,
                 estimator: well.measurement.as_ref().and_then(|m| m["measurement"]["estimator"].as_str().map(str::to_owned)),
                 volume_um3: number("/measurement/volume_um3"),
@@ -97,7 +99,7 @@ impl Specimen {
                 quality: quality.unwrap_or_default(),
                 pictures: pictures::of(&well),
                 measurement_sha256: well.measurement_sha256,
-            })
+            }
         };
         run.record().plan.plate_map.par_iter().map(read).collect()
     }

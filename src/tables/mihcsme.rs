@@ -10,7 +10,7 @@
 use super::{csv, ontology, specimens};
 use carved_records::plate_map::kept_columns;
 use carved_records::{Metadata, Mode, PlannedWell, SpecimenKind};
-use carved_store::{StoreError, StoredRun};
+use carved_store::StoredRun;
 use serde_json::{Map, Value, json};
 use std::collections::BTreeSet;
 
@@ -76,11 +76,8 @@ const PARTS: [Part; 3] = [
     ),
 ];
 
-/// The metadata of a run.
-///
-/// # Errors
-/// A file that is there and cannot be read, or was altered.
-pub fn metadata(run: &StoredRun) -> Result<Value, StoreError> {
+/// The metadata of a run. A well with a file that cannot be read, or was altered, has no results.
+pub fn metadata(run: &StoredRun) -> Value {
     let plan = &run.record().plan;
     let mut document = Map::new();
     for (sheet, field, groups) in PARTS {
@@ -90,11 +87,11 @@ pub fn metadata(run: &StoredRun) -> Result<Value, StoreError> {
     if larvae && run.record().mode != Mode::Simulated {
         name_the_species(&mut document["study_information"]);
     }
-    document.insert("assay_conditions".into(), conditions(run)?.into());
+    document.insert("assay_conditions".into(), conditions(run).into());
     if let Some(sheets) = plan.metadata.get("reference_sheets") {
         document.insert("reference_sheets".into(), sheets.clone());
     }
-    Ok(document.into())
+    document.into()
 }
 
 /// A part as the model has it. A document with the spreadsheet's names is renamed. The keys inside a group are read under both names.
@@ -150,10 +147,10 @@ fn name_the_species(study: &mut Value) {
 }
 
 /// The conditions of every planned well: those of the laboratory, then the results.
-fn conditions(run: &StoredRun) -> Result<Vec<Value>, StoreError> {
+fn conditions(run: &StoredRun) -> Vec<Value> {
     let plan = &run.record().plan;
     let kept = kept_columns(&plan.metadata, &plan.plate_barcode);
-    let table = specimens(std::slice::from_ref(run))?;
+    let table = specimens(std::slice::from_ref(run));
     let wanted: BTreeSet<&str> = RESULTS.into_iter().collect();
     let of = |(well, row): (&PlannedWell, &Vec<super::Cell>)| {
         let mut conditions = Map::new();
@@ -172,7 +169,7 @@ fn conditions(run: &StoredRun) -> Result<Vec<Value>, StoreError> {
         }
         json!({ "plate": plan.plate_barcode, "well": well.well, "conditions": conditions })
     };
-    Ok(plan.plate_map.iter().zip(&table.rows).map(of).collect())
+    plan.plate_map.iter().zip(&table.rows).map(of).collect()
 }
 
 /// What the plate map says of a well, under the names that carved reads.

@@ -1,7 +1,7 @@
 //! The table of body slices: a row per slice of every specimen that has a body axis, head first.
 
 use super::{Cell, Heading, Kind, Table};
-use carved_store::{StoreError, StoredRun, columns};
+use carved_store::{StoredRun, columns};
 use serde_json::Value;
 
 /// Numbers of a slice: column, JSON pointer, meaning.
@@ -16,11 +16,9 @@ pub const NUMBERS: [(&str, &str, &str); 8] = [
     ("centre_z_um", "/centre_um/2", "the same, across the capillary"),
 ];
 
-/// The table of these runs. `run` and `well` are the keys of the table of specimens.
-///
-/// # Errors
-/// A file that is there and cannot be read, or was altered.
-pub fn table(runs: &[StoredRun]) -> Result<Table, StoreError> {
+/// The table of these runs. `run` and `well` are the keys of the table of specimens. A well with a file that cannot be read, or was altered, is
+/// left out.
+pub fn table(runs: &[StoredRun]) -> Table {
     let heading = |name: &str, kind| Heading { name: name.to_owned(), kind };
     let mut headings = vec![
         heading("run", Kind::Text),
@@ -34,8 +32,7 @@ pub fn table(runs: &[StoredRun]) -> Result<Table, StoreError> {
     headings.extend(NUMBERS.map(|(name, ..)| heading(name, Kind::Number)));
     let mut rows = Vec::new();
     for run in runs {
-        for planned in &run.record().plan.plate_map {
-            let well = run.well(planned)?;
+        for well in run.wells() {
             let Some(measurement) = well.measurement else { continue };
             let body = &measurement["shape"]["body"];
             let length_um = body["length_um"].as_f64();
@@ -43,7 +40,7 @@ pub fn table(runs: &[StoredRun]) -> Result<Table, StoreError> {
                 let share = station["s_um"].as_f64().zip(length_um).map(|(s, length)| s / length);
                 let mut row = vec![
                     Cell::from(run.record().id.as_str()),
-                    Cell::from(planned.well.as_str()),
+                    Cell::from(well.planned.well.as_str()),
                     Cell::from(measurement["mode"].as_str()),
                     Cell::from(columns::shape_estimator(&measurement)),
                     Cell::from(body["head"]["end"].as_str()),
@@ -55,5 +52,5 @@ pub fn table(runs: &[StoredRun]) -> Result<Table, StoreError> {
             }
         }
     }
-    Ok(Table { headings, rows })
+    Table { headings, rows }
 }

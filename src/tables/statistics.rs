@@ -17,7 +17,7 @@ pub use flat::{groups as groups_table, responses as responses_table, windows as 
 use carved_core::assay::{DoseResponse, Parameter, Summary, Window};
 use carved_core::flag::{Effect, Flag};
 use carved_records::{Control, PlannedWell, SpecimenKind};
-use carved_store::{StoreError, StoredRun};
+use carved_store::StoredRun;
 use samples::Sample;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
@@ -383,11 +383,8 @@ impl Reason {
 }
 
 impl Statistics {
-    /// The statistics of runs.
-    ///
-    /// # Errors
-    /// A file that is there and cannot be read, or was altered.
-    pub fn of(runs: &[StoredRun], flagged: Flagged) -> Result<Self, StoreError> {
+    /// The statistics of runs. A well with a file that cannot be read, or was altered, does not count.
+    pub fn of(runs: &[StoredRun], flagged: Flagged) -> Self {
         let names: Vec<String> = runs.iter().map(|run| run.record().id.clone()).collect();
         let mut modes: Vec<String> = Vec::new();
         for run in runs {
@@ -396,7 +393,7 @@ impl Statistics {
                 modes.push(mode);
             }
         }
-        Ok(Self::of_samples(&samples::of(runs)?, names, modes, flagged))
+        Self::of_samples(&samples::of(runs), names, modes, flagged)
     }
 
     /// Whether any specimen counts.

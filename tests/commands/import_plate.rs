@@ -294,6 +294,28 @@ fn wells_with_the_same_pictures_give_no_number() {
     assert_eq!((&wells[0]["volume_um3"], &wells[2]["volume_um3"]), (&Value::Null, &Value::Null), "{wells:#}");
 }
 
+/// One larva in two wells, in another format in the second, and another larva in a third.
+#[test]
+fn wells_with_the_same_larva_in_another_format_give_no_number() {
+    let dir = tempfile::tempdir().unwrap();
+    let (plate, data) = (dir.path().join("plate"), dir.path().join("data"));
+    let (larva, other) = (scene(Specimen::larva(4, 3).unwrap()), scene(Specimen::larva(4, 5).unwrap()));
+    shoot(&larva, 12, 12, |i| plate.join(format!("A01/VAST_1_{}.png", i + 1)));
+    shoot(&other, 12, 12, |i| plate.join(format!("A02/VAST_1_{}.png", i + 1)));
+    fs::create_dir_all(plate.join("A03")).unwrap();
+    for i in 1..=12 {
+        let picture = image::open(plate.join(format!("A01/VAST_1_{i}.png"))).unwrap().into_rgb8();
+        let file = fs::File::create(plate.join(format!("A03/VAST_1_{i}.jpg"))).unwrap();
+        picture.write_with_encoder(image::codecs::jpeg::JpegEncoder::new_with_quality(file, 80)).unwrap();
+    }
+    let (code, lines, said) = import(&[text(&plate), "--plate", "P-5", "--voxel", "14", "--data", text(&data), "--even"]);
+    assert_eq!(code, Some(4), "{said}");
+    let last = |well: &str| lines.iter().rev().find(|line| line["well"] == well).unwrap().clone();
+    let outcomes = ["A01", "A02", "A03"].map(|well| last(well)["outcome"].clone());
+    assert_eq!(outcomes, ["failed", "succeeded", "failed"], "{said}");
+    assert!(said.contains("wells A01 and A03 have the same pictures") && last("A03")["volume_um3"].is_null(), "{said}");
+}
+
 /// Two fish in A01 and one in A02, with one list of angles that names the files. The command is killed in the middle, and repeated.
 #[test]
 fn every_fish_becomes_a_run_and_an_interrupted_import_goes_on() {

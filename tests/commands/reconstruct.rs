@@ -117,6 +117,27 @@ fn a_larva_with_drift_jitter_and_noise_is_solved() {
     assert!((0.0005..0.005).contains(&spread), "{spread}");
 }
 
+/// One silhouette under two names stands at a wrong angle once. The copy is named, not the angles.
+#[test]
+#[cfg_attr(not(has_shared), ignore = "no folder of shared data: name it by CARVED_SHARED")]
+fn a_silhouette_under_two_names_is_named_as_repeated() {
+    let (views, cameras, _) = set("larva_fin_asd21");
+    for (from, to) in [(5, 6), (5, 11), (2, 19)] {
+        let dir = tempfile::tempdir().unwrap();
+        let own = dir.path().join("views");
+        std::fs::create_dir(&own).unwrap();
+        let name = |view: u32| format!("view_{view:03}.png");
+        for view in 0..21 {
+            std::fs::copy(Path::new(&views).join(name(if view == to { from } else { view })), own.join(name(view))).unwrap();
+        }
+        let output = carved(dir.path(), &["--views", own.to_str().unwrap(), "--cameras", &cameras]);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        let flags = report(&output)["flags"].as_array().unwrap().clone();
+        assert!(flags.contains(&"repeated_views".into()) && !flags.contains(&"wrong_steps".into()), "{from} {to}: {flags:?}");
+        assert!(said.contains(&format!("{} and {} are one silhouette", name(from), name(to))), "{from} {to}: {said}");
+    }
+}
+
 /// A disc with a radius of 20 px in each of four views from the sides, with matrices in a world whose unit is not a micrometre.
 fn discs(dir: &Path) -> (String, String) {
     let views = dir.join("discs");

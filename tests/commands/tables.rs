@@ -388,11 +388,47 @@ fn what_cannot_be_a_table_is_refused_before_anything_is_written() {
     if cfg!(not(feature = "parquet")) {
         refused(&["table", "--out", "t.parquet"], &[&run], "without the feature parquet");
     }
-    let numbers = run.join("A01/measurement.json");
-    let text = std::fs::read_to_string(&numbers).unwrap();
-    std::fs::write(&numbers, text.replacen("volume_um3", "volume_um4", 1)).unwrap();
-    refused(&to, &[&run], "the file was altered after it was recorded");
     assert!(!out.exists());
+}
+
+/// One file is altered, no JSON, or a pipe. All other wells of all runs are in what is written, and the exit code says that one is not.
+#[test]
+fn a_well_that_cannot_be_read_is_named_and_the_others_are_given() {
+    let dir = tempfile::tempdir().unwrap();
+    let data = dir.path().join("data");
+    let runs = [plate(&data, "r1", "P-1", 4), plate(&data, "r2", "P-2", 4)];
+    let paths = [runs[0].as_path(), runs[1].as_path()];
+    let numbers = runs[0].join("A01/measurement.json");
+    let text = std::fs::read_to_string(&numbers).unwrap();
+    let file = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    let (out, shape, page) = (file("t.csv"), file("s.csv"), file("r.html"));
+    let left_out = |output: &Output, what: &str| {
+        let said = stderr(output);
+        assert_eq!(output.status.code(), Some(3), "{what}: {said}");
+        assert!(said.contains("r1 A01 was left out") && said.contains("measurement.json"), "{what}: {said}");
+    };
+    let damages: [&dyn Fn(); 3] = [
+        &|| std::fs::write(&numbers, text.replacen("volume_um3", "volume_um4", 1)).unwrap(),
+        &|| std::fs::write(&numbers, "{").unwrap(),
+        &|| assert!(Command::new("mkfifo").arg(&numbers).status().unwrap().success()),
+    ];
+    for damage in damages {
+        std::fs::remove_file(&numbers).unwrap();
+        damage();
+        left_out(&export(&["table", "--out", &out, "--shape", &shape], &paths), "table");
+        let rows = rows(Path::new(&out));
+        let of = |run: &str, well: &str| rows.iter().find(|row| row["run"] == run && row["well"] == well).unwrap();
+        assert_eq!(rows.len(), 8);
+        assert!(of("r1", "A01")["reason"].contains("measurement.json") && of("r1", "A01")["volume_um3"].is_empty(), "{rows:?}");
+        assert!(!of("r2", "A01")["volume_um3"].is_empty() && !of("r1", "A02")["volume_um3"].is_empty());
+        let slices = self::rows(Path::new(&shape));
+        assert!(slices.iter().any(|row| row["run"] == "r2") && slices.iter().all(|row| row["run"] != "r1" || row["well"] != "A01"));
+        left_out(&export(&["statistics", "--out", &file("a.csv")], &paths), "statistics");
+        left_out(&export(&["methods"], &paths), "methods");
+        left_out(&carved().arg("report").args(paths).arg("--out").arg(&page).output().unwrap(), "report");
+        let text = std::fs::read_to_string(&page).unwrap();
+        assert!(text.contains("Left out: r1 A01, because it cannot be read"));
+    }
 }
 
 #[test]

@@ -8,9 +8,12 @@ use hardware_sim::scene::{Capillary, Exposure, Larva, Look, Scene, SceneSettings
 
 /// A larva in the middle of the capillary, and another one of the same age.
 fn turn(seed: u64, views: usize) -> Turn {
+    of_age(3 + (seed % 3) as u8, seed, views)
+}
+
+fn of_age(dpf: u8, seed: u64, views: usize) -> Turn {
     let mut settings = closures::settings();
     settings.planned_views = views as u32;
-    let dpf = 3 + (seed % 3) as u8;
     let real = SceneSettings::real(1 + seed % 7);
     let capillary = Capillary { bore_diameter_um: Capillary::default().bore_diameter_um, ..real.capillary };
     let rig = SceneSettings { camera: emulated::scene_camera(&settings.camera), capillary, ..real };
@@ -37,6 +40,14 @@ fn a_turn_that_is_none_is_named_on_the_emulated_rig() {
     // In a turn of two like larvae every view is a compromise. In a turn of 6 views none is held against the others.
     wrong.extend(turn(7001, 12).judged("larva 7001", &["two larvae"]));
     wrong.extend(turn(9001, 6).judged("larva 9001", &["still"]));
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// Copies of pictures in another format: `cargo test --test science turning::survey_of_copies -- --ignored --nocapture`
+#[test]
+#[ignore = "a survey: 24 larvae of one age"]
+fn survey_of_copies() {
+    let wrong = wrong_turns::unlike_copies(&(1..25).map(|seed| of_age(4, seed, 4)).collect::<Vec<_>>(), 6);
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 

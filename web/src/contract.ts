@@ -765,6 +765,11 @@ export interface StoredClosureRecord {
   shift_px: [number, number];
 }
 
+export interface StoredCoarseOutline {
+  edges_px: [number, number][];
+  first: number;
+}
+
 export type StoredConcentrationUnit =
   | "M"
   | "mM"
@@ -1463,6 +1468,7 @@ export interface StoredViewRecord {
   fins_px?: [number, number][][];
   index: number;
   omega: number;
+  outline?: StoredCoarseOutline | null;
   overlap_percent?: number | null;
   quality?: StoredProfileQuality | null;
   reason?: string | null;

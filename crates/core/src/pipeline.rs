@@ -218,6 +218,7 @@ impl Pipeline {
                 self.turning.observe(index, omega, &frame.picture, p, self.settings.camera.ux);
                 record.area_px = Some(p.mask.area_px());
                 record.quality = Some(p.quality);
+                record.outline = if self.settings.sphere { None } else { self.turning.coarse_outline(index) };
             }
             Err(e) => record.reason = Some(e.to_string()),
         }

@@ -62,6 +62,15 @@ pub enum Computation {
     Later { method_name: Option<String> },
     /// None: the run has numbers of this well, the folder of the later computation has not.
     Missing,
+    /// None: a file of the well was altered or cannot be read, for this reason.
+    Unreadable(String),
+}
+
+impl Computation {
+    /// Whether the well may have numbers, which are not here.
+    pub fn is_left_out(&self) -> bool {
+        matches!(self, Self::Missing | Self::Unreadable(_))
+    }
 }
 
 impl StoredRun {
@@ -91,6 +100,34 @@ impl StoredRun {
     /// The run's folder.
     pub fn folder(&self) -> &Path {
         &self.folder
+    }
+
+    /// The planned wells in the order of the plan. A well with a file that was altered or cannot be read has no numbers, and says why, so that the
+    /// others can be given.
+    pub fn wells(&self) -> impl Iterator<Item = StoredWell> {
+        self.record.plan.plate_map.iter().map(|planned| self.readable_well(planned))
+    }
+
+    /// A planned well as [`Self::wells`] gives it.
+    pub fn readable_well(&self, planned: &PlannedWell) -> StoredWell {
+        self.well(planned).unwrap_or_else(|error| {
+            let folder = self.folder.join(attempts::folder_name(&planned.well, 0));
+            let mut status = self.record.wells.iter().find(|status| status.well == planned.well).cloned();
+            if let Some(status) = &mut status {
+                status.flags.clear();
+            }
+            StoredWell {
+                planned: planned.clone(),
+                status,
+                earlier_attempts: attempts::earlier(&self.folder, &planned.well).len(),
+                files: RecordingFiles::Folder(folder),
+                recording: None,
+                measurement: None,
+                measurement_sha256: None,
+                timings: None,
+                computation: Computation::Unreadable(error.to_string()),
+            }
+        })
     }
 
     /// The files with numbers of a planned well.

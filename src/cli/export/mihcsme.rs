@@ -1,9 +1,10 @@
 //! `carved export mihcsme`.
 
-use super::{read, write};
+use super::{left_out, read, write};
 use crate::tables::mihcsme::metadata;
 use anyhow::{Context, ensure};
 use std::path::PathBuf;
+use std::process::ExitCode;
 
 #[derive(Debug, clap::Args)]
 pub struct Args {
@@ -18,7 +19,7 @@ pub struct Args {
 ///
 /// # Errors
 /// A run that cannot be read, a plate whose wells MIHCSME cannot name, or a file that cannot be written.
-pub fn run(args: &Args) -> anyhow::Result<()> {
+pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let runs = read(std::slice::from_ref(&args.run))?;
     let run = runs.first().context("one run is named")?;
     let wells = &run.record().plan.plate_map;
@@ -27,12 +28,12 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         let well = &beyond.well;
         ensure!(false, "{}: the well {well} has no name in MIHCSME, which ends at P48; use carved export table", args.run.display());
     }
-    let text = serde_json::to_vec_pretty(&metadata(run)?).context("the metadata cannot be written as JSON")?;
+    let text = serde_json::to_vec_pretty(&metadata(run)).context("the metadata cannot be written as JSON")?;
     if let Some(file) = &args.out {
         write(file, &text)?;
         note!("carved: {}: {} well(s)", file.display(), wells.len());
-        return Ok(());
+        return Ok(left_out(&runs));
     }
     say!("{}", String::from_utf8_lossy(&text));
-    Ok(())
+    Ok(left_out(&runs))
 }

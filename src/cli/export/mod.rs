@@ -13,9 +13,10 @@ mod views;
 
 use anyhow::{Context, ensure};
 use carved_records::PlannedWell;
-use carved_store::{StoredRun, durable};
+use carved_store::{Computation, StoredRun, durable};
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
+use std::process::ExitCode;
 
 #[derive(Debug, clap::Subcommand)]
 pub enum Command {
@@ -57,26 +58,26 @@ pub enum Command {
 ///
 /// # Errors
 /// A run that cannot be read, or a file that cannot be written.
-pub fn run(command: &Command) -> anyhow::Result<()> {
+pub fn run(command: &Command) -> anyhow::Result<ExitCode> {
     match command {
         Command::Table(args) => table::run(args),
         Command::Statistics(args) => statistics::run(args),
         Command::Methods(args) => provenance::methods(args),
-        Command::Rocrate(args) => provenance::rocrate(args),
-        Command::Rembi(args) => provenance::rembi(args),
+        Command::Rocrate(args) => provenance::rocrate(args).map(|()| ExitCode::SUCCESS),
+        Command::Rembi(args) => provenance::rembi(args).map(|()| ExitCode::SUCCESS),
         Command::Mihcsme(args) => mihcsme::run(args),
-        Command::Nrrd(args) => model::nrrd(args),
-        Command::Voxels(args) => model::voxels(args),
-        Command::Rois(args) => model::rois(args),
-        Command::Stl(args) => model::stl(args),
-        Command::Glb(args) => model::glb(args),
-        Command::OmeTiff(args) => ome_tiff::run(args),
-        Command::Pictures(args) => pictures::run(args),
-        Command::Loaddata(args) => loaddata::run(args),
-        Command::OmeZarr(args) => ome_zarr::run(args),
+        Command::Nrrd(args) => model::nrrd(args).map(|()| ExitCode::SUCCESS),
+        Command::Voxels(args) => model::voxels(args).map(|()| ExitCode::SUCCESS),
+        Command::Rois(args) => model::rois(args).map(|()| ExitCode::SUCCESS),
+        Command::Stl(args) => model::stl(args).map(|()| ExitCode::SUCCESS),
+        Command::Glb(args) => model::glb(args).map(|()| ExitCode::SUCCESS),
+        Command::OmeTiff(args) => ome_tiff::run(args).map(|()| ExitCode::SUCCESS),
+        Command::Pictures(args) => pictures::run(args).map(|()| ExitCode::SUCCESS),
+        Command::Loaddata(args) => loaddata::run(args).map(|()| ExitCode::SUCCESS),
+        Command::OmeZarr(args) => ome_zarr::run(args).map(|()| ExitCode::SUCCESS),
         Command::Columns => {
             say!("{}", crate::tables::page().trim_end());
-            Ok(())
+            Ok(ExitCode::SUCCESS)
         }
     }
 }
@@ -95,25 +96,25 @@ pub(super) fn read(folders: &[PathBuf]) -> anyhow::Result<Vec<StoredRun>> {
         ensure!(names.insert(name.clone()), "{}: the run {name} is named twice; a table has each run once", folder.display());
         runs.push(run);
     }
-    note_copies(&runs)?;
+    note_copies(&runs);
     Ok(runs)
 }
 
 /// Says which wells of different runs have pictures in common: one is a copy of the other, and its numbers would count twice. Pictures of
 /// one run are compared when they are taken or imported. No two pictures of a camera are equal, because of its noise.
-fn note_copies(runs: &[StoredRun]) -> anyhow::Result<()> {
+fn note_copies(runs: &[StoredRun]) {
     if runs.len() < 2 {
-        return Ok(());
+        return;
     }
     let mut first: HashMap<String, usize> = HashMap::new();
     let mut wells: Vec<String> = Vec::new();
     let mut common: BTreeMap<(usize, usize), usize> = BTreeMap::new();
     for run in runs {
         let of_run = wells.len()..;
-        for planned in &run.record().plan.plate_map {
-            let Some(recording) = run.well(planned)?.recording else { continue };
+        for well in run.wells() {
+            let Some(recording) = well.recording else { continue };
             let this = wells.len();
-            wells.push(format!("{} {}", run.record().id, planned.well));
+            wells.push(format!("{} {}", run.record().id, well.planned.well));
             for hash in recording["ledger"].as_array().into_iter().flatten().filter_map(|entry| entry["sha256"].as_str()) {
                 let other = *first.entry(hash.to_owned()).or_insert(this);
                 if !of_run.contains(&other) {
@@ -130,7 +131,23 @@ fn note_copies(runs: &[StoredRun]) -> anyhow::Result<()> {
             wells[b]
         );
     }
-    Ok(())
+}
+
+/// Exit code where wells were left out, because a file of theirs was altered or cannot be read. All others are in what was written.
+const SOME_LEFT_OUT: u8 = 3;
+
+/// Names the wells that cannot be read. Returns the exit code.
+pub(super) fn left_out(runs: &[StoredRun]) -> ExitCode {
+    let mut code = ExitCode::SUCCESS;
+    for run in runs {
+        for well in run.wells() {
+            if let Computation::Unreadable(why) = &well.computation {
+                note!("carved: {} {} was left out: {why}", run.record().id, well.planned.well);
+                code = ExitCode::from(SOME_LEFT_OUT);
+            }
+        }
+    }
+    code
 }
 
 /// The planned wells of a run, or those of them that are named.

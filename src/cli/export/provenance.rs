@@ -1,11 +1,12 @@
 //! `carved export methods`, `carved export rembi` and `carved export rocrate`.
 
-use super::{read, write};
+use super::{left_out, read, write};
 use crate::report::methods::Methods;
 use crate::report::rembi;
 use crate::report::rocrate::{FILE, Given, metadata};
 use anyhow::{Context, ensure};
 use std::path::PathBuf;
+use std::process::ExitCode;
 
 /// Missing files that a message names at most.
 const NAMED: usize = 5;
@@ -46,17 +47,18 @@ pub struct CrateArgs {
 ///
 /// # Errors
 /// A run that cannot be read, or a file that cannot be written.
-pub fn methods(args: &MethodsArgs) -> anyhow::Result<()> {
+pub fn methods(args: &MethodsArgs) -> anyhow::Result<ExitCode> {
+    let runs = read(&args.runs)?;
     let mut text = String::new();
-    for run in read(&args.runs)? {
-        text.push_str(&Methods::of(&run)?.markdown());
+    for run in &runs {
+        text.push_str(&Methods::of(run).markdown());
         text.push('\n');
     }
-    if let Some(file) = &args.out {
-        return write(file, text.as_bytes());
+    match &args.out {
+        Some(file) => write(file, text.as_bytes())?,
+        None => say!("{}", text.trim_end()),
     }
-    say!("{}", text.trim_end());
-    Ok(())
+    Ok(left_out(&runs))
 }
 
 /// Writes the study file of runs.

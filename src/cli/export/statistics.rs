@@ -1,10 +1,11 @@
 //! `carved export statistics`: groups, controls and responses of runs.
 
-use super::{read, write};
+use super::{left_out, read, write};
 use crate::tables::csv;
 use crate::tables::statistics::{Flagged, Statistics, groups_table, responses_table, windows_table};
 use anyhow::{Context, bail, ensure};
 use std::path::{Path, PathBuf};
+use std::process::ExitCode;
 
 #[derive(Debug, clap::Args)]
 pub struct Args {
@@ -50,7 +51,7 @@ impl Which {
 ///
 /// # Errors
 /// A run that cannot be read, a file that cannot be written, a format that there is not, or specimens of which none counts.
-pub fn run(args: &Args) -> anyhow::Result<()> {
+pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let as_json = args.out.as_deref().map(is_json).transpose()?.unwrap_or(false);
     for file in [&args.responses, &args.controls].into_iter().flatten() {
         if is_json(file)? {
@@ -59,7 +60,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     }
     let runs = read(&args.runs)?;
     let flagged = args.which.flagged();
-    let statistics = Statistics::of(&runs, flagged)?;
+    let statistics = Statistics::of(&runs, flagged);
     for quantity in &statistics.quantities {
         if let Some(words) = quantity.left_out_words() {
             note!("carved: {}: {words}", quantity.name);
@@ -82,7 +83,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     if let Some(file) = &args.controls {
         write(file, csv::text(&windows_table(&statistics)).as_bytes())?;
     }
-    Ok(())
+    Ok(left_out(&runs))
 }
 
 fn is_json(file: &Path) -> anyhow::Result<bool> {

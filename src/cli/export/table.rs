@@ -1,9 +1,10 @@
 //! `carved export table`: one row per specimen.
 
-use super::{read, write};
+use super::{left_out, read, write};
 use crate::tables::{self, Cell, NOT_MEASURED_AGAIN, Table, csv};
 use anyhow::{bail, ensure};
 use std::path::{Path, PathBuf};
+use std::process::ExitCode;
 
 #[derive(Debug, clap::Args)]
 pub struct Args {
@@ -29,7 +30,7 @@ pub struct Args {
 ///
 /// # Errors
 /// A run that cannot be read, a file that cannot be written, or a format that there is not.
-pub fn run(args: &Args) -> anyhow::Result<()> {
+pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     // A name that cannot be written is refused before anything is read.
     let formats = [&args.out, &args.shape].map(|file| file.as_deref().map(Format::of).transpose());
     let [out, shape] = formats;
@@ -41,7 +42,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         ensure!(folder.is_dir(), "{}: no folder of measurements", folder.display());
         runs = runs.into_iter().map(|run| run.with_measurements(folder)).collect::<Result<_, _>>()?;
     }
-    let specimens = tables::specimens(&runs)?;
+    let specimens = tables::specimens(&runs);
     if let Some(folder) = &args.measurements {
         let (measured, missing) = (specimens.count("measurement_sha256", |_| true), specimens.count("reason", is_missing));
         if missing > 0 {
@@ -56,11 +57,11 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         _ => say!("{}", text(&specimens).trim_end()),
     }
     if let (Some(file), Some(format)) = (&args.shape, shape) {
-        let stations = tables::stations(&runs)?;
+        let stations = tables::stations(&runs);
         write(file, &format.bytes(&stations, text)?)?;
         note!("carved: {}: {} slice(s)", file.display(), stations.rows.len());
     }
-    Ok(())
+    Ok(left_out(&runs))
 }
 
 fn is_missing(reason: &Cell) -> bool {

@@ -34,7 +34,7 @@ pub(in crate::http) async fn of_run(
 ) -> Result<Response, Problem> {
     let (Path(id), Query(Counted { flagged })) = (path?, query?);
     let name = id.clone();
-    let made = read(&app, move |store| store.stored_run(&name)?.map(|run| Statistics::of(&[run], flagged)).transpose());
+    let made = read(&app, move |store| Ok(store.stored_run(&name)?.map(|run| Statistics::of(&[run], flagged))));
     let statistics = made.await?.ok_or_else(|| unknown_run(&id))?;
     Ok(json(&headers, &statistics))
 }

@@ -9,7 +9,7 @@ use axum::extract::rejection::{PathRejection, QueryRejection};
 use axum::extract::{Path, Query, State};
 use axum::http::{HeaderMap, header};
 use axum::response::{IntoResponse, Response};
-use carved_store::{StoreError, StoredRun};
+use carved_store::StoredRun;
 use serde::Deserialize;
 use utoipa::IntoParams;
 
@@ -38,7 +38,7 @@ pub(in crate::http) struct Opened {
 async fn table(
     app: &App,
     names: Vec<String>,
-    make: fn(&[StoredRun]) -> Result<Table, StoreError>,
+    make: fn(&[StoredRun]) -> Table,
     write: fn(&Table) -> String,
     headers: &HeaderMap,
 ) -> Result<Response, Problem> {
@@ -50,7 +50,7 @@ async fn table(
                 None => return Ok(Err(name)),
             }
         }
-        make(&runs).map(|table| Ok(write(&table)))
+        Ok(Ok(write(&make(&runs))))
     });
     let text = made.await?.map_err(|name| unknown_run(&name))?;
     let tag = conditional::tag_of(text.as_bytes());
@@ -59,7 +59,8 @@ async fn table(
     }))
 }
 
-/// The table of a run: one row per planned well, with plate map, numbers, flags, quality and provenance.
+/// The table of a run: one row per planned well, with plate map, numbers, flags, quality and provenance. The row of a well with a file that was
+/// altered or cannot be read has `reason` in place of its numbers.
 #[utoipa::path(get, path = "/v1/runs/{run_id}/table.csv", tag = "results", params(("run_id" = String, Path), Opened), responses(
     (status = 200, description = "CSV", body = String, content_type = "text/csv"),
     (status = 304, description = "The client has it"),

@@ -26,7 +26,7 @@ pub use watch::Overrun;
 use super::{Instrument, Live, OutputStatus, RotationStatus, TranslationStatus, placing};
 use crate::api::VolumeWait;
 use crate::config::Config;
-use carved_core::pipeline::{Pipeline, PipelineError};
+use carved_core::pipeline::{Pipeline, PipelineError, SpecimenRecord};
 use carved_core::profile::{Detection, Profile};
 use carved_core::quality::{RecentOpacities, TurnFinding};
 use carved_devices::acquisition::{AcquisitionError, RevolutionPlan, SweepPlan};
@@ -311,7 +311,12 @@ impl RunContext {
                 continue;
             }
             match RecordingReader::open(&self.folder.join(&name)) {
-                Ok(reader) => drop(pictures.take_all(&reader.recording().ledger, &name)),
+                Ok(reader) => {
+                    drop(pictures.take_all(&reader.recording().ledger, &name));
+                    if let Some(file) = reader.closed_numbers() {
+                        drop(pictures.take_outlines(&file.record.views, &name));
+                    }
+                }
                 Err(error) => tracing::warn!(well = name, %error, "its pictures are not compared with those of the next wells"),
             }
         }
@@ -320,6 +325,11 @@ impl RunContext {
     /// Takes a picture. Returns the well that has it already, if it is another one.
     fn has_elsewhere(&self, entry: &LedgerEntry, well: &str) -> Option<SamePictures> {
         self.pictures.lock().unwrap_or_else(PoisonError::into_inner).take(entry, well)
+    }
+
+    /// Takes the outlines in the views of a well. Returns the well that has them already, if it is another one.
+    fn has_outlines_elsewhere(&self, record: &SpecimenRecord, well: &str) -> Option<SamePictures> {
+        self.pictures.lock().unwrap_or_else(PoisonError::into_inner).take_outlines(&record.views, well)
     }
 
     fn report(&self, progress: Progress) {

@@ -18,7 +18,7 @@ use carved_core::pipeline::{Pipeline, PipelineError, SpecimenRecord, TurnVerdict
 use carved_core::reconstruction::is_seen_around;
 use carved_core::surface::Mesh;
 use carved_devices::rotation::RotationDriver;
-use carved_records::{LedgerEntry, Light, Phase, PlannedWell, SpecimenOutcome, ViewOrder, WellStatus, WellTimes};
+use carved_records::{LedgerEntry, Light, Phase, PlannedWell, SamePictures, SpecimenOutcome, ViewOrder, WellStatus, WellTimes};
 use carved_store::{self, MeasurementFile, RecordingWriter};
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 use std::sync::mpsc::{Receiver, Sender};
@@ -142,7 +142,7 @@ impl Specimen {
             if let Some(Work::View { entry, .. }) = &next
                 && let Some(same) = self.context.has_elsewhere(entry, &self.planned.well)
             {
-                return Ok(Turn::Failed(format!("{same}. Find out which of them they show, and measure the other again")));
+                return Ok(Turn::Failed(why_failed(&same)));
             }
             match next.take() {
                 Some(Work::View { entry, frame, second }) => match self.view(entry, &frame, second, || work.try_recv().ok())? {
@@ -284,14 +284,19 @@ impl Specimen {
             tracing::warn!(well = planned.well, "the numbers came after they were given up, and are not written");
             return Ok(Ended::Told);
         }
-        let numbers = match found {
-            Ok((mesh, record)) => {
+        let same = found.as_ref().ok().and_then(|(_, record)| context.has_outlines_elsewhere(record, &planned.well));
+        let numbers = match (found, same) {
+            (Ok(_), Some(same)) => {
+                result.end(SpecimenOutcome::Failed, Some(&why_failed(&same)));
+                Ok(())
+            }
+            (Ok((mesh, record)), None) => {
                 let blur_px = record.blur_px();
                 written(&context, &mut writer, &mesh, record, &seconds, &mut result).map(|glb| {
                     context.report(Progress::Measured { well: planned.well, glb, end: estimator.end(&result), blur_px });
                 })
             }
-            Err(e) => {
+            (Err(e), _) => {
                 result.end(SpecimenOutcome::Failed, Some(&e.to_string()));
                 Ok(())
             }
@@ -313,6 +318,11 @@ impl Specimen {
         }
         Ok(Ended::Told)
     }
+}
+
+/// Why a well has no numbers that has the pictures of another one.
+fn why_failed(same: &SamePictures) -> String {
+    format!("{same}. Find out which of them they show, and measure the other again")
 }
 
 /// Computes the fluorescence, writes the files of a measured specimen and its result. Returns its model for the page.

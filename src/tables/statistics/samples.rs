@@ -2,7 +2,7 @@
 
 use super::{Flagged, GroupReference, QUANTITIES, SIGNAL, WellCondition};
 use carved_core::flag::{Effect, Flag, StoredFlag};
-use carved_store::{StoreError, StoredRun, place_among_references};
+use carved_store::{StoredRun, place_among_references};
 use serde_json::Value;
 
 /// A measured well.
@@ -54,21 +54,17 @@ fn saturated(flags: &Value) -> bool {
     flags.as_array().is_some_and(|flags| flags.iter().any(|flag| flag == Flag::Saturated.code()))
 }
 
-/// The measured wells of runs, in the order of their plans.
-///
-/// # Errors
-/// A file that is there and cannot be read, or was altered.
-pub fn of(runs: &[StoredRun]) -> Result<Vec<Sample>, StoreError> {
+/// The measured wells of runs, in the order of their plans. A well with a file that cannot be read, or was altered, is left out.
+pub fn of(runs: &[StoredRun]) -> Vec<Sample> {
     let mut samples = Vec::new();
     for run in runs {
-        for planned in &run.record().plan.plate_map {
-            let well = run.well(planned)?;
+        for well in run.wells() {
             let Some(measurement) = well.measurement else { continue };
             let number = |(_, _, pointer): (&str, &str, &str)| measurement.pointer(pointer).and_then(Value::as_f64);
             samples.push(Sample {
                 run: run.record().id.clone(),
-                well: planned.well.clone(),
-                condition: WellCondition::of(planned),
+                well: well.planned.well.clone(),
+                condition: WellCondition::of(&well.planned),
                 flags: well.status.map(|status| status.flags).unwrap_or_default(),
                 saturated: measurement.pointer("/fluorescence/flags").is_some_and(saturated),
                 numbers: QUANTITIES.map(number),
@@ -76,5 +72,5 @@ pub fn of(runs: &[StoredRun]) -> Result<Vec<Sample>, StoreError> {
             });
         }
     }
-    Ok(samples)
+    samples
 }

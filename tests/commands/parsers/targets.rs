@@ -193,7 +193,7 @@ fn stored_run(bytes: &[u8]) {
     }
     let Ok(run) = StoredRun::read(folder.path()) else { return };
     let runs = [run];
-    for table in [tables::specimens(&runs), tables::stations(&runs)].into_iter().flatten() {
+    for table in [tables::specimens(&runs), tables::stations(&runs)] {
         black_box(tables::csv::text(&table));
     }
     drop(black_box(tables::mihcsme::metadata(&runs[0])));

@@ -9,7 +9,7 @@ use crate::measure::Measurement;
 use crate::measure::facing::Facing;
 use crate::measure::shape::Shape;
 use crate::profile::{Detection, ProfileQuality, Walls};
-use crate::quality::{ClosureOff, ClosureSd, Quality, TurnFinding, UsualOpacity, ViewStrip, add_raised};
+use crate::quality::{ClosureOff, ClosureSd, CoarseOutline, Quality, TurnFinding, UsualOpacity, ViewStrip, add_raised};
 use crate::reconstruction::CalibrationRecord;
 use crate::statistics::{median, upper_median};
 use serde::{Deserialize, Serialize};
@@ -34,6 +34,10 @@ pub struct ViewRecord {
     pub area_ratio: Option<f64>,
     /// Figures of the profile. `None` without a profile.
     pub quality: Option<ProfileQuality>,
+    /// The outline of a long specimen, by which the same picture in another well is known, also in another format. `None` for a bead, without a
+    /// profile, and in files of versions that did not write it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub outline: Option<CoarseOutline>,
     /// What was detected in the frame. `None` where it could not be segmented.
     #[serde(default)]
     pub detection: Option<Detection>,

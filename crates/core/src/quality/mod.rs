@@ -6,6 +6,7 @@
 //!  the checks, and facts of views, hull and calibration ── flags ── what an operator must know
 //!  residual strip ── spoiled ── views to be taken again
 //!  outlines and pixels of the views, compared ── Turning ── why this is not one specimen that turns
+//!  outlines of two wells in stripes ── CoarseOutline ── are they one picture, stored in two formats
 //!  corrected estimates so far ── has_converged ── should_stop ── enough views
 //!  a larva's opacity, those of the rig's newest larvae ── UsualOpacity ── does it look dead
 //!  a few beads, this instrument's earlier gates ── BeadGate::of ── verdict and words
@@ -13,6 +14,7 @@
 //! Functions of values only. `docs/quality.md` explains each number and what an operator does about it.
 
 mod checks;
+mod coarse_outline;
 mod early_stop;
 mod estimate;
 mod flags;
@@ -24,6 +26,7 @@ mod turn;
 mod turning;
 
 pub use checks::{Check, Quality};
+pub use coarse_outline::CoarseOutline;
 pub use early_stop::{EarlyStopSettings, has_converged, should_stop};
 pub use estimate::Estimate;
 pub(crate) use flags::{FlagFacts, add_raised, flags, views_needed};

@@ -7,7 +7,7 @@
 use crate::cases::{Kind, Size, scene};
 use crate::dust::Dirt;
 use crate::judge::raw_frame;
-use crate::wrong_turns::{AS_TOLD, Shot, Stored, Turn};
+use crate::wrong_turns::{AS_TOLD, Shot, Stored, Turn, unlike_copies};
 use carved_core::frame::PixelFormat;
 use carved_core::geometry::{BoxUm, Camera, VoxelGrid};
 use carved_core::pipeline::PipelineSettings;
@@ -93,6 +93,25 @@ fn an_exposure_that_is_stored_again_is_found() {
         }
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// A picture of another well is known again in another format, and no other larva is taken for it.
+#[test]
+fn a_picture_in_another_format_is_known_and_another_larva_is_not() {
+    assert_unlike(2, 2, 4);
+}
+
+fn assert_unlike(finned: u64, finless: u64, copied: usize) {
+    let larvae = |kind, from: u64, number| (from..from + number).map(move |seed| turn(kind, Dirt::MEASURED, seed, 4));
+    let wrong = unlike_copies(&larvae(Kind::Finned, 341, finned).chain(larvae(Kind::Finless, 371, finless)).collect::<Vec<_>>(), copied);
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// `cargo test -p carved-core --test second_renderer turning::survey_of_copies -- --ignored --nocapture`
+#[test]
+#[ignore = "a survey: 24 larvae"]
+fn survey_of_copies() {
+    assert_unlike(12, 12, 24);
 }
 
 /// A still specimen is seen from the third view on, a turning one never. The outline of the nearly round larva does not change over the three views.

@@ -4,7 +4,8 @@
 use carved_core::flag::Flag;
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::pipeline::{Pipeline, PipelineSettings, SegmentedFrame, SpecimenRecord};
-use carved_core::quality::TurnFinding;
+use carved_core::profile::Columns;
+use carved_core::quality::{CoarseOutline, TurnFinding};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
@@ -48,6 +49,8 @@ pub enum Stored {
     Rounded(u8),
     /// With all grey values multiplied.
     Gain(f64),
+    /// With more noise of a standard deviation, grey levels.
+    Noise(f64),
 }
 
 impl Stored {
@@ -61,6 +64,16 @@ impl Stored {
                 image::load_from_memory_with_format(&file, image::ImageFormat::Jpeg).unwrap().into_rgb8().into_raw()
             }
             Self::Rounded(step) => bytes.into_iter().map(|grey| grey / step * step).collect(),
+            Self::Noise(sd) => {
+                let mut state = 0x9e37_79b9_7f4a_7c15_u64;
+                let mut uniform = || {
+                    state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                    (state >> 11) as f64 / (1_u64 << 53) as f64
+                };
+                // The sum of 12 has a variance of 1.
+                let mut normal = || (0..12).map(|_| uniform()).sum::<f64>() - 6.0;
+                bytes.into_iter().map(|grey| (f64::from(grey) + sd * normal()).round().clamp(0.0, 255.0) as u8).collect()
+            }
             Self::Gain(gain) => bytes.into_iter().map(|grey| (gain * f64::from(grey)).round().min(255.0) as u8).collect(),
         }
     }
@@ -157,6 +170,54 @@ pub fn survey(turn: impl Fn(u64, usize) -> (String, Turn)) {
     }
     let of_each = 1 + kinds(21).iter().filter(|(kind, ..)| only.is_empty() || only.contains(kind)).count() as u64;
     println!("{turns} specimens from {from}, {missed} wrong of {} turns", turns * of_each);
+}
+
+/// The larvae that are not known again in another format, and those of which a picture is taken for one of another. Three views of each larva;
+/// the first `copied` larvae are stored again.
+pub fn unlike_copies(larvae: &[Turn], copied: usize) -> Vec<String> {
+    const COPIES: [Stored; 5] = [Stored::Jpeg(90), Stored::Jpeg(75), Stored::Noise(2.0), Stored::Rounded(2), Stored::Gain(0.98)];
+    let mut wrong = Vec::new();
+    let outlines = |larva: &Turn, stored| -> Vec<Option<CoarseOutline>> {
+        let (_, seen) = larva.seen(0..3, |view| Shot { at: view as f64, stored: [stored, Stored::AsItIs], ..AS_TOLD });
+        seen.iter()
+            .map(|frame| {
+                let body = &frame.profile.as_ref().unwrap().body;
+                CoarseOutline::of(&Columns::from_outlines(body, frame.picture.width(), frame.picture.height()))
+            })
+            .collect()
+    };
+    let (mut known, mut nearest) = (0, f64::INFINITY);
+    let own: Vec<Vec<Option<CoarseOutline>>> = larvae.iter().map(|larva| outlines(larva, Stored::AsItIs)).collect();
+    for (number, (larva, own)) in larvae.iter().zip(&own).enumerate().take(copied) {
+        for stored in COPIES {
+            let pairs = own.iter().flatten().zip(outlines(larva, stored).into_iter().flatten());
+            let same = pairs.filter(|(a, b)| a.is_same(b)).count();
+            known += same;
+            if same == 0 {
+                wrong.push(format!("larva {number} is not known: {stored:?}"));
+            }
+        }
+    }
+    let (mut pairs, mut comparable) = (0, 0);
+    for (number, own_views) in own.iter().enumerate() {
+        for (other, others) in own[..number].iter().enumerate() {
+            for (a, b) in own_views.iter().flatten().flat_map(|a| others.iter().flatten().map(move |b| (a, b))) {
+                pairs += 1;
+                comparable += usize::from(a.distance_px(b).is_some());
+                nearest = nearest.min(a.distance_px(b).unwrap_or(f64::INFINITY));
+                if a.is_same(b) {
+                    wrong.push(format!("larvae {other} and {number}: {:?} px", a.distance_px(b)));
+                }
+            }
+        }
+    }
+    println!(
+        "{} larvae: {known} of {} views are known again; {pairs} pairs of views of different larvae, {comparable} at the same place, at least \
+         {nearest:.2} px apart",
+        larvae.len(),
+        3 * COPIES.len() * copied.min(larvae.len())
+    );
+    wrong
 }
 
 /// A kind of turn that is none, the flag that it must raise, and the picture of each view.

@@ -185,6 +185,8 @@ pub(super) fn turn(
         Err(_) => (psi.camera.clone(), psi.omega.clone()),
     };
     let counted: Vec<&View> = shown.iter().zip(&seen).filter(|(_, at)| judged[**at].used).map(|(view, _)| *view).collect();
+    // A silhouette at a wrong angle makes the angles of the turn look wrong.
+    let is_repeated = turn_findings.iter().any(|finding| matches!(finding, TurnFinding::Repeated { .. }));
     let mut raised = raised_by(&counted, &model);
     raised.extend(fallback.as_ref().is_some_and(Fallback::is_nonconvex).then_some((Flag::Nonconvex, None)));
     raised.extend(tell_little(&angles, &QualitySettings::default()).then(|| {
@@ -197,11 +199,11 @@ pub(super) fn turn(
     raised.extend((used < views.len()).then_some((Flag::BadView, None)));
     raised.extend(vrv.filter(|vrv| vrv.verdict == VrvVerdict::NotLargest).map(|_| (Flag::CalibrationGate, Some(GATE.into()))));
     match &calibration {
-        Ok(c) => raised.extend(raised_by_calibration(c, &seen)),
+        Ok(c) => raised.extend(raised_by_calibration(c, &seen).into_iter().filter(|(flag, _)| !is_repeated || *flag != Flag::WrongSteps)),
         Err(NotCalibrated::NotAsked) => raised.push((Flag::Uncalibrated, None)),
         Err(e) => raised.push((Flag::Uncalibrated, Some(format!("warning: measured with the camera as given: {e}")))),
     }
-    raised.extend(turn_findings.iter().map(|finding| (finding.flag(), Some(format!("warning: {finding}")))));
+    raised.extend(turn_findings.iter().map(|finding| (finding.flag(), Some(said(finding, views)))));
     raised.extend(low_overlap(&overlaps).map(|why| (Flag::Overlap, Some(why))));
     let (flags, doubts): (Vec<_>, Vec<_>) = raised.into_iter().unzip();
     let mut doubts: Vec<String> = doubts.into_iter().flatten().collect();
@@ -249,6 +251,15 @@ fn raised_by_calibration(found: &Calibration, seen: &[usize]) -> Vec<Raised> {
         (Flag::WrongSteps, Some(said))
     });
     moved.into_iter().chain(wrong_steps).collect()
+}
+
+/// A finding in words, with the names of silhouettes that are one.
+fn said(finding: &TurnFinding, views: &[View]) -> String {
+    let name = |index: u32| views.get(index as usize).map_or("", |view| view.name.as_str());
+    match finding {
+        TurnFinding::Repeated { view, other, .. } => format!("warning: {} and {} are one silhouette: {finding}", name(*view), name(*other)),
+        _ => format!("warning: {finding}"),
+    }
 }
 
 const GATE: &str =

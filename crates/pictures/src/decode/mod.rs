@@ -8,12 +8,15 @@
 //! A picture of a foreign program can make a decoder panic or ask for all memory. Here a panic is an error of that picture, memory is
 //! bounded, and a picture that is not whole is refused: a decoder fills up what is missing, and the outline of that is wrong without a sign.
 
+mod coded;
 mod entropy;
 mod jpeg;
+mod several;
 #[cfg(test)]
 mod tests;
 mod tiff_kinds;
 mod tiff_pages;
+mod unwritten;
 
 use image::metadata::Orientation;
 use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
@@ -95,6 +98,33 @@ pub enum DecodeError {
     Kind {
         /// What was found.
         why: String,
+    },
+    /// The codes of its pixels contradict themselves.
+    #[error("the TIFF is damaged: in piece {piece} of {of} (strips or tiles), {why}; copy it again, or save it again")]
+    Damaged {
+        /// From 1.
+        piece: u64,
+        /// Number of pieces.
+        of: usize,
+        /// What is wrong.
+        why: String,
+    },
+    /// Several pictures under one page, which are not all there or of which nothing tells how many they are.
+    #[error(
+        "a stack of {pictures} pictures that are stored as {pages} page(s) is not read; save it as OME-TIFF, or each picture as a file (in Fiji: File > \
+         Save As > Image Sequence)"
+    )]
+    Stack {
+        /// Pictures.
+        pictures: usize,
+        /// Pages without thumbnails.
+        pages: usize,
+    },
+    /// It holds pictures of which only the first one would be read.
+    #[error("{what} is not read; save each picture as a file of its own, as PNG or TIFF")]
+    Several {
+        /// What it is.
+        what: String,
     },
     /// It has several pages where one picture is expected.
     #[error(
@@ -253,7 +283,10 @@ fn pages_of(bytes: &[u8], formats: Formats) -> Result<(ImageFormat, Vec<Page>), 
         None => Err(DecodeError::NoPicture { expected: formats.words }),
         Some(found) if !formats.list.contains(&found) => Err(DecodeError::Format { found, expected: formats.words }),
         Some(ImageFormat::Tiff) => Ok((ImageFormat::Tiff, tiff_pages::of(bytes, formats)?)),
-        Some(format) => Ok((format, Vec::new())),
+        Some(format) => {
+            several::check(bytes, format)?;
+            Ok((format, Vec::new()))
+        }
     }
 }
 
@@ -271,6 +304,7 @@ fn picture(bytes: &[u8], format: ImageFormat, page: Option<&Page>, formats: Form
     }
     if let Some(page) = page {
         page.check(bytes)?;
+        page.check_codes(bytes)?;
         if let Some(mut image) = tiff_kinds::read(page, bytes, formats)? {
             image.apply_orientation(page.orientation);
             return Ok(image);
@@ -281,6 +315,7 @@ fn picture(bytes: &[u8], format: ImageFormat, page: Option<&Page>, formats: Form
     let orientation = decoder.orientation().map_err(of_image)?;
     let mut image = DynamicImage::from_decoder(decoder).map_err(of_image)?;
     check_byte_order(&image)?;
+    unwritten::check(&image, format)?;
     if format == ImageFormat::Png && bytes.get(PNG_COLOURS) == Some(&PNG_PALETTE) {
         image = tiff_kinds::of_palette(&image.into_rgb8())?;
     }

@@ -317,6 +317,159 @@ fn pages_are_counted_and_thumbnails_are_none() {
     assert_eq!(decode_page(big.get_ref(), 1, FRAMES).unwrap(), grey(1).into());
 }
 
+/// Pictures behind each other under one directory, which stands before or behind them: what Fiji writes of a large stack.
+fn under_one_directory(text: impl AsRef<[u8]>, pictures: &[GrayImage], is_first: bool) -> Vec<u8> {
+    let pixels: Vec<u8> = pictures.iter().flat_map(|picture| picture.as_raw().clone()).collect();
+    let (entries, text) = (9, [text.as_ref(), &[0]].concat());
+    let of_directory = 2 + 12 * entries + 4 + text.len();
+    let (directory, first) = if is_first { (8, 8 + of_directory) } else { (8 + pixels.len(), 8) };
+    let tags: [(u16, u16, u32, u32); 9] = [
+        (256, 4, 1, SIZE.0),
+        (257, 4, 1, SIZE.1),
+        (258, 3, 1, 8),
+        (259, 3, 1, 1),
+        (262, 3, 1, 1),
+        (270, 2, text.len() as u32, (directory + of_directory - text.len()) as u32),
+        (273, 4, 1, first as u32),
+        (278, 4, 1, SIZE.1),
+        (279, 4, 1, SIZE.0 * SIZE.1),
+    ];
+    let mut written = [&short(entries as u16)[..], &[]].concat();
+    for (tag, kind, count, value) in tags {
+        written.extend([short(tag), short(kind)].concat());
+        written.extend([count.to_le_bytes(), value.to_le_bytes()].concat());
+    }
+    written.extend([0; 4]);
+    written.extend(text);
+    let head = [&b"II\x2a\0"[..], &(directory as u32).to_le_bytes()].concat();
+    if is_first { [head, written, pixels].concat() } else { [head, pixels, written].concat() }
+}
+
+#[test]
+fn pictures_under_one_directory_are_all_read_or_refused_by_name() {
+    let all: Vec<GrayImage> = (0..4).map(grey).collect();
+    for text in ["ImageJ=1.54f\nimages=4\nframes=4\nhyperstack=true\n", "{\"shape\": [4, 41, 70]}"] {
+        for is_first in [true, false] {
+            let bytes = under_one_directory(text, &all, is_first);
+            // A directory behind the pictures is none of them.
+            assert_eq!(pages(&bytes, FRAMES).unwrap(), 4, "{text} {is_first}");
+            for (page, picture) in all.iter().enumerate() {
+                assert_eq!(decode_page(&bytes, page, FRAMES).unwrap(), picture.clone().into(), "{text} {is_first} {page}");
+            }
+            assert!(decode(&bytes, FRAMES).unwrap_err().to_string().contains("4 pages"));
+        }
+    }
+    // Without a word about them, or with fewer than the word says.
+    for (text, pictures) in [("", &all[..]), ("ImageJ=1.54f\nunit=um\n", &all[..]), ("ImageJ=1.54f\nimages=5\n", &all[..])] {
+        let error = decode_page(&under_one_directory(text, pictures, true), 0, FRAMES).unwrap_err().to_string();
+        assert!(error.contains("pictures that are stored as 1 page") && error.contains("OME-TIFF"), "{error}");
+    }
+    assert_eq!(decode(&under_one_directory("", &all[..1], true), FRAMES).unwrap(), all[0].clone().into());
+    // A micro sign of one byte.
+    let latin = under_one_directory(b"ImageJ=1.54f\nimages=4\nunit=\xb5m\n", &all, true);
+    assert_eq!(pages(&latin, FRAMES).unwrap(), 4);
+    let channels = under_one_directory("ImageJ=1.54f\nimages=4\nchannels=2\nframes=2\n", &all, true);
+    assert!(pages(&channels, FRAMES).unwrap_err().to_string().contains("2 channels"));
+}
+
+#[test]
+fn files_of_several_pictures_are_refused_and_not_read_as_their_first() {
+    let mut animated = Vec::new();
+    let mut encoder = png::Encoder::new(&mut animated, SIZE.0, SIZE.1);
+    encoder.set_color(png::ColorType::Grayscale);
+    encoder.set_animated(2, 0).unwrap();
+    let mut writer = encoder.write_header().unwrap();
+    (0..2).for_each(|frame| writer.write_image_data(&grey(frame)).unwrap());
+    writer.finish().unwrap();
+    let one = saved(grey(0), ImageFormat::Pnm);
+    let pgm = [b"P5\n# of a camera\n70 41\n255\n", grey(0).as_raw().as_slice()].concat();
+    let twice = |one: &[u8]| [one, b"\n", one].concat();
+    assert!(decode(&pgm, FRAMES).is_ok());
+    for bytes in [animated, twice(&one), twice(&pgm)] {
+        let error = decode(&bytes, FRAMES).unwrap_err().to_string();
+        assert!(error.contains("pictures is not read") && error.contains("file of its own"), "{error}");
+    }
+    assert!(decode(&[&one[..], b"more"].concat(), FRAMES).is_ok());
+}
+
+/// A coded TIFF in strips of 8 rows: the last one has a single row, and the pieces end before their codes do.
+fn coded(compression: Compression) -> Vec<u8> {
+    let mut out = Cursor::new(Vec::new());
+    // Codes for several pixels each.
+    let steps = GrayImage::from_fn(SIZE.0, SIZE.1, |u, v| image::Luma([(u / 8 * 9 + v / 4 * 13) as u8]));
+    tiff(TiffEncoder::new(&mut out).unwrap().with_compression(compression), &[(steps, None, "")]);
+    out.into_inner()
+}
+
+#[test]
+fn a_wrong_bit_in_a_coded_tiff_is_known_where_the_codes_tell_it() {
+    // Within the pixels, which the encoder writes first. The lists of strips come before the directory.
+    const LISTS: usize = 64;
+    for (name, coding, least_percent) in [
+        ("Deflate", Compression::Deflate(DeflateLevel::Balanced), 100),
+        ("LZW", Compression::Lzw, 50),
+        ("PackBits", Compression::Packbits, 0),
+    ] {
+        let whole = coded(coding);
+        let picture = decode(&whole, FRAMES).unwrap();
+        let directory = u32::from_le_bytes(whole[4..8].try_into().unwrap()) as usize;
+        let pixels = 8..directory - LISTS;
+        let (mut cases, mut missed) = (0, 0);
+        for at in pixels.step_by(3) {
+            let mut flipped = whole.clone();
+            flipped[at] ^= 1 << (at % 8);
+            cases += 1;
+            missed += usize::from(decode(&flipped, FRAMES).is_ok_and(|found| found != picture));
+        }
+        eprintln!("{name}: {missed} of {cases} are read with other pixels");
+        assert!(100 * (cases - missed) >= least_percent * cases, "{name}: {missed} of {cases}");
+    }
+}
+
+#[test]
+fn a_check_sum_is_read_also_where_a_tile_goes_beyond_the_picture() {
+    // 41 rows of 70 px in tiles of 32 px, which stand behind the directory.
+    const FIRST_TILE: usize = 224;
+    let whole = include_bytes!("data/deflated_tiles.tif");
+    assert_eq!(decode(whole, FRAMES).unwrap(), grey(0).into());
+    let mut cases = 0;
+    for at in (FIRST_TILE..whole.len()).step_by(5) {
+        let mut flipped = whole.to_vec();
+        flipped[at] ^= 1 << (at % 8);
+        if let Ok(found) = decode(&flipped, FRAMES) {
+            assert_eq!(found, grey(0).into(), "byte {at}");
+        }
+        cases += 1;
+    }
+    assert!(cases > 300, "{cases}");
+}
+
+#[test]
+fn a_picture_that_was_not_written_to_its_end_is_refused() {
+    let noisy = |value: u8, from: usize| {
+        let mut picture = grey(0);
+        picture.iter_mut().skip(from).for_each(|pixel| *pixel = value);
+        picture
+    };
+    let width = SIZE.0 as usize;
+    for format in [ImageFormat::Tiff, ImageFormat::Bmp, ImageFormat::Pnm, ImageFormat::Png] {
+        let of = |value, from| decode(&saved(noisy(value, from), format), FRAMES).map_err(|error| error.to_string());
+        for value in [0, 255] {
+            let error = of(value, 30 * width + 21).unwrap_err();
+            assert!(error.contains("incomplete") && error.contains("from row 30, column 2"), "{format:?} {value}: {error}");
+            // A program fills whole rows.
+            assert!(of(value, 30 * width).is_ok(), "{format:?} {value}");
+        }
+    }
+    // A border on all sides, and a silhouette.
+    let mut bordered = noisy(0, 30 * width);
+    bordered.enumerate_pixels_mut().filter(|(u, ..)| *u > 50).for_each(|(.., pixel)| pixel.0 = [0]);
+    let shape = GrayImage::from_fn(SIZE.0, SIZE.1, |u, v| image::Luma([if u + v < 60 && v < 25 { 255 } else { 0 }]));
+    for picture in [bordered, shape] {
+        assert!(decode(&saved(picture, ImageFormat::Tiff), FRAMES).is_ok());
+    }
+}
+
 #[test]
 fn stacks_that_pages_do_not_show_are_refused_with_a_way_out() {
     for (text, pages, what) in [

@@ -4,11 +4,12 @@
 //!  header ── page ── thumbnail ── page ── ..     a page is read from a header that names it as the first
 //! ```
 
-use super::{DecodeError, Formats, entropy, is_on_its_side};
+use super::{DecodeError, Formats, coded, entropy, is_on_its_side};
 use image::ImageFormat;
 use image::metadata::Orientation;
 use std::collections::HashSet;
 use std::io::{BufRead, Cursor, Read, Seek, SeekFrom};
+use std::ops::Range;
 use tiff::TiffError;
 use tiff::decoder::Decoder;
 use tiff::tags::Tag;
@@ -27,8 +28,11 @@ const PALETTE: u32 = 3;
 /// `Compression` by JPEG.
 const JPEG: u32 = 7;
 
+/// Pictures that lie behind a page and that nothing tells of, at least. Fewer bytes may be anything.
+const LEAST_BEHIND: usize = 2;
+
 /// One page.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct Page {
     /// The header of a file whose first page it is.
     header: Vec<u8>,
@@ -43,10 +47,16 @@ pub(super) struct Page {
     pub piece: (u32, u32),
     /// The pieces are JPEGs. These are the tables that they share.
     jpeg: Option<Vec<u8>>,
+    /// How the pieces are coded: the tag `Compression`.
+    coding: u32,
+    /// Bytes of a row of a piece.
+    row_bytes: u64,
+    /// Bytes that its pixels lie behind those that its directory names: Fiji stores the pictures of a stack behind each other under one directory.
+    shift: u64,
 }
 
 /// Who reads the pixels.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) enum Kind {
     /// `image`.
     Plain,
@@ -93,7 +103,8 @@ pub(super) fn of(bytes: &[u8], formats: Formats) -> Result<Vec<Page>, DecodeErro
         let piece = (first(Tag::TileWidth)?.unwrap_or(strip.0), first(Tag::TileLength)?.unwrap_or(strip.1));
         let is_planar = first(Tag::PlanarConfiguration)? == Some(2);
         let orientation = first(Tag::Orientation)?.and_then(|value| Orientation::from_exif(u8::try_from(value).ok()?));
-        let is_jpeg = first(Tag::Compression)? == Some(JPEG);
+        let coding = first(Tag::Compression)?.unwrap_or(coded::NONE);
+        let is_jpeg = coding == JPEG;
         let colours_of_palette: Vec<u16> = list(Tag::ColorMap)?.into_iter().filter_map(|value| u16::try_from(value).ok()).collect();
         let kind = match (colours, format, bits) {
             (Some(PALETTE), _, 8) if samples == 1 && colours_of_palette.len() == 3 << 8 => match place_of(bytes, at.0, PHOTOMETRIC) {
@@ -113,40 +124,84 @@ pub(super) fn of(bytes: &[u8], formats: Formats) -> Result<Vec<Page>, DecodeErro
             if is_jpeg { tags.find_tag(Tag::JPEGTables).map_err(of_tiff)?.map(tiff::decoder::ifd::Value::into_u8_vec) } else { None };
         let jpeg = is_jpeg.then(|| tables.transpose().map(Option::unwrap_or_default)).transpose().map_err(of_tiff)?;
         if said.is_none() {
-            said = Some((tags.find_tag(Tag::ImageDescription).map_err(of_tiff)?.and_then(|text| text.into_string().ok()), samples));
+            let text = tags.find_tag(Tag::ImageDescription).map(|text| text.and_then(|text| text.into_string().ok()));
+            said = Some((text.unwrap_or_else(|_| of_other_letters(bytes)), samples));
         }
         let orientation = orientation.unwrap_or(Orientation::NoTransforms);
-        pages.push(Page { header: header(bytes, at.0), is_reduced, kind, size, orientation, pieces: (starts, lengths), piece, jpeg });
+        let row_bytes = (u64::from(piece.0) * u64::from(if is_planar { 1 } else { samples })).saturating_mul(bits).div_ceil(8);
+        pages.push(Page {
+            header: header(bytes, at.0),
+            is_reduced,
+            kind,
+            size,
+            orientation,
+            pieces: (starts, lengths),
+            piece,
+            jpeg,
+            coding,
+            row_bytes,
+            shift: 0,
+        });
     }
+    let is_alone = pages.len() == 1;
     if pages.iter().any(|page| !page.is_reduced) {
         pages.retain(|page| !page.is_reduced);
     }
-    if let Some((Some(text), samples)) = said {
-        check_description(&text, samples, pages.len())?;
+    let (text, samples) = said.unwrap_or_default();
+    let stack = text.as_deref().map(|text| Stack::said(text, samples)).unwrap_or_default();
+    if is_alone && let Some(page) = pages.pop() {
+        pages = page.with_those_behind(&stack, bytes)?;
     }
+    stack.check(pages.len())?;
     Ok(pages)
 }
 
-/// Fiji and OME say in the first page what the pages are. Fiji stores a large stack as one page and the rest behind it.
-fn check_description(text: &str, samples: u32, pages: usize) -> Result<(), DecodeError> {
-    let number = |begin: &str| -> Option<usize> {
-        let rest = &text[text.find(begin)? + begin.len()..];
-        rest[..rest.find(|c: char| !c.is_ascii_digit()).unwrap_or(rest.len())].parse().ok()
-    };
-    let (images, channels) = if text.starts_with("ImageJ=") {
-        (number("\nimages="), number("\nchannels=").unwrap_or(1))
-    } else if text.contains("<OME") {
-        (None, number("SizeC=\"").unwrap_or(1) / samples.max(1) as usize)
-    } else {
-        return Ok(());
-    };
-    if let Some(images) = images.filter(|images| *images > pages) {
-        return Err(DecodeError::Kind { why: format!("a stack of {images} pictures that are stored as {pages} page(s)") });
+/// The description of Fiji in a file whose description has other letters than UTF-8, as a micro sign of one byte.
+fn of_other_letters(bytes: &[u8]) -> Option<String> {
+    const BEGIN: &[u8] = b"ImageJ=";
+    let at = bytes.windows(BEGIN.len()).position(|window| window == BEGIN)?;
+    let text = bytes.get(at..)?.split(|byte| *byte == 0).next()?;
+    Some(String::from_utf8_lossy(text).into_owned())
+}
+
+/// What Fiji, OME and tifffile say in the first page of the pictures.
+#[derive(Debug, Default)]
+struct Stack {
+    /// Number of pictures.
+    pictures: Option<usize>,
+    /// Channels of each view.
+    channels: usize,
+}
+
+impl Stack {
+    fn said(text: &str, samples: u32) -> Self {
+        let number = |begin: &str| -> Option<usize> {
+            let rest = &text[text.find(begin)? + begin.len()..];
+            rest[..rest.find(|c: char| !c.is_ascii_digit()).unwrap_or(rest.len())].parse().ok()
+        };
+        if text.starts_with("ImageJ=") {
+            return Self { pictures: number("\nimages="), channels: number("\nchannels=").unwrap_or(1) };
+        }
+        if text.contains("<OME") {
+            let channels = number("SizeC=\"").unwrap_or(1) / samples.max(1) as usize;
+            // Its pictures may be in other files too.
+            return Self { pictures: None, channels };
+        }
+        // tifffile says the shape of the array: `{"shape": [12, 200, 1024]}`.
+        let pictures = number("{\"shape\": [").filter(|_| samples == 1 && text.matches(',').count() >= 2);
+        Self { pictures, channels: 1 }
     }
-    if channels > 1 && pages > 1 {
-        return Err(DecodeError::Kind { why: format!("a stack of {pages} pages that are {channels} channels of each view") });
+
+    fn check(&self, pages: usize) -> Result<(), DecodeError> {
+        if let Some(pictures) = self.pictures.filter(|pictures| *pictures > pages) {
+            return Err(DecodeError::Stack { pictures, pages });
+        }
+        if self.channels > 1 && pages > 1 {
+            let channels = self.channels;
+            return Err(DecodeError::Kind { why: format!("a stack of {pages} pages that are {channels} channels of each view") });
+        }
+        Ok(())
     }
-    Ok(())
 }
 
 /// Where a page has the value of a tag with one short number.
@@ -180,6 +235,35 @@ fn header(bytes: &[u8], page: u64) -> Vec<u8> {
 }
 
 impl Page {
+    /// This page of a file that has no other, and the pictures whose pixels lie behind its own, as many as `stack` says.
+    ///
+    /// # Errors
+    /// It does not say how many, and further pictures lie there.
+    fn with_those_behind(self, stack: &Stack, bytes: &[u8]) -> Result<Vec<Self>, DecodeError> {
+        let starts = &self.pieces.0;
+        let length = self.length();
+        let (Some(first), Some(whole)) = (starts.iter().min().copied(), usize::try_from(length).ok().filter(|length| *length > 0)) else {
+            return Ok(vec![self]);
+        };
+        let at = |(start, length): (&u64, &u64)| start.saturating_add(*length);
+        let end = starts.iter().zip(&self.pieces.1).map(at).max().unwrap_or(0);
+        let is_one_block = self.coding == coded::NONE && self.piece.0 == self.size.0 && end.saturating_sub(first) == length;
+        let behind = if is_one_block { bytes.len().saturating_sub(usize::try_from(end).unwrap_or(usize::MAX)) / whole } else { 0 };
+        match stack.pictures {
+            Some(pictures) if (2..=MOST_PAGES.min(behind + 1)).contains(&pictures) => {
+                Ok((0..pictures as u64).map(|at| Self { shift: at * length, ..self.clone() }).collect())
+            }
+            // A copy in another size or other data may lie there too.
+            None if behind >= LEAST_BEHIND => Err(DecodeError::Stack { pictures: behind + 1, pages: 1 }),
+            _ => Ok(vec![self]),
+        }
+    }
+
+    /// Bytes of its pixels where its pieces are as wide as it is and not coded.
+    fn length(&self) -> u64 {
+        self.row_bytes.saturating_mul(u64::from(self.size.1))
+    }
+
     /// Refuses what nobody reads, pixels that lie beyond the end of the file, and JPEGs that are not whole.
     pub fn check(&self, bytes: &[u8]) -> Result<(), DecodeError> {
         if let Kind::Unread(why) = &self.kind {
@@ -216,7 +300,29 @@ impl Page {
 
     /// The file as if this page were its first.
     pub fn reader<'a>(&self, bytes: &'a [u8]) -> impl BufRead + Seek + 'a {
-        FromPage { header: self.header.clone(), bytes, at: 0 }
+        let first = self.pieces.0.iter().min().copied().unwrap_or(0);
+        let moved = first..first.saturating_add(if self.shift > 0 { self.length() } else { 0 });
+        FromPage { header: self.header.clone(), bytes, at: 0, moved, shift: self.shift }
+    }
+
+    /// Refuses pieces whose codes do not give the pixels of a piece. The decoder reads as many pixels as it needs, and looks at nothing behind them.
+    pub fn check_codes(&self, bytes: &[u8]) -> Result<(), DecodeError> {
+        let (rows, down) = (u64::from(self.size.1), u64::from(self.piece.1.max(1)));
+        let across = u64::from(self.size.0.div_ceil(self.piece.0.max(1)).max(1));
+        let of_plane = (rows.div_ceil(down) * across).max(1);
+        for (at, (start, length)) in (0..).zip(self.pieces.0.iter().zip(&self.pieces.1)) {
+            let range = usize::try_from(*start).ok().zip(usize::try_from(start.saturating_add(*length)).ok());
+            let piece = range.and_then(|(start, end)| bytes.get(start..end)).unwrap_or_default();
+            // The last strip may have the rows that are left, or all of them.
+            let left = (rows - (at % of_plane / across * down).min(rows)).min(down);
+            let expected = [left, down].map(|rows| self.row_bytes.saturating_mul(rows));
+            coded::check(self.coding, piece, expected).map_err(|why| DecodeError::Damaged {
+                piece: at + 1,
+                of: self.pieces.0.len(),
+                why,
+            })?;
+        }
+        Ok(())
     }
 }
 
@@ -224,6 +330,9 @@ struct FromPage<'a> {
     header: Vec<u8>,
     bytes: &'a [u8],
     at: u64,
+    /// In place of these bytes those are read that lie so many bytes behind them.
+    moved: Range<u64>,
+    shift: u64,
 }
 
 impl Read for FromPage<'_> {
@@ -236,8 +345,15 @@ impl Read for FromPage<'_> {
 
 impl BufRead for FromPage<'_> {
     fn fill_buf(&mut self) -> std::io::Result<&[u8]> {
-        let at = usize::try_from(self.at).unwrap_or(usize::MAX);
-        Ok(self.header.get(at..).filter(|rest| !rest.is_empty()).or(self.bytes.get(at..)).unwrap_or_default())
+        let place = |at: u64| usize::try_from(at).unwrap_or(usize::MAX).min(self.bytes.len());
+        let Range { start, end } = self.moved;
+        let [from, to] = if self.moved.contains(&self.at) {
+            [self.at.saturating_add(self.shift), end.saturating_add(self.shift)]
+        } else {
+            [self.at, if self.at < start && start < end { start } else { u64::MAX }]
+        };
+        let header = usize::try_from(self.at).ok().and_then(|at| self.header.get(at..)).filter(|rest| !rest.is_empty());
+        Ok(header.or(self.bytes.get(place(from)..place(to))).unwrap_or_default())
     }
 
     fn consume(&mut self, length: usize) {

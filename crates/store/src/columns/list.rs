@@ -228,8 +228,10 @@ pub fn shape_estimator(measurement: &Value) -> Option<&str> {
 }
 
 fn reason(row: &Row) -> Cell {
-    if row.well.computation == Computation::Missing {
-        return NOT_MEASURED_AGAIN.into();
+    match &row.well.computation {
+        Computation::Missing => return NOT_MEASURED_AGAIN.into(),
+        Computation::Unreadable(why) => return Cell::from(why.as_str()),
+        Computation::OfRun | Computation::Later { .. } => {}
     }
     row.well.status.as_ref().and_then(|status| status.reason.clone()).into()
 }
@@ -237,7 +239,12 @@ fn reason(row: &Row) -> Cell {
 /// Columns behind those of the lab's own metadata: what was found, how, and by what.
 pub const AFTER: &[Column] = &[
     col("outcome", Text, Made(outcome), "`succeeded`, `failed`, `skipped`, `aborted`, `interrupted`; empty while the well is not done"),
-    col("reason", Text, Made(reason), "why there are no numbers; `not_measured_again`: none in the folder of `--measurements`"),
+    col(
+        "reason",
+        Text,
+        Made(reason),
+        "why there are no numbers; `not_measured_again`: none in the folder of `--measurements`; of a file that was altered or cannot be read: its name and what is wrong",
+    ),
     col("flags", Text, Made(|r| StoredFlag::joined(flags(r), ";").into()), "flags, joined by `;`: [quality.md](quality.md)"),
     col("flag_count", Integer, Made(flag_count), "number of flags; 0 for a specimen without a doubt, empty for one without numbers"),
     col(
@@ -524,13 +531,13 @@ fn method_name(row: &Row) -> Cell {
     match &row.well.computation {
         Computation::Later { method_name: Some(name) } => name.as_str().into(),
         Computation::OfRun | Computation::Later { method_name: None } => row.run.record.plan.method.as_str().into(),
-        Computation::Missing => Cell::Empty,
+        Computation::Missing | Computation::Unreadable(_) => Cell::Empty,
     }
 }
 
 /// The hash of the method as the recording has it: a run read by a newer carved has further settings in its method.
 fn method_sha256(row: &Row) -> Cell {
-    if row.well.computation == Computation::Missing {
+    if row.well.computation.is_left_out() {
         return Cell::Empty;
     }
     row.recorded("/method").map_or_else(|| row.run.method_sha256.clone(), hash_of).into()

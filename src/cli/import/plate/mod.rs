@@ -22,7 +22,7 @@ use carved_core::frame::RawFrame;
 use carved_core::quality::RecentOpacities;
 use carved_records::picture_name::{self, Pattern};
 use carved_records::{Method, Mode, PicturesOfWells, RunOutcome, SamePictures, SpecimenOutcome, WellStatus, is_plain_name};
-use carved_store::{RecordingReader, RunRecord, durable};
+use carved_store::{MeasurementFile, RecordingReader, RunRecord, durable};
 use part::{DoneWell, Part};
 use plan::Plan;
 use serde_json::json;
@@ -155,7 +155,7 @@ fn one_run(args: &super::Args, barcode: &str, id: &str, fish: Option<u32>) -> an
     durable::create_folder(durable::folder_of(&out))?;
     let part = Part::of(&out)?;
     let mut wells: Vec<WellStatus> = Vec::new();
-    let (mut pictures, mut pairs) = (PicturesOfWells::default(), Vec::new());
+    let mut pictures = PicturesOfWells::default();
     let mut empty: Option<Arc<RawFrame>> = None;
     let mut opacities = RecentOpacities::default();
     for planned in &plan.run.plate_map {
@@ -184,19 +184,21 @@ fn one_run(args: &super::Args, barcode: &str, id: &str, fish: Option<u32>) -> an
             }
             None => well.without_pictures(),
         };
-        if well.folder.is_dir() {
-            let reader = RecordingReader::open(&well.folder)?;
-            pairs.extend(pictures.take_all(&reader.recording().ledger, &planned.well));
-            if let Some(opacity) = reader.closed_numbers().and_then(|file| file.record.opacity()) {
-                opacities.add(opacity);
-            }
-        }
         say!("{}", line(&status));
         wells.push(status);
-    }
-    for failed in fail_same(&pairs, &mut wells, &mut warn) {
-        // Its first line has numbers.
-        say!("{}", line(failed));
+        if well.folder.is_dir() {
+            let reader = RecordingReader::open(&well.folder)?;
+            let numbers = reader.closed_numbers();
+            if let Some(opacity) = numbers.as_ref().and_then(|file| file.record.opacity()) {
+                opacities.add(opacity);
+            }
+            // At once, so that an import that is stopped later has not left them as measured.
+            let pairs = pictures_in_common(&mut pictures, &reader, numbers.as_ref(), &planned.well);
+            for failed in fail_same(&pairs, &mut wells, &mut warn) {
+                // Its first line has numbers.
+                say!("{}", line(failed));
+            }
+        }
     }
     if !wells.iter().any(|w| part.path().join(&w.well).is_dir()) {
         let why = wells.iter().find_map(|w| w.reason.as_deref()).unwrap_or("it has no well");
@@ -235,6 +237,19 @@ fn report(out: &Path, outcome: RunOutcome, wells: &[WellStatus]) -> serde_json::
         "failed": count(SpecimenOutcome::Failed),
         "skipped": count(SpecimenOutcome::Skipped),
     })
+}
+
+/// Takes the pictures of a well. Returns the other wells that have some of them, as they are or in another format.
+fn pictures_in_common(
+    pictures: &mut PicturesOfWells,
+    reader: &RecordingReader,
+    numbers: Option<&MeasurementFile>,
+    well: &str,
+) -> Vec<SamePictures> {
+    let mut pairs: Vec<SamePictures> = pictures.take_all(&reader.recording().ledger, well).into_iter().collect();
+    let by_outlines = numbers.and_then(|file| pictures.take_outlines(&file.record.views, well));
+    pairs.extend(by_outlines.filter(|same| !pairs.contains(same)));
+    pairs
 }
 
 /// Fails both wells of each pair: nothing says which of them the pictures show. Returns the wells that have failed.

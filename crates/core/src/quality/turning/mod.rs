@@ -21,6 +21,7 @@ mod placing;
 
 use crate::parallel::prelude::*;
 use crate::profile::{Columns, Picture, Profile};
+use crate::quality::CoarseOutline;
 use crate::statistics::upper_median;
 pub use findings::TurnFinding;
 use outlines::{Mirror, distance_px, shape_distance_px};
@@ -111,6 +112,11 @@ impl Turning {
         let bore = Some(BorePicture::of(picture, &profile.walls));
         let at = self.views.partition_point(|v| v.index < index);
         self.views.insert(at, SeenView { index, omega, body, middle_v: Some(profile.walls.middle_v(u)), bore });
+    }
+
+    /// The outline of a view in stripes. `None` for a view without a profile, and for a round specimen.
+    pub(crate) fn coarse_outline(&self, index: u32) -> Option<CoarseOutline> {
+        self.views.iter().find(|v| v.index == index).and_then(|v| CoarseOutline::of(&v.body))
     }
 
     /// Takes a silhouette. The views come in the order of their numbers.
@@ -242,12 +248,21 @@ impl Turning {
             let is_less = |part: fn(&Difference) -> f64| usual(part) > REPEATED_LEAST && part(own) < REPEATED_SHARE * usual(part);
             bore(pair.0) == bore(pair.1) || is_less(|d| d.inside) && is_less(|d| d.beside)
         };
-        let found = pairs.iter().zip(&references).find(|(pair, references)| is_one(pair, references));
-        found.map(|(&(a, b), _)| TurnFinding::Repeated {
-            view: self.views[a].index,
-            other: self.views[b].index,
-            apart_deg: self.apart_deg(a, b),
-        })
+        let found = pairs.iter().zip(&references).find(|(pair, references)| is_one(pair, references)).map(|(pair, _)| *pair);
+        let (a, b) = found.or_else(|| self.repeated_outlines())?;
+        Some(TurnFinding::Repeated { view: self.views[a].index, other: self.views[b].index, apart_deg: self.apart_deg(a, b) })
+    }
+
+    /// Two silhouettes of different angles that are equal to the last pixel. A symmetric body shows most of its silhouettes twice, and is none.
+    fn repeated_outlines(&self) -> Option<(usize, usize)> {
+        let n = self.views.len();
+        let is_pair = |a: usize, b: usize| {
+            let (first, second) = (&self.views[a], &self.views[b]);
+            first.bore.is_none() && second.bore.is_none() && self.apart_around_deg(a, b) >= REPEATED_DEG && first.body == second.body
+        };
+        let pairs: Vec<(usize, usize)> = (0..n).flat_map(|b| (0..b).map(move |a| (a, b))).filter(|&(a, b)| is_pair(a, b)).collect();
+        let twice: BTreeSet<usize> = pairs.iter().flat_map(|&(a, b)| [a, b]).collect();
+        (2 * twice.len() <= n).then(|| pairs.first().copied()).flatten()
     }
 
     fn difference(&self, (at, other): (usize, usize)) -> Option<Difference> {
