@@ -18,10 +18,17 @@ pub fn for_spreadsheet(table: &Table) -> String {
     format!("\u{feff}{}", written(table, harmless))
 }
 
-/// Marks a text that a spreadsheet would compute as text, with an apostrophe before it. A text that is a number stays.
+/// The signs that begin a formula, in the three widths that spreadsheets of East Asian languages read as one.
+const FORMULA: [char; 12] = ['=', '+', '-', '@', '＝', '＋', '－', '＠', '﹦', '﹢', '﹣', '﹫'];
+
+/// Marks a text that a spreadsheet would compute as text, with an apostrophe before it: one that begins with the sign of a formula, also after
+/// characters that a spreadsheet may leave out, or with a control character such as a new line. A text that is a number stays.
 fn harmless(text: &str) -> String {
-    let is_formula = text.starts_with(['=', '+', '-', '@', '\t', '\r']) && text.parse::<f64>().is_err();
-    if is_formula { format!("'{text}") } else { text.to_owned() }
+    let is_left_out =
+        |c: char| c.is_whitespace() || c.is_control() || matches!(c, '\u{ad}' | '\u{200b}'..='\u{200f}' | '\u{2060}' | '\u{feff}');
+    let shown = text.trim_start_matches(is_left_out);
+    let is_formula = text.starts_with(char::is_control) || shown.starts_with(FORMULA);
+    if is_formula && text.trim().parse::<f64>().is_err() { format!("'{text}") } else { text.to_owned() }
 }
 
 fn written(table: &Table, of_text: fn(&str) -> String) -> String {
@@ -82,8 +89,31 @@ mod tests {
     #[test]
     fn a_spreadsheet_computes_no_cell_and_numbers_stay_numbers() {
         let headings = [("text", Kind::Text), ("z", Kind::Number)].map(|(name, kind)| Heading { name: name.into(), kind }).to_vec();
-        let formulas = ["=1+1", "+x", "-x", "@SUM(A1)", "\t=1", "\r=1", "=a,b"];
-        let texts = ["DMSO", "a=b", "-3.1", "+5e-3", "\u{b5}M"];
+        let formulas = [
+            "=1+1",
+            "+x",
+            "-x",
+            "@SUM(A1)",
+            "\t=1",
+            "\r=1",
+            "=a,b",
+            "\n=1+1",
+            "\r\n@x",
+            "\nDMSO",
+            " =1",
+            "\u{a0}+x",
+            "\u{3000}=1",
+            "\u{feff}=1",
+            "\u{200b}-x",
+            " \n =1",
+            "＝1+1",
+            "＋x",
+            "－x",
+            "＠SUM(A1)",
+            " ＝1",
+            "﹦1",
+        ];
+        let texts = ["DMSO", "a=b", "-3.1", "+5e-3", "\u{b5}M", " DMSO", " -3.1", "a\n=1"];
         let rows = formulas.iter().chain(&texts).map(|text| vec![Cell::from(*text), Cell::from(-3.5)]).collect();
         let table = Table { headings, rows };
         let of = |text: &str| {
