@@ -465,8 +465,6 @@ impl Report<'_> {
             ([volume, sd], _) => with_sd(volume, sd, MILLION),
         };
         let bladder = |s: &Specimen| match (s.bladder_volume_um3, s.bladder_state.as_deref()) {
-            // What no view shows may have the gas.
-            ([None, _], Some("not_inflated")) if s.is_bound() => "undecided".to_owned(),
             ([None, _], Some(state)) => state.replace('_', " "),
             ([volume, sd], _) => with_sd(volume, sd, MILLION),
         };
@@ -476,7 +474,7 @@ impl Report<'_> {
                     @if several { td { (s.run) } }
                     td { (s.well) } td.left { (s.condition.words()) } td { (outcome(s.outcome)) }
                     td { (of_body(s, s.volume_um3, s.volume_sd_um3, MILLION)) } td { (of_body(s, s.area_um2, s.area_sd_um2, MILLION)) }
-                    td { (of_body(s, s.length_um, None, 1000.0)) } td { (eyes(s)) } td { (with_sd(s.eye_distance_um[0], s.eye_distance_um[1], 1.0)) }
+                    td { (of_body(s, s.length_um, None, 1000.0)) } td.left[s.eyes_reason.is_some()] { (eyes(s)) } td { (with_sd(s.eye_distance_um[0], s.eye_distance_um[1], 1.0)) }
                     td { (bladder(s)) }
                     @for z in s.z { td { (z.map_or_else(String::new, |z| format!("{z:+.1}"))) } }
                     td { (s.estimator.as_deref().unwrap_or_default()) }
@@ -496,7 +494,7 @@ impl Report<'_> {
                         @if several { th { "run" } }
                         th { "well" } th.left { "condition" } th { "outcome" } th { "volume, 10⁶ µm³" } th { "area, 10⁶ µm²" } th { "length, mm" }
                         th { "volume of an eye, 10⁶ µm³" } th { "distance of the eyes, µm" } th { "swim bladder, 10⁶ µm³" }
-                        th { "z volume" } th { "z area" } th { "z eye" } th { "z distance" } th { "estimator" } th { "flags, reason" } th { "numbers" }
+                        th { "z volume" } th { "z area" } th { "z eye" } th { "z distance" } th { "estimator" } th.left.reasons { "flags, reason" } th { "numbers" }
                     } }
                     tbody { @for s in &self.specimens { (row(s)) } }
                 }

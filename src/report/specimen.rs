@@ -3,7 +3,7 @@
 use super::pictures::{self, Pictures};
 use super::plots::WellNumber;
 use crate::tables::statistics::WellCondition;
-use carved_core::flag::{Effect, Flag, StoredFlag};
+use carved_core::flag::{Flag, StoredFlag};
 use carved_core::inside::EyesMissing;
 use carved_core::quality::Quality;
 use carved_records::{PlannedWell, SpecimenKind, SpecimenOutcome};
@@ -69,7 +69,6 @@ impl Specimen {
             let status = well.status.as_ref();
             let unreadable = if let Computation::Unreadable(why) = &well.computation { Some(why.clone()) } else { None };
             let flags = status.map(|s| s.flags.clone()).unwrap_or_default();
-            let is_bound = is_bound(&flags);
             let quality = well.measurement.as_ref().and_then(|m| serde_json::from_value(m["quality"].clone()).ok());
             Self {
                 run: run.record().id.clone(),
@@ -95,7 +94,7 @@ impl Specimen {
                 started: well.recording.as_ref().and_then(|r| r["started"].as_str().map(str::to_owned)),
                 sphere_rms_um: number("/measurement/sphere_rms_um"),
                 aspect_ratio: number("/measurement/aspect_ratio"),
-                z: quantities.map(|place| place.filter(|_| !is_bound).and_then(|p| p["z"].as_f64())),
+                z: quantities.map(|place| place.and_then(|p| p["z"].as_f64())),
                 quality: quality.unwrap_or_default(),
                 pictures: pictures::of(&well),
                 measurement_sha256: well.measurement_sha256,
@@ -106,7 +105,7 @@ impl Specimen {
 
     /// Whether the true volume, area and length are larger than the numbers: part of the specimen was not measured.
     pub fn is_bound(&self) -> bool {
-        is_bound(&self.flags)
+        StoredFlag::is_bound(&self.flags)
     }
 
     /// The volume for the plot of the plate, in 10^6 um^3.
@@ -118,10 +117,6 @@ impl Specimen {
             is_excluded: self.flags.iter().any(|flag| *flag == Flag::Excluded),
         }
     }
-}
-
-fn is_bound(flags: &[StoredFlag]) -> bool {
-    flags.iter().any(|flag| flag.effect() == Effect::LowerBound)
 }
 
 /// The sentence for a reason. A later version's reason stays as it is written.

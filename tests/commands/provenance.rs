@@ -345,6 +345,11 @@ fn a_report_gives_a_bound_as_one() {
         assert!(bound.contains(&format!("<td>at least {volume}</td>")) && bound.contains(&format!("<p>at least {volume} · ")), "{flag}");
         assert!(bound.contains(&format!("≥ {volume}")) && !bound.contains(&format!("{volume} ± ")), "{flag}");
         assert_eq!(z(&bound), 0, "{flag}");
+        let table = carved().args(["export", "table"]).arg(&run).output().unwrap();
+        let mut read = csv::Reader::from_reader(&table.stdout[..]);
+        let at = read.headers().unwrap().iter().position(|name| name == "reference_area_z").unwrap();
+        let places: Vec<String> = read.records().map(|row| row.unwrap()[at].to_owned()).collect();
+        assert_eq!(places.iter().map(String::is_empty).collect::<Vec<_>>(), [true, false, false, false], "{flag}: {places:?}");
     }
 }
 

@@ -8,6 +8,7 @@ const REASONS: Record<NonNullable<NonNullable<Measured["bladder"]>["reason"]>, s
   no_head: "neither the eyes nor the shape tell the head from the tail",
   opaque: "no light passes the trunk, so that gas in it would not be seen",
   no_gas: "nothing in the trunk has the dark rim and the bright middle of gas",
+  part_unseen: "part of the larva was not measured, and may have the gas",
   unclear: "something in the trunk is a little like gas, and not enough to decide",
 };
 

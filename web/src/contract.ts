@@ -684,7 +684,7 @@ export interface StoredBending {
   total_deg: number;
 }
 
-export type StoredBladderMissing = "few_views" | "no_head" | "opaque" | "no_gas" | "unclear";
+export type StoredBladderMissing = "few_views" | "no_head" | "opaque" | "no_gas" | "part_unseen" | "unclear";
 
 export type StoredBladderState = "inflated" | "not_inflated" | "undecided";
 
@@ -1134,6 +1134,8 @@ export interface StoredMoved {
   view: number;
 }
 
+export type StoredNotCompared = "part_unseen";
+
 export type StoredPixelFormat = "Mono8" | "BayerRG8" | "BayerGR8" | "BayerGB8" | "BayerBG8" | "RGB8Packed";
 
 export interface StoredPlace {
@@ -1375,6 +1377,7 @@ export interface StoredStanding {
   dpf: number;
   estimates: StoredEstimateStanding[];
   eyes?: StoredEyesStanding | null;
+  not_compared?: StoredNotCompared | null;
 }
 
 export interface StoredStation {

@@ -306,6 +306,11 @@ impl StoredFlag {
         }
     }
 
+    /// Whether these flags of a specimen say that a part of it was not measured, so that its volume, area and length are lower bounds.
+    pub fn is_bound(flags: &[Self]) -> bool {
+        flags.iter().any(|flag| flag.effect() == Effect::LowerBound)
+    }
+
     /// The flags separated by `separator`.
     pub fn joined(flags: &[Self], separator: &str) -> String {
         flags.iter().map(Self::as_str).collect::<Vec<_>>().join(separator)

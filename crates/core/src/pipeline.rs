@@ -380,7 +380,7 @@ impl Pipeline {
         let shape = Shape::of(&model.mesh);
         let taken: Vec<(u32, f64)> = self.views.iter().map(|v| (v.index, v.omega)).collect();
         let camera = found.map_or(&self.settings.camera, |c| &c.camera);
-        let (eyes, bladder) = self.organs(&projections, &model.mesh, shape.body.as_ref()).unzip();
+        let (eyes, bladder) = self.organs(&projections, &model.mesh, shape.body.as_ref(), StoredFlag::is_bound(&flags)).unzip();
         let facing = if self.settings.sphere { None } else { Facing::of(&shape, eyes.as_ref(), camera, &taken) };
         let record = SpecimenRecord {
             measurement: model.measurement,
@@ -400,8 +400,8 @@ impl Pipeline {
         Ok(Finished { mesh: model.mesh, record, hull })
     }
 
-    /// Eyes and swim bladder, by the views that count. `None` for a bead.
-    fn organs(&self, projections: &[Projection], mesh: &Mesh, body: Option<&Body>) -> Option<(Eyes, SwimBladder)> {
+    /// Eyes and swim bladder, by the views that count. `None` for a bead. `is_bound`: a part of the larva was not measured.
+    fn organs(&self, projections: &[Projection], mesh: &Mesh, body: Option<&Body>, is_bound: bool) -> Option<(Eyes, SwimBladder)> {
         if self.settings.sphere {
             return None;
         }
@@ -422,6 +422,7 @@ impl Pipeline {
             radii_um: body.stations.iter().map(|station| (station.area_um2 / PI).sqrt()).collect(),
             has_head: body.head.end.is_some(),
             back: body.dorsal.direction,
+            is_bound,
         });
         let bladder = SwimBladder::find(&views, trunk.as_ref(), &eyes);
         Some((eyes, bladder))

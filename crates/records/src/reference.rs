@@ -36,8 +36,13 @@ pub struct PlaceStatus {
 }
 
 impl ReferenceStatus {
-    /// `None` if there is no voxel estimate. The reference larvae were measured with this estimator.
+    /// `None` if there is no voxel estimate. The reference larvae were measured with this estimator. Of a larva that is compared with none, volume
+    /// and area say why.
     pub fn of(standing: &Standing) -> Option<Self> {
+        if let Some(why) = standing.not_compared {
+            let none = |quantity| PlaceStatus::none(format!("{quantity}: not compared, because {why}"));
+            return Some(Self { volume: none(Quantity::Volume), area: none(Quantity::Area), eye_volume: None, eye_distance: None });
+        }
         let papers = standing.by(VOXEL)?;
         let place = |answer, quantity| PlaceStatus::of(answer, quantity, standing.dpf);
         let eyes = standing.eyes.as_ref();
@@ -52,14 +57,19 @@ impl ReferenceStatus {
 
 impl PlaceStatus {
     fn of(answer: &Answer<Place>, quantity: Quantity, dpf: f64) -> Self {
-        let place = answer.known();
+        let words = answer.words(quantity, dpf);
+        let Some(place) = answer.known() else { return Self::none(words) };
         Self {
-            words: answer.words(quantity, dpf),
-            group: place.map(|p| p.group.clone()),
-            n: place.map(|p| p.n),
-            z: place.map(|p| p.z),
-            percentile: place.map(|p| p.percentile),
-            mismatches: place.map_or_else(Vec::new, |p| p.mismatches.iter().map(ToString::to_string).collect()),
+            words,
+            group: Some(place.group.clone()),
+            n: Some(place.n),
+            z: Some(place.z),
+            percentile: Some(place.percentile),
+            mismatches: place.mismatches.iter().map(ToString::to_string).collect(),
         }
+    }
+
+    fn none(words: String) -> Self {
+        Self { words, group: None, n: None, z: None, percentile: None, mismatches: Vec::new() }
     }
 }

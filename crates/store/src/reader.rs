@@ -8,10 +8,12 @@
 use super::gates::{self, GateFile};
 use super::index::{self, EventsAfter, RunRow, RunsQuery};
 use super::recording::{DETECTION, MEASUREMENT, frame_name};
+use super::stored_run::state_no_more_than_was_seen;
 use super::{
     RECORDING, Receipt, RecordingReader, Replayed, RunFiles, RunRecord, StoreError, attempts, durable, frames, is_own_file, is_own_folder,
     receipt, replay, run, sums,
 };
+use carved_core::flag::StoredFlag;
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::pipeline::standard::Aspect;
 use carved_records::{Event, ViewTaken, WellStatus, is_plain_name, is_well, sha256_hex};
@@ -269,7 +271,10 @@ impl StoreReader {
         files.dedup();
         files.retain(|file| folder.join(file.name(&folder)).is_file());
         let earlier = folder.parent().map(|run| attempts::earlier(run, well)).unwrap_or_default();
-        let measurement = json(MEASUREMENT)?;
+        let mut measurement = json(MEASUREMENT)?;
+        if let Some(numbers) = &mut measurement {
+            state_no_more_than_was_seen(numbers, status.as_ref().is_some_and(|well| StoredFlag::is_bound(&well.flags)));
+        }
         let newest = (attempt == 0).then(|| index::views(&self.root, run, well)).transpose();
         // The folder has all results. Without the index only the curve of volumes is missing.
         let broken = |error: &StoreError| tracing::warn!(%error, "the volumes after each view are not read");

@@ -19,7 +19,7 @@
 //! ```
 
 use super::{RECORDING, RecordingFiles, Software, StoreError, durable, frames, receipt, schema, sums};
-use carved_core::flag::Flag;
+use carved_core::flag::{Flag, StoredFlag};
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::geometry::{Camera, SecondOptics};
 use carved_core::measure::Measurement;
@@ -78,6 +78,7 @@ impl MeasurementFile {
                 untreated: recording.specimen.is_untreated(),
                 estimates: estimates(measurement),
                 eyes: record.eyes.as_ref().and_then(EyeNumbers::of),
+                is_bound: StoredFlag::is_bound(&record.flags),
             };
             Standing::of(&specimen, references)
         };

@@ -14,9 +14,11 @@ use super::recording::MEASUREMENT;
 use super::replay::Replayed;
 use super::{RecordingFiles, RunRecord, StoreError, StoreReader, attempts, recording, schema};
 use carved_core::flag::StoredFlag;
+use carved_core::inside::SwimBladder;
+use carved_core::measure::references::NotCompared;
 use carved_records::{PlannedWell, WellStatus, sha256_hex};
 use serde::Deserialize;
-use serde_json::Value;
+use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
 /// Name of the file with a specimen's times.
@@ -143,7 +145,7 @@ impl StoredRun {
             schema::parse::<serde::de::IgnoredAny>(&files.path(RECORDING), &files.require(RECORDING)?, recording::SCHEMA)?;
         }
         let (measurement, measurement_sha256) = json(&files, MEASUREMENT)?.unzip();
-        let well = StoredWell {
+        let mut well = StoredWell {
             planned: planned.clone(),
             status: self.record.wells.iter().find(|status| status.well == *well).cloned(),
             earlier_attempts: attempts::earlier(&self.folder, well).len(),
@@ -154,10 +156,10 @@ impl StoredRun {
             computation: Computation::OfRun,
             files,
         };
-        match &self.measurements {
-            None => Ok(well),
-            Some(measurements) => well.measured_again(&measurements.join(attempts::folder_name(&planned.well, 0))),
+        if let Some(measurements) = &self.measurements {
+            well = well.measured_again(&measurements.join(attempts::folder_name(&planned.well, 0)))?;
         }
+        Ok(well.stating_no_more_than_was_seen())
     }
 }
 
@@ -190,6 +192,16 @@ impl StoredWell {
             computation: Computation::Later { method_name: found.method_name },
             ..self
         })
+    }
+
+    /// The same without what earlier builds said of a larva of which a part was not measured.
+    #[must_use]
+    pub(super) fn stating_no_more_than_was_seen(mut self) -> Self {
+        let of_well = self.status.as_ref().is_some_and(|status| StoredFlag::is_bound(&status.flags));
+        if let Some(measurement) = &mut self.measurement {
+            state_no_more_than_was_seen(measurement, of_well);
+        }
+        self
     }
 
     fn without_computation(mut self) -> Self {
@@ -227,6 +239,22 @@ pub fn place_among_references<'m>(measurement: &'m Value, quantity: &str) -> Opt
     Some((found["estimator"].as_str()?, &found[quantity]["known"]))
 }
 
+/// Builds before this one compared a larva of which a part was not measured with whole ones, and called it one without gas where the part that
+/// was measured has none. Takes both out of such a `measurement.json`. `is_bound`: the flags of the well say that a part was not measured.
+pub(super) fn state_no_more_than_was_seen(measurement: &mut Value, is_bound: bool) {
+    if !is_bound && !StoredFlag::is_bound(&flags(Some(measurement))) {
+        return;
+    }
+    if let Some(reference) = measurement.get_mut("reference").filter(|stored| stored.is_object() && stored.get("not_compared").is_none()) {
+        *reference = json!({ "dpf": reference["dpf"], "not_compared": NotCompared::PartUnseen, "estimates": [] });
+    }
+    if let Some(bladder) = measurement.get_mut("bladder").and_then(|stored| SwimBladder::deserialize(&*stored).ok())
+        && let Ok(known) = serde_json::to_value(bladder.of_a_part())
+    {
+        measurement["bladder"] = known;
+    }
+}
+
 /// The flags of a `measurement.json`.
 fn flags(measurement: Option<&Value>) -> Vec<StoredFlag> {
     let list = measurement.and_then(|m| m["flags"].as_array());
@@ -238,4 +266,37 @@ fn json(files: &RecordingFiles, name: &str) -> Result<Option<(Value, String)>, S
     let Some(bytes) = files.verified(name)? else { return Ok(None) };
     let value = super::durable::parse_json(&files.path(name), &bytes, "JSON")?;
     Ok(Some((value, sha256_hex(&bytes))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// As builds before this one wrote it of a larva whose head is outside the picture.
+    #[test]
+    fn what_was_said_of_a_larva_of_which_a_part_was_not_measured_is_not_read() {
+        let bladder = json!({ "state": "not_inflated", "probability": 0.01, "reason": "no_gas", "lobes": [] });
+        let standing = json!({ "dpf": 4.0, "estimates": [{ "estimator": "voxel", "volume": { "known": { "z": -9.0 } } }] });
+        let stored =
+            |flags: Value| json!({ "measurement": { "estimator": "voxel" }, "reference": standing, "bladder": bladder, "flags": flags });
+        let place = |numbers: &Value| place_among_references(numbers, "volume").map(|(_, place)| place["z"].clone());
+        for (flags, is_bound) in [(json!(["clipped_left"]), false), (json!(["outside_box", "moved"]), false), (json!([]), true)] {
+            let mut numbers = stored(flags);
+            assert_eq!(place(&numbers), Some(json!(-9.0)));
+            state_no_more_than_was_seen(&mut numbers, is_bound);
+            assert_eq!((place(&numbers), &numbers["reference"]["not_compared"]), (None, &json!("part_unseen")));
+            let found = &numbers["bladder"];
+            assert_eq!(
+                (&found["state"], &found["reason"], &found["probability"]),
+                (&json!("undecided"), &json!("part_unseen"), &Value::Null)
+            );
+        }
+        // A whole larva, and one that was not compared.
+        let mut whole = stored(json!(["moved"]));
+        state_no_more_than_was_seen(&mut whole, false);
+        assert_eq!(whole, stored(json!(["moved"])));
+        let mut bead = json!({ "flags": ["clipped_left"], "bladder": null });
+        state_no_more_than_was_seen(&mut bead, false);
+        assert_eq!(bead, json!({ "flags": ["clipped_left"], "bladder": null }));
+    }
 }

@@ -35,5 +35,9 @@ test("a swim bladder is said with its volume and length, or why there are none",
     bladderWords({ ...none, state: "undecided", reason: "few_views" }),
     /^Swim bladder: not decided, because too few views/,
   );
+  assert.match(
+    bladderWords({ ...none, state: "undecided", reason: "part_unseen" }),
+    /^Swim bladder: not decided, because part of the larva was not measured/,
+  );
   assert.equal(bladderWords(null), "");
 });

@@ -49,6 +49,9 @@ pub enum BladderMissing {
     /// Nothing looks like gas.
     #[error("nothing in the trunk has the dark rim and the bright middle of gas")]
     NoGas,
+    /// Nothing looks like gas in the part of the larva that was measured.
+    #[error("part of the larva was not measured, and may have the gas")]
+    PartUnseen,
     /// Something looks a little like gas.
     #[error("something in the trunk is a little like gas, and not enough to decide")]
     Unclear,
@@ -92,7 +95,7 @@ pub struct SwimBladder {
     pub length_um: Option<f64>,
     /// Its standard deviation.
     pub length_sd_um: Option<f64>,
-    /// Place of the middle of the gas along the body axis, from the snout.
+    /// Place of the middle of the gas along the body axis, from the snout. `None` where a part of the larva was not measured.
     pub along_um: Option<f64>,
     /// Its standard deviation.
     pub along_sd_um: Option<f64>,
@@ -116,6 +119,8 @@ pub(crate) struct Trunk {
     pub has_head: bool,
     /// The direction of the back, where it is determined.
     pub back: Option<[f64; 3]>,
+    /// Whether a part of the larva was not measured.
+    pub is_bound: bool,
 }
 
 /// Views that determine an ellipsoid.
@@ -219,10 +224,20 @@ struct Found {
 impl SwimBladder {
     /// From the views that count, the body and the eyes.
     pub(crate) fn find(views: &[Lit], trunk: Option<&Trunk>, eyes: &Eyes) -> Self {
-        match looked(views, trunk, eyes) {
+        let found = match looked(views, trunk, eyes) {
             Ok((course, lobes, log_odds)) => Self::of(&course, lobes, log_odds, eyes),
             Err(reason) => Self::without(BladderState::Undecided, None, reason),
+        };
+        if trunk.is_some_and(|trunk| trunk.is_bound) { found.of_a_part() } else { found }
+    }
+
+    /// What holds of it where a part of the larva was not measured: the gas may be there, and the snout too.
+    #[must_use]
+    pub fn of_a_part(self) -> Self {
+        if self.state == BladderState::NotInflated {
+            return Self::without(BladderState::Undecided, None, BladderMissing::PartUnseen);
         }
+        Self { along_um: None, along_sd_um: None, ..self }
     }
 
     fn without(state: BladderState, probability: Option<f64>, reason: BladderMissing) -> Self {

@@ -94,6 +94,11 @@ const CORE: f64 = 0.45;
 
 /// The bladder that views of a grey body show, with these parts: ellipsoids with their transmission, and whether their middle is bright.
 fn bladder(parts: &[(Ellipsoid, f64, bool)], views: u32, has_head: bool) -> SwimBladder {
+    bladder_of(parts, views, has_head, false)
+}
+
+/// The same of a larva of which a part was not measured, if it `is_bound`.
+fn bladder_of(parts: &[(Ellipsoid, f64, bool)], views: u32, has_head: bool, is_bound: bool) -> SwimBladder {
     let camera = Camera { f: 1e7, ..Camera::published(700, 120) };
     let projections: Vec<_> = (0..views).map(|view| camera.projection(TAU * f64::from(view) / f64::from(views))).collect();
     let seen = |body: &Ellipsoid, projection: &Projection| body.seen(&Linear::of(projection, body.centre).unwrap());
@@ -127,6 +132,7 @@ fn bladder(parts: &[(Ellipsoid, f64, bool)], views: u32, has_head: bool) -> Swim
         radii_um: (0..100).map(|i| BODY[1] * (1.0 - share(i).powi(2)).sqrt()).collect(),
         has_head,
         back: Some([0.0, -1.0, 0.0]),
+        is_bound,
     };
     SwimBladder::find(&views, Some(&trunk), &Eyes::default())
 }
@@ -185,6 +191,18 @@ fn a_bladder_that_cannot_be_looked_for_is_undecided_with_a_reason() {
     assert_eq!((headless.state, headless.reason), (BladderState::Undecided, Some(BladderMissing::NoHead)));
     let opaque = bladder(&[(ball([0.0; 3], BODY), 0.04, false)], VIEWS, true);
     assert_eq!((opaque.state, opaque.reason, opaque.probability), (BladderState::Undecided, Some(BladderMissing::Opaque), None));
+}
+
+/// What no view shows may have the gas. Gas that the views show has its volume, but no distance from a snout that they may not show.
+#[test]
+fn a_larva_of_which_a_part_was_not_measured_is_never_without_gas() {
+    let none = bladder_of(&[], VIEWS, true, true);
+    assert_eq!((none.state, none.reason, none.probability), (BladderState::Undecided, Some(BladderMissing::PartUnseen), None));
+    let gas = bladder_of(&[(ball(GAS.0, GAS.1), RIM, true)], VIEWS, true, true);
+    assert_eq!((gas.state, gas.lobes.len()), (BladderState::Inflated, 1), "{gas:?}");
+    assert!(gas.volume_um3.is_some() && gas.length_um.is_some() && gas.along_um.is_none() && gas.along_sd_um.is_none(), "{gas:?}");
+    let few = bladder_of(&[], 4, true, true);
+    assert_eq!(few.reason, Some(BladderMissing::FewViews));
 }
 
 #[test]

@@ -39,6 +39,8 @@ pub struct Specimen {
     pub estimates: Vec<Estimate>,
     /// `None` unless both eyes were found.
     pub eyes: Option<EyeNumbers>,
+    /// Whether a part of it was not measured: [`StoredFlag::is_bound`](crate::flag::StoredFlag::is_bound).
+    pub is_bound: bool,
 }
 
 /// Treatments of living larvae to which nothing was done. `living` is the paper's word for those that were not fixed.

@@ -34,7 +34,7 @@ pub use joint::JointPlace;
 pub use matching::{Known, Mismatch, Missing, MissingReason, Specimen, is_untreated};
 pub use predictive::{Place, Predictive};
 pub use stage::{Stage, StageShare};
-pub use standing::{Answer, EstimateStanding, EyesStanding, Standing};
+pub use standing::{Answer, EstimateStanding, EyesStanding, NotCompared, Standing};
 pub use summary::{Control, FEWEST, Summaries, Unfit, summarise};
 
 #[cfg(test)]

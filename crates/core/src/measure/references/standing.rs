@@ -25,11 +25,24 @@ pub enum Answer<T> {
 pub struct Standing {
     /// Age at which it was compared, days post fertilisation: that of the plate map.
     pub dpf: f64,
-    /// One entry per estimator. The paper's is first, with or without references.
+    /// Why nothing was compared. `None` where it was.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub not_compared: Option<NotCompared>,
+    /// One entry per estimator. The paper's is first, with or without references. Empty where nothing was compared.
     pub estimates: Vec<EstimateStanding>,
     /// The place of the eyes. `None` unless both were found, and in files of earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub eyes: Option<EyesStanding>,
+}
+
+/// Why a larva is compared with no references.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, thiserror::Error)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "snake_case")]
+pub enum NotCompared {
+    /// Its numbers are lower bounds.
+    #[error("part of the larva was not measured")]
+    PartUnseen,
 }
 
 /// The place of the numbers of the eyes.
@@ -77,6 +90,9 @@ impl<T> Answer<T> {
 impl Standing {
     /// Compares a specimen with all references.
     pub fn of(specimen: &Specimen, references: &[References]) -> Self {
+        if specimen.is_bound {
+            return Self { dpf: specimen.dpf, not_compared: Some(NotCompared::PartUnseen), estimates: Vec::new(), eyes: None };
+        }
         let has = |name: &str| name == VOXEL || references.iter().flat_map(|r| &r.groups).any(|g| g.estimator == name);
         let asked = specimen.estimates.iter().filter(|e| has(e.estimator));
         let place = |estimator: &str, quantity, value: f64, moments: fn(&Group) -> Option<Moments>| -> Answer<Place> {
@@ -98,7 +114,7 @@ impl Standing {
                 stage: specimen.stage(references, e).into(),
             }
         };
-        Self { dpf: specimen.dpf, estimates: asked.map(of_one).collect(), eyes }
+        Self { dpf: specimen.dpf, not_compared: None, estimates: asked.map(of_one).collect(), eyes }
     }
 
     /// Volume and area in standard deviations from the mean of larvae of the same age and ASD, by this estimator; by the

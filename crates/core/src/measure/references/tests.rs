@@ -47,6 +47,7 @@ fn specimen() -> Specimen {
         untreated: false,
         estimates,
         eyes: None,
+        is_bound: false,
     }
 }
 
@@ -60,6 +61,18 @@ fn missing<T: Clone>(answer: &Answer<T>) -> Missing {
         Answer::Missing(missing) => missing.clone(),
         Answer::Known(_) => panic!("there is a reference"),
     }
+}
+
+/// A volume that is a lower bound is small among whole larvae whatever the larva's volume is.
+#[test]
+fn a_larva_of_which_a_part_was_not_measured_is_compared_with_none() {
+    let eyes = Some(EyeNumbers { volume_um3: 7e6, distance_um: 230.0 });
+    let standing = Standing::of(&Specimen { is_bound: true, eyes, ..specimen() }, &[file(vec![group("a", 4.0)])]);
+    assert_eq!((standing.estimates.len(), &standing.eyes, standing.z(VOXEL)), (0, &None, [None, None]));
+    let text = serde_json::to_value(&standing).unwrap();
+    assert_eq!(text, serde_json::json!({ "dpf": 4.0, "not_compared": "part_unseen", "estimates": [] }));
+    assert_eq!(serde_json::from_value::<Standing>(text).unwrap(), standing);
+    assert_eq!(Standing::of(&specimen(), &[file(vec![group("a", 4.0)])]).not_compared, None);
 }
 
 #[test]
