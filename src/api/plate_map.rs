@@ -17,11 +17,15 @@ pub struct PlateMap {
     pub metadata: records::Metadata,
     /// What was read otherwise than it stands there, each with its place.
     pub notes: Vec<String>,
+    /// What a person confirms before a run, with its place: a single well makes the plate larger, and may be a misprint. The choice of the plate
+    /// (`plate_format`) confirms it. `null` where nothing is to be confirmed.
+    #[serde(default)]
+    pub confirm: Option<String>,
 }
 
 impl From<records::plate_map::PlateMap> for PlateMap {
     fn from(from: records::plate_map::PlateMap) -> Self {
-        let records::plate_map::PlateMap { plate_format, plate_map, metadata, notes } = from;
-        Self { plate_format, plate_map, metadata, notes }
+        let records::plate_map::PlateMap { plate_format, plate_map, metadata, notes, confirm } = from;
+        Self { plate_format, plate_map, metadata, notes, confirm }
     }
 }

@@ -108,7 +108,7 @@ pub fn run(command: &Command) -> anyhow::Result<ExitCode> {
         say!("{}", serde_json::to_string_pretty(&map)?);
         return Ok(ExitCode::SUCCESS);
     }
-    for note in &map.notes {
+    for note in map.notes.iter().chain(&map.confirm) {
         say!("{}: {note}", args.file.display());
     }
     say!("{}: sound, {} well(s)", args.file.display(), map.plate_map.len());

@@ -14,6 +14,7 @@ import { keepPerson, person } from "./person.ts";
 import { PlanPlate } from "./planplate.ts";
 import type { Check, MappedColumn, MethodOffer, Mistake, PlannedWell, PlateMap, RunPlan, Status } from "./status.ts";
 import { templateOf } from "./template.ts";
+import { formatFor } from "./wells.ts";
 
 export class NewRun {
   readonly #panel: HTMLDetailsElement;
@@ -34,6 +35,9 @@ export class NewRun {
   readonly #toQueue: HTMLButtonElement;
   readonly #leave: HTMLButtonElement;
   readonly #format: HTMLSelectElement;
+  readonly #doubt: HTMLElement;
+  readonly #doubtWords: HTMLElement;
+  readonly #sure: HTMLElement;
   readonly #plate: PlanPlate;
   readonly #cell: CellEdit;
   readonly #columns: ColumnsView;
@@ -91,6 +95,10 @@ export class NewRun {
     this.#toQueue = find("to-queue");
     this.#leave = find("leave-queued");
     this.#format = find("plate-format");
+    this.#doubt = find("plate-doubt");
+    this.#doubtWords = find("plate-doubt-words");
+    this.#sure = find("plate-doubt-sure");
+    this.#sure.addEventListener("click", () => this.#confirm());
     this.#plate = new PlanPlate({ box: find("plan"), table: find("plan-plate"), legend: find("plan-legend") });
     this.#cell = new CellEdit(
       find,
@@ -178,7 +186,7 @@ export class NewRun {
     this.#checks += 1;
     this.#clear();
     const { plate_map, plate_format = null, metadata = {} } = plan;
-    this.#map = { plate_map, plate_format, metadata, notes: [] };
+    this.#map = { plate_map, plate_format, metadata, notes: [], confirm: null };
     this.#chosen = plate_format;
     this.#format.value = String(plate_format ?? "");
     this.#file.value = "";
@@ -274,6 +282,7 @@ export class NewRun {
   #whatIsMissing(): string[] {
     const missing = [];
     if (this.#map === null) missing.push(this.#file.value === "" ? "a plate map" : "a plate map without mistakes");
+    if (this.#map?.confirm != null) missing.push("the plate's size");
     const misread = this.#barcode.validity.patternMismatch;
     show(this.#barcodeWords, misread);
     if (!this.#barcode.checkValidity()) missing.push(misread ? "another barcode" : "the plate's barcode");
@@ -437,15 +446,34 @@ export class NewRun {
   /** Takes a plate map with one well corrected. The daemon checks it with the plan. */
   #correct(wells: PlannedWell[]): void {
     if (this.#map === null) return;
-    this.#map = { ...this.#map, plate_map: wells };
+    const isAsLarge = plateSize(wells) === plateSize(this.#map.plate_map);
+    this.#map = { ...this.#map, plate_map: wells, confirm: isAsLarge ? (this.#map.confirm ?? null) : null };
     this.#clear();
     setText(this.#holds, `${contents(wells)} Corrected on this page; the file is as it was.`);
     this.#draw();
     this.#enable();
   }
 
+  /** The plate is as large as the one well makes it: it is chosen. */
+  #confirm(): void {
+    if (this.#map === null) return;
+    const plate_format = plateSize(this.#map.plate_map);
+    this.#map = { ...this.#map, plate_format, confirm: null };
+    this.#chosen = plate_format;
+    this.#format.value = String(plate_format);
+    this.#draw();
+    this.#enable();
+    this.#format.focus();
+  }
+
   #draw(): void {
     this.#cell.close();
+    const confirm = this.#map?.confirm ?? null;
+    show(this.#doubt, confirm !== null);
+    if (confirm !== null) {
+      setText(this.#doubtWords, `${capitalised(confirm)}.`);
+      setText(this.#sure, `It has ${plateSize(this.#map!.plate_map)} wells`);
+    }
     this.#plate.update(this.#map?.plate_map ?? [], this.#wells());
   }
 
@@ -525,6 +553,12 @@ export function contents(wells: readonly PlannedWell[]): string {
   );
   if (beads > 0) parts.push(counted(beads, "bead"));
   return `${counted(wells.length, "well")}: ${parts.join(", ")}.`;
+}
+
+/** Number of wells of the smallest usual plate that has these. */
+function plateSize(wells: readonly PlannedWell[]): number {
+  const { rows, columns } = formatFor(wells.map(({ well }) => well));
+  return rows * columns;
 }
 
 /** The name of a run from the plate's name and the time, UTC: `P-001-20260305T093000`. */

@@ -28,6 +28,9 @@ impl PlateFormat {
         Self::LARGEST,
     ];
 
+    /// Numbers of wells of plates that need not be stated, below the largest.
+    const USUAL: [u32; 2] = [96, 384];
+
     /// 1536 wells: the plate on which every well has its place.
     const LARGEST: Self = Self { rows: 32, columns: 48 };
 
@@ -40,8 +43,12 @@ impl PlateFormat {
     /// and 1536 wells that does. Few wells say nothing about the plate: smaller plates must be stated.
     pub fn shown<'w>(stated: Option<u32>, wells: &(impl Iterator<Item = &'w str> + Clone)) -> Self {
         let holds_all = |format: &Self| wells.clone().all(|well| format.holds(well));
-        let usual = [96, 384].into_iter();
-        stated.into_iter().chain(usual).filter_map(Self::of_wells).find(holds_all).unwrap_or(Self::LARGEST)
+        stated.into_iter().chain(Self::USUAL).filter_map(Self::of_wells).find(holds_all).unwrap_or(Self::LARGEST)
+    }
+
+    /// The largest usual format with fewer wells: of 1536 that of 384, of 384 that of 96. `None` of the smallest.
+    pub fn next_usual_below(self) -> Option<Self> {
+        Self::USUAL.into_iter().rev().filter(|wells| *wells < self.wells()).find_map(Self::of_wells)
     }
 
     /// Number of wells.

@@ -72,7 +72,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if is_known && let Some(outcome) = watch::outcome(&client, &id)? {
         bail!("run {id} of the same plan has ended already: {outcome}. Nothing was started. Choose a new --id to measure the plate again");
     }
-    for note in &map.notes {
+    for note in map.notes.iter().chain(&map.confirm) {
         say!("{}: {note}", args.plate_map.display());
     }
     if is_known {

@@ -37,6 +37,27 @@ test(
     const [box, label] = [await out.locator("input").boundingBox(), await out.boundingBox()];
     assert.ok(box!.height + 12 > label!.height, `the box stands beside its words: ${label!.height} px`);
     await shoot(page, "plan-384");
+    // A misprint that makes the plate larger is confirmed or corrected before a run can begin.
+    const misprint = "well,specimen,dpf\nA01,larva,3\nI12,larva,3\n";
+    const alone = /^Line 3: I12 is the only well that is not on a plate of 96 wells, so the plate counts as one of 384/;
+    const plate = page.getByLabel("Plate", { exact: true });
+    const doubt = page.locator("#plate-doubt");
+    await choose(misprint);
+    await until(page, "plate-doubt-words", alone);
+    await until(page, "new-run-missing", /^Still needed: the plate's size,/);
+    await shoot(page, "doubt");
+    await page.getByRole("button", { name: "It has 384 wells" }).click();
+    assert.deepEqual([await plate.inputValue(), await doubt.isVisible()], ["384", false]);
+    assert.doesNotMatch(await page.locator("#new-run-missing").innerText(), /size/);
+    await plate.selectOption("96");
+    await until(page, "new-run-list", /Line 3, well: I12 is not on a plate of 96 wells/);
+    await plate.selectOption("");
+    await until(page, "plate-doubt-words", alone);
+    await page.locator('#plan-plate [data-planned="I12"]').click();
+    await page.getByLabel("Leave this well out of the run").check();
+    await page.getByRole("button", { name: "Use it" }).click();
+    await until(page, "plate-holds", /^1 well: /);
+    assert.equal(await doubt.isVisible(), false);
     // The age and the compound of one well are corrected, and the other well is left out.
     await choose(MAP);
     await until(page, "plate-holds", /^2 wells: 2 larvae of 3 dpf\.$/);

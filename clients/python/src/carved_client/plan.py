@@ -60,6 +60,8 @@ class PlateMap:
     notes: tuple[str, ...] = ()
     #: Number of wells of the plate, if the file names it.
     plate_format: int | None = None
+    #: What a person confirms before a run, by choosing the plate: a single well makes it larger, and may be a misprint.
+    confirm: str | None = None
 
     def plan(self, plate_barcode: str, method: str, operator: str, *, external_id: str | None = None) -> RunPlan:
         """The plan of a run of these wells, with everything that the file says about the plate."""

@@ -48,6 +48,9 @@ pub struct PlateMap {
     pub metadata: Metadata,
     /// What was read differently from the file, each with its place.
     pub notes: Vec<String>,
+    /// What a person confirms before a run: a single well makes the plate larger, and may be a misprint. `None` where nothing is to be confirmed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub confirm: Option<String>,
 }
 
 /// A mistake, and its place: a JSON pointer, or a line and a column of a CSV.
@@ -221,23 +224,29 @@ impl Reading {
         Some(well)
     }
 
-    /// Notes the wells that make a plate larger than the most common one: a single one may be a misprint.
-    fn note_beyond_96(&mut self) {
+    /// Notes the wells that make a plate larger than the next smaller one. A single one may be a misprint, and is to be confirmed.
+    fn note_larger(&mut self) {
         const NAMED: usize = 3;
         let names = self.map.plate_map.iter().map(|planned| planned.well.as_str());
-        let (usual, shown) = (PlateFormat::shown(None, &std::iter::empty()), PlateFormat::shown(None, &names));
-        let beyond: Vec<_> = names.filter(|well| !usual.holds(well)).collect();
-        if beyond.is_empty() {
+        let shown = PlateFormat::shown(None, &names);
+        let Some(smaller) = shown.next_usual_below() else { return };
+        let beyond: Vec<_> = names.filter(|well| !smaller.holds(well)).collect();
+        let at = |well: &str| self.named.get(well).map_or_else(|| well.to_owned(), |place| format!("{place}: {well}"));
+        let [smaller, larger] = [smaller, shown].map(PlateFormat::wells);
+        if let [alone] = beyond[..] {
+            let at = at(alone);
+            self.map.confirm = Some(format!(
+                "{at} is the only well that is not on a plate of {smaller} wells, so the plate counts as one of {larger} wells; choose the plate, or \
+                 correct the well"
+            ));
             return;
         }
         let more = if beyond.len() > NAMED { format!(" and {} more", beyond.len() - NAMED) } else { String::new() };
-        let named = beyond[..beyond.len().min(NAMED)].join(", ");
-        let note = format!(
-            "{named}{more}: not on a plate of {} wells, so the plate counts as one of {} wells; choose the plate if it is another",
-            usual.wells(),
-            shown.wells()
-        );
-        self.note(note);
+        let named: Vec<_> = beyond.iter().take(NAMED).map(|well| at(well)).collect();
+        let named = named.join(", ");
+        self.note(format!(
+            "{named}{more}: not on a plate of {smaller} wells, so the plate counts as one of {larger} wells; choose the plate if it is another"
+        ));
     }
 
     fn finish_on(mut self, chosen: Option<u32>) -> Result<PlateMap, Vec<Mistake>> {
@@ -255,7 +264,7 @@ impl Reading {
                 self.wrong(mistake);
             }
         } else {
-            self.note_beyond_96();
+            self.note_larger();
         }
         if self.mistakes.is_empty() && self.map.plate_map.is_empty() {
             self.wrong(Mistake::in_line(1, "", "the plate map names no well"));

@@ -48,13 +48,33 @@ fn a_well_beyond_the_plate_is_a_mistake_where_the_plate_is_chosen_and_a_note_whe
     assert_eq!((said.len(), mistakes[1].line), (2, Some(4)));
     let found = read(map, Format::Csv, None, Some(384)).unwrap();
     assert_eq!((found.plate_format, found.notes.len()), (Some(384), 0));
-    let note = &csv("well\nA01\nI12\n").unwrap().notes[0];
-    assert_eq!(note, "I12: not on a plate of 96 wells, so the plate counts as one of 384 wells; choose the plate if it is another");
-    assert!(csv("well\nI1\nI2\nI3\nI4\nAF48\n").unwrap().notes.last().unwrap().starts_with("I01, I02, I03 and 2 more: not on"));
+    let note = &csv("well\nA01\nI12\nP24\n").unwrap().notes[0];
+    let of_384 = "not on a plate of 96 wells, so the plate counts as one of 384 wells; choose the plate if it is another";
+    assert_eq!(note, &format!("line 3: I12, line 4: P24: {of_384}"));
+    let many = csv("well\nI01\nI02\nI03\nI04\nI05\n").unwrap();
+    assert_eq!(many.notes, [format!("line 2: I01, line 3: I02, line 4: I03 and 2 more: {of_384}")]);
     // The choice counts before the name in the file.
     let named = br#"{"plate_format": 384, "plate_map": [{"well": "P24"}]}"#;
     assert_eq!(read(named, Format::Json, None, Some(96)).unwrap_err()[0].pointer.as_deref(), Some("/plate_map/0/well"));
     assert_eq!(read(named, Format::Json, None, Some(97)).unwrap_err()[0].pointer.as_deref(), Some("/plate_format"));
+}
+
+#[test]
+fn a_single_well_that_makes_the_plate_larger_is_to_be_confirmed() {
+    let confirm = |text: &str| csv(text).unwrap().confirm;
+    let words = |at: &str, smaller: u32, larger: u32| {
+        Some(format!(
+            "{at} is the only well that is not on a plate of {smaller} wells, so the plate counts as one of {larger} wells; choose the plate, or \
+             correct the well"
+        ))
+    };
+    assert_eq!(confirm("well\nA01\nI12\n"), words("line 3: I12", 96, 384));
+    assert_eq!(confirm("well\nA01\nZ05\n"), words("line 3: Z05", 384, 1536));
+    assert_eq!(confirm("well\nA01\nI12\nP24\nZ05\n"), words("line 5: Z05", 384, 1536), "of a plate of 384 wells");
+    assert_eq!(json(r#"{"plate_map": [{"well": "A1"}, {"well": "P24"}]}"#).unwrap().confirm, words("/plate_map/1: P24", 96, 384));
+    assert_eq!((confirm("well\nA01\nH12\n"), confirm("well\nI12\nP24\n"), confirm("well\nA01\nI12\nP24\n")), (None, None, None));
+    let chosen = read(b"well\nA01\nI12\n", Format::Csv, None, Some(384)).unwrap();
+    assert_eq!((chosen.confirm, chosen.notes.len()), (None, 0));
 }
 
 #[test]
@@ -86,8 +106,8 @@ fn the_same_map_reads_the_same_however_a_spreadsheet_saves_it() {
 fn names_of_wells_are_read_as_people_write_them_and_that_is_said() {
     let map = csv("well\na1\nA2\nP24\n\"A03\"\n\"af48\"\n").unwrap();
     assert_eq!(names(&map), ["A01", "A02", "P24", "A03", "AF48"]);
-    let beyond_96 = "P24, AF48: not on a plate of 96 wells, so the plate counts as one of 1536 wells; choose the plate if it is another";
-    assert_eq!(map.notes, ["line 2: a1 is read as A01", "line 3: A2 is read as A02", "line 6: af48 is read as AF48", beyond_96]);
+    assert_eq!(map.notes, ["line 2: a1 is read as A01", "line 3: A2 is read as A02", "line 6: af48 is read as AF48"]);
+    assert!(map.confirm.unwrap().starts_with("line 6: AF48 is the only well that is not on a plate of 384 wells"));
     // Row b of A in the names of some programs, and the 28th row here.
     for written in ["Ab1", "aB01", "Ad12", "Aa1"] {
         let mistakes = csv(&format!("well\nA01\n{written}\n")).unwrap_err();

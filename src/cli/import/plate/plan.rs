@@ -92,6 +92,6 @@ fn map(file: &Path, barcode: &str, plate_format: Option<u32>, columns: Option<&P
         plate_map::print(file, &mistakes);
         anyhow::anyhow!("--plate-map {}: {} mistakes; correct them, then import", file.display(), mistakes.len())
     })?;
-    map.notes.iter().for_each(|note| note!("{}: {note}", file.display()));
+    map.notes.iter().chain(&map.confirm).for_each(|note| note!("{}: {note}", file.display()));
     Ok(map)
 }
