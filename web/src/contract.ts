@@ -393,7 +393,7 @@ export interface Plate {
 }
 
 export interface PlateMap {
-  confirm?: string | null;
+  confirm: string | null;
   metadata: Record<string, unknown>;
   notes: string[];
   plate_format: number | null;

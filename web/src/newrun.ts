@@ -447,7 +447,7 @@ export class NewRun {
   #correct(wells: PlannedWell[]): void {
     if (this.#map === null) return;
     const isAsLarge = plateSize(wells) === plateSize(this.#map.plate_map);
-    this.#map = { ...this.#map, plate_map: wells, confirm: isAsLarge ? (this.#map.confirm ?? null) : null };
+    this.#map = { ...this.#map, plate_map: wells, confirm: isAsLarge ? this.#map.confirm : null };
     this.#clear();
     setText(this.#holds, `${contents(wells)} Corrected on this page; the file is as it was.`);
     this.#draw();

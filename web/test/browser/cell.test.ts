@@ -40,7 +40,7 @@ test(
     // A misprint that makes the plate larger is confirmed or corrected before a run can begin.
     const misprint = "well,specimen,dpf\nA01,larva,3\nI12,larva,3\n";
     const alone = /^Line 3: I12 is the only well that is not on a plate of 96 wells, so the plate counts as one of 384/;
-    const plate = page.getByLabel("Plate", { exact: true });
+    const plate = page.locator("#plate-format");
     const doubt = page.locator("#plate-doubt");
     await choose(misprint);
     await until(page, "plate-doubt-words", alone);
