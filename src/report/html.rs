@@ -474,7 +474,9 @@ impl Report<'_> {
                     @if several { td { (s.run) } }
                     td { (s.well) } td.left { (s.condition.words()) } td { (outcome(s.outcome)) }
                     td { (of_body(s, s.volume_um3, s.volume_sd_um3, MILLION)) } td { (of_body(s, s.area_um2, s.area_sd_um2, MILLION)) }
-                    td { (of_body(s, s.length_um, None, 1000.0)) } td.left[s.eyes_reason.is_some()] { (eyes(s)) } td { (with_sd(s.eye_distance_um[0], s.eye_distance_um[1], 1.0)) }
+                    td { (of_body(s, s.length_um, None, 1000.0)) }
+                    @if s.eyes_reason.is_some() { td.left { (eyes(s)) } } @else { td { (eyes(s)) } }
+                    td { (with_sd(s.eye_distance_um[0], s.eye_distance_um[1], 1.0)) }
                     td { (bladder(s)) }
                     @for z in s.z { td { (z.map_or_else(String::new, |z| format!("{z:+.1}"))) } }
                     td { (s.estimator.as_deref().unwrap_or_default()) }

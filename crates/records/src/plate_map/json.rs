@@ -29,6 +29,7 @@ pub fn read(bytes: &[u8], plate: Option<&str>, reading: &mut Reading) {
             }
             // What a check answered can be checked again.
             document.remove("notes");
+            document.remove("confirm");
             match document.remove("plate_map") {
                 Some(Value::Array(wells)) => self::wells(&wells, "/plate_map", reading),
                 Some(_) => reading.wrong(Mistake::at("/plate_map", "plate_map is a list of wells")),
