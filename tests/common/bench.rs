@@ -79,7 +79,8 @@ pub fn bead(well: &str, diameter_um: f64) -> (&str, Value, Specimen) {
     (well, json!({"well": well, "specimen": "bead"}), Specimen::bead(diameter_um).unwrap())
 }
 
-/// A larva of 4 dpf; nothing but its age is known.
+/// A larva of 4 dpf; nothing but its age is known. Each column of the plate has another one.
 pub fn larva(well: &str) -> (&str, Value, Specimen) {
-    (well, json!({"well": well, "specimen": "larva", "dpf": 4}), Specimen::larva(4, 1).unwrap())
+    let seed = well[1..].parse().unwrap();
+    (well, json!({"well": well, "specimen": "larva", "dpf": 4}), Specimen::larva(4, seed).unwrap())
 }

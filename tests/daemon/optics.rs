@@ -11,6 +11,7 @@ use hardware_sim::sampler::Next;
 use hardware_sim::scene::{Camera, Contents, Exposure, Scene, SceneSettings, Specimen};
 use hardware_sim::{PixelFormat, Pixels, SamplerSettings, Sight};
 use serde_json::{Value, json};
+use std::cell::Cell;
 use std::sync::{Arc, Mutex};
 
 /// What is between the scene and the sensor.
@@ -79,6 +80,8 @@ impl Sight for Before {
 struct Bench {
     instrument: Instrument,
     optics: Arc<Mutex<Optics>>,
+    /// How many larvae came.
+    larvae: Cell<u64>,
 }
 
 /// Loading takes 2 s, so that the empty capillary is seen before the specimen comes, also on a busy machine.
@@ -91,7 +94,13 @@ impl Bench {
         let optics = Arc::new(Mutex::new(Optics::Sound));
         let before = Arc::clone(&optics);
         let instrument = Instrument::filled_by(sampler, &QUICK, policy, more, |scene| Arc::new(Before::new(scene, before)));
-        Self { instrument, optics }
+        Self { instrument, optics, larvae: Cell::new(0) }
+    }
+
+    /// Another larva for each well: the same one twice is noticed.
+    fn another_larva(&self) -> Specimen {
+        self.larvae.set(self.larvae.get() + 1);
+        Specimen::larva(4, self.larvae.get()).unwrap()
     }
 
     fn new(policy: &str) -> Self {
@@ -116,7 +125,7 @@ impl Bench {
     fn bring(&self, well: &str) {
         let asked = |s: &Value| s["state"] == "Suspended" && s["plate"]["bring"] == well;
         self.daemon().wait("the loader to be asked", asked);
-        self.instrument.scene.load(Some(larva())).unwrap();
+        self.instrument.scene.load(Some(self.another_larva())).unwrap();
         assert_eq!(self.daemon().put_loaded("r1", well), 200);
     }
 
@@ -124,7 +133,8 @@ impl Bench {
     fn give(&self) {
         self.daemon().wait("the load", |s| s["specimen"]["phase"] == "load");
         let (brought, taken) = (self.instrument.scene.clone(), self.instrument.scene.clone());
-        let bring = Box::new(move || brought.load(Some(larva())).unwrap());
+        let larva = self.another_larva();
+        let bring = Box::new(move || brought.load(Some(larva.clone())).unwrap());
         let take_away = Box::new(move || taken.load(Contents::default()).unwrap());
         self.instrument.rig.sampler().unwrap().give(Next { bring, take_away });
     }
@@ -178,10 +188,6 @@ impl Bench {
     }
 }
 
-fn larva() -> Specimen {
-    Specimen::larva(4, 1).unwrap()
-}
-
 #[test]
 fn light_that_is_cut_after_the_first_well_holds_the_run_and_the_same_larva_is_measured_once_it_is_back() {
     let bench = Bench::new(POLICY);
@@ -203,8 +209,8 @@ fn light_that_is_cut_after_the_first_well_holds_the_run_and_the_same_larva_is_me
     assert!(bench.instrument.data.join("runs/r1/A02/SHA256SUMS").is_file(), "the recording is closed");
 
     // After a crash the daemon still knows that the larva is inside, and its well.
-    let Bench { instrument, optics } = bench;
-    let bench = Bench { instrument: instrument.restarted("KILL"), optics };
+    let Bench { instrument, optics, larvae } = bench;
+    let bench = Bench { instrument: instrument.restarted("KILL"), optics, larvae };
     let status = bench.daemon().wait("the held run", |s| s["run"]["id"] == "r1" && s["state"] == "Held");
     bench.is_held(&status, "A02", "picture_light");
 
@@ -289,8 +295,8 @@ fn a_larva_that_a_driven_sampler_keeps_outlasts_a_crash() {
     bench.put(&["A01"]);
     bench.give();
     bench.held("A01", "picture_light");
-    let Bench { instrument, optics } = bench;
-    let bench = Bench { instrument: instrument.restarted("KILL"), optics };
+    let Bench { instrument, optics, larvae } = bench;
+    let bench = Bench { instrument: instrument.restarted("KILL"), optics, larvae };
     let status = bench.daemon().wait("the held run", |s| s["run"]["id"] == "r1" && s["state"] == "Held");
     bench.is_held(&status, "A01", "picture_light");
     bench.set(Optics::Sound);
