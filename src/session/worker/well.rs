@@ -46,10 +46,8 @@ impl Worker {
         let Some(Loaded { truth }) = self.load(planned, &mut times)? else { return Ok(ControlFlow::Break(())) };
         // At most one computation runs beside the next specimen.
         let settled = self.context.settle(before);
-        let end = settled.and_then(|()| match self.context.give_back.is_cancelled() {
-            true => Ok(Attempt::Cancelled),
-            false => self.tries(planned, truth.as_ref(), &mut times),
-        });
+        let is_out = self.context.give_back.is_cancelled();
+        let end = settled.and_then(|()| if is_out { Ok(Attempt::Cancelled) } else { self.tries(planned, truth.as_ref(), &mut times) });
         let end = match end {
             Ok(Attempt::Accepted(science)) => {
                 let out = self.take_out(planned, true, &mut times);
