@@ -79,7 +79,9 @@ mod tests {
         // One view may agree by chance, and records of earlier versions have no outlines.
         let [mut few, mut none] = [views(0.3, 5), views(0.3, 5)];
         few[1..].iter_mut().zip(views(33.5, 5)).for_each(|(view, other)| view.outline = other.outline);
-        none.iter_mut().for_each(|view| view.outline = None);
+        for view in &mut none {
+            view.outline = None;
+        }
         assert_eq!((said(pictures.take_outlines(&few, "A04")), said(pictures.take_outlines(&none, "A05"))), (None, None));
         assert_eq!(said(pictures.take_outlines(&none, "A06")), None);
     }
