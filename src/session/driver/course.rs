@@ -330,8 +330,8 @@ pub(super) fn taken_for_good(d: &mut DriverState, run: Option<&str>, well: &str)
     Ok(())
 }
 
-/// Somebody took a specimen out while the driven sampler was at work. The run is held, because a person is at the instrument. The work at
-/// this specimen ends at once, so that the next one that comes is not measured as this one, and then the report takes effect.
+/// Somebody took a specimen out while the driven sampler was at work. The run is held, because a person is at the instrument. A load
+/// ends at once, so that the next specimen that comes is not measured as this one, and a turn ends without numbers. Then the report takes effect.
 ///
 /// # Errors
 /// The disk refused the message, which then has no effect.

@@ -268,7 +268,7 @@ fn a_specimen_that_is_taken_out_while_the_sampler_works_counts_as_out_once_the_w
                 assert_eq!(b.status().state, State::Holding, "a person is at the instrument");
                 assert!(b.d.run.as_mut().unwrap().work_mut().as_ref().unwrap().gives_back(), "the load ends at once");
                 let events = journalled(dir.path());
-                assert_eq!((count(&events, kind::WELL_TAKEN_OUT), count(&events, kind::WELL_UNLOADED)), (1, 0), "the work goes on");
+                assert_eq!((count(&events, kind::WELL_TAKEN_OUT), count(&events, kind::WELL_UNLOADED)), (1, 0), "the work has not ended");
                 if dies {
                     drop(b);
                     b = bench_of(dir.path(), instrument(FakeAxis::new(), Arm::default()));
