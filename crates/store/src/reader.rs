@@ -8,7 +8,7 @@
 use super::gates::{self, GateFile};
 use super::index::{self, EventsAfter, RunRow, RunsQuery};
 use super::recording::{DETECTION, MEASUREMENT, frame_name};
-use super::stored_run::state_no_more_than_was_seen;
+use super::stored_run::remove_claims_on_unseen_parts;
 use super::{
     RECORDING, Receipt, RecordingReader, Replayed, RunFiles, RunRecord, StoreError, attempts, durable, frames, is_own_file, is_own_folder,
     receipt, replay, run, sums,
@@ -273,7 +273,7 @@ impl StoreReader {
         let earlier = folder.parent().map(|run| attempts::earlier(run, well)).unwrap_or_default();
         let mut measurement = json(MEASUREMENT)?;
         if let Some(numbers) = &mut measurement {
-            state_no_more_than_was_seen(numbers, status.as_ref().is_some_and(|well| StoredFlag::is_bound(&well.flags)));
+            remove_claims_on_unseen_parts(numbers, status.as_ref().is_some_and(|well| StoredFlag::is_bound(&well.flags)));
         }
         let newest = (attempt == 0).then(|| index::views(&self.root, run, well)).transpose();
         // The folder has all results. Without the index only the curve of volumes is missing.

@@ -159,7 +159,7 @@ impl StoredRun {
         if let Some(measurements) = &self.measurements {
             well = well.measured_again(&measurements.join(attempts::folder_name(&planned.well, 0)))?;
         }
-        Ok(well.stating_no_more_than_was_seen())
+        Ok(well.without_claims_on_unseen_parts())
     }
 }
 
@@ -196,10 +196,10 @@ impl StoredWell {
 
     /// The same without what earlier builds said of a larva of which a part was not measured.
     #[must_use]
-    pub(super) fn stating_no_more_than_was_seen(mut self) -> Self {
+    pub(super) fn without_claims_on_unseen_parts(mut self) -> Self {
         let of_well = self.status.as_ref().is_some_and(|status| StoredFlag::is_bound(&status.flags));
         if let Some(measurement) = &mut self.measurement {
-            state_no_more_than_was_seen(measurement, of_well);
+            remove_claims_on_unseen_parts(measurement, of_well);
         }
         self
     }
@@ -241,7 +241,7 @@ pub fn place_among_references<'m>(measurement: &'m Value, quantity: &str) -> Opt
 
 /// Builds before this one compared a larva of which a part was not measured with whole ones, and called it one without gas where the part that
 /// was measured has none. Takes both out of such a `measurement.json`. `is_bound`: the flags of the well say that a part was not measured.
-pub(super) fn state_no_more_than_was_seen(measurement: &mut Value, is_bound: bool) {
+pub(super) fn remove_claims_on_unseen_parts(measurement: &mut Value, is_bound: bool) {
     if !is_bound && !StoredFlag::is_bound(&flags(Some(measurement))) {
         return;
     }
@@ -283,7 +283,7 @@ mod tests {
         for (flags, is_bound) in [(json!(["clipped_left"]), false), (json!(["outside_box", "moved"]), false), (json!([]), true)] {
             let mut numbers = stored(flags);
             assert_eq!(place(&numbers), Some(json!(-9.0)));
-            state_no_more_than_was_seen(&mut numbers, is_bound);
+            remove_claims_on_unseen_parts(&mut numbers, is_bound);
             assert_eq!((place(&numbers), &numbers["reference"]["not_compared"]), (None, &json!("part_unseen")));
             let found = &numbers["bladder"];
             assert_eq!(
@@ -293,10 +293,10 @@ mod tests {
         }
         // A whole larva, and one that was not compared.
         let mut whole = stored(json!(["moved"]));
-        state_no_more_than_was_seen(&mut whole, false);
+        remove_claims_on_unseen_parts(&mut whole, false);
         assert_eq!(whole, stored(json!(["moved"])));
         let mut bead = json!({ "flags": ["clipped_left"], "bladder": null });
-        state_no_more_than_was_seen(&mut bead, false);
+        remove_claims_on_unseen_parts(&mut bead, false);
         assert_eq!(bead, json!({ "flags": ["clipped_left"], "bladder": null }));
     }
 }

@@ -60,26 +60,27 @@ pub enum Command {
 /// A run that cannot be read, or a file that cannot be written.
 pub fn run(command: &Command) -> anyhow::Result<ExitCode> {
     match command {
-        Command::Table(args) => table::run(args),
-        Command::Statistics(args) => statistics::run(args),
-        Command::Methods(args) => provenance::methods(args),
-        Command::Rocrate(args) => provenance::rocrate(args).map(|()| ExitCode::SUCCESS),
-        Command::Rembi(args) => provenance::rembi(args).map(|()| ExitCode::SUCCESS),
-        Command::Mihcsme(args) => mihcsme::run(args),
-        Command::Nrrd(args) => model::nrrd(args).map(|()| ExitCode::SUCCESS),
-        Command::Voxels(args) => model::voxels(args).map(|()| ExitCode::SUCCESS),
-        Command::Rois(args) => model::rois(args).map(|()| ExitCode::SUCCESS),
-        Command::Stl(args) => model::stl(args).map(|()| ExitCode::SUCCESS),
-        Command::Glb(args) => model::glb(args).map(|()| ExitCode::SUCCESS),
-        Command::OmeTiff(args) => ome_tiff::run(args).map(|()| ExitCode::SUCCESS),
-        Command::Pictures(args) => pictures::run(args).map(|()| ExitCode::SUCCESS),
-        Command::Loaddata(args) => loaddata::run(args).map(|()| ExitCode::SUCCESS),
-        Command::OmeZarr(args) => ome_zarr::run(args).map(|()| ExitCode::SUCCESS),
+        Command::Table(args) => return table::run(args),
+        Command::Statistics(args) => return statistics::run(args),
+        Command::Methods(args) => return provenance::methods(args),
+        Command::Mihcsme(args) => return mihcsme::run(args),
+        Command::Rocrate(args) => provenance::rocrate(args),
+        Command::Rembi(args) => provenance::rembi(args),
+        Command::Nrrd(args) => model::nrrd(args),
+        Command::Voxels(args) => model::voxels(args),
+        Command::Rois(args) => model::rois(args),
+        Command::Stl(args) => model::stl(args),
+        Command::Glb(args) => model::glb(args),
+        Command::OmeTiff(args) => ome_tiff::run(args),
+        Command::Pictures(args) => pictures::run(args),
+        Command::Loaddata(args) => loaddata::run(args),
+        Command::OmeZarr(args) => ome_zarr::run(args),
         Command::Columns => {
             say!("{}", crate::tables::page().trim_end());
-            Ok(ExitCode::SUCCESS)
+            Ok(())
         }
     }
+    .map(|()| ExitCode::SUCCESS)
 }
 
 /// Reads the runs of folders.

@@ -92,7 +92,7 @@ fn launch(d: &mut DriverState) {
     let wells = run.wells_left(&accepted);
     let record = run.record();
     let work =
-        Work::begin(instrument, d.loader.cleared_interlock(), d.publisher.halt(), |[cancel, pause, give_back], progress| RunContext {
+        Work::begin(instrument, d.loader.cleared_interlock(), d.publisher.halt(), |[cancel, pause, specimen_out], progress| RunContext {
             config: d.config.clone(),
             identity: d.identity.clone(),
             mode: d.mode,
@@ -107,7 +107,7 @@ fn launch(d: &mut DriverState) {
             folder: d.outbox.store().run_folder(&record.id),
             cancel,
             pause,
-            give_back,
+            specimen_out,
             progress,
             pictures: std::sync::Arc::default(),
             opacities: d.opacities.clone(),
@@ -345,8 +345,8 @@ pub(super) fn taken_out_at_work(d: &mut DriverState, well: &str) -> Result<(), R
         hold(d, state, Asked::default())?;
     }
     // Otherwise it is being held or ended already.
-    if d.specimens().is_worked_at(well) {
-        d.run.iter().for_each(RunInProgress::give_back);
+    if d.specimens().is_loading_or_inside(well) {
+        d.run.iter().for_each(RunInProgress::specimen_out);
     }
     Ok(())
 }

@@ -135,8 +135,8 @@ impl RunInProgress {
     }
 
     /// Ends the work at the present specimen, which somebody has taken out.
-    pub fn give_back(&self) {
-        self.work.iter().for_each(|work| work.give_back.cancel());
+    pub fn specimen_out(&self) {
+        self.work.iter().for_each(|work| work.specimen_out.cancel());
     }
 
     /// Notes a request and passes it to the worker. A hold or a stop takes effect after the current specimen, the others at once.
@@ -275,7 +275,7 @@ fn after_work(end: RunEnd, request: Request, halted: bool) -> AfterWork {
 pub(super) struct Work {
     cancel: CancelToken,
     pause: CancelToken,
-    give_back: CancelToken,
+    specimen_out: CancelToken,
     stop: StopHandle,
     interlock: LoaderInterlock,
     worker: JoinHandle<(Instrument, RunEnd)>,
@@ -292,13 +292,13 @@ impl Work {
         context: impl FnOnce([CancelToken; 3], mpsc::Sender<Progress>) -> RunContext,
     ) -> Self {
         let (cancel, pause) = (CancelToken::default(), CancelToken::default());
-        let give_back = cancel.child();
+        let specimen_out = cancel.child();
         let stop = instrument.rig.rotation.stop_handle();
         halt.aim(stop.clone(), cancel.clone());
         let (progress_in, progress) = mpsc::channel(64);
-        let context = context([cancel.clone(), pause.clone(), give_back.clone()], progress_in);
+        let context = context([cancel.clone(), pause.clone(), specimen_out.clone()], progress_in);
         let worker = tokio::task::spawn_blocking(move || worker::run(instrument, &context));
-        Self { cancel, pause, give_back, stop, interlock, worker, progress }
+        Self { cancel, pause, specimen_out, stop, interlock, worker, progress }
     }
 
     fn obey(&self, request: Request) {
@@ -326,8 +326,8 @@ impl Work {
     }
 
     #[cfg(test)]
-    pub fn gives_back(&self) -> bool {
-        self.give_back.is_cancelled()
+    pub fn is_specimen_out(&self) -> bool {
+        self.specimen_out.is_cancelled()
     }
 
     #[cfg(test)]

@@ -168,7 +168,7 @@ pub struct RunContext {
     /// Ends the run after the current specimen. The motors do not stop.
     pub pause: CancelToken,
     /// Ends the work at the present specimen, which somebody has taken out. Its well is not measured.
-    pub give_back: CancelToken,
+    pub specimen_out: CancelToken,
     pub progress: Sender<Progress>,
     /// The pictures of the wells so far.
     pub pictures: Arc<Mutex<PicturesOfWells>>,

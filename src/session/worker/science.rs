@@ -199,7 +199,7 @@ mod tests {
             folder: "/data/runs/r1".into(),
             cancel: CancelToken::new(),
             pause: CancelToken::new(),
-            give_back: CancelToken::new(),
+            specimen_out: CancelToken::new(),
             progress,
             pictures: Arc::default(),
             opacities: Arc::default(),

@@ -49,7 +49,7 @@ impl Worker {
         writer.add_references(&self.context.config.references)?;
         let science = Science::start(&self.context, planned, pipeline, writer)?;
         match self.verdict(planned, &plan, &science, times, last) {
-            Ok(_) if self.context.give_back.is_cancelled() => {
+            Ok(_) if self.context.specimen_out.is_cancelled() => {
                 science.close()?;
                 Ok(Attempt::Cancelled)
             }

@@ -46,7 +46,7 @@ impl Worker {
         let Some(Loaded { truth }) = self.load(planned, &mut times)? else { return Ok(ControlFlow::Break(())) };
         // At most one computation runs beside the next specimen.
         let settled = self.context.settle(before);
-        let is_out = self.context.give_back.is_cancelled();
+        let is_out = self.context.specimen_out.is_cancelled();
         let end = settled.and_then(|()| if is_out { Ok(Attempt::Cancelled) } else { self.tries(planned, truth.as_ref(), &mut times) });
         let end = match end {
             Ok(Attempt::Accepted(science)) => {
@@ -106,7 +106,7 @@ impl Worker {
         let is_inside = context.inside.as_deref() == Some(well);
         let stop = rig.rotation.stop_handle();
         let began = Instant::now();
-        let loaded = within(Phase::Load, context.allowed(Phase::Load), &context.give_back, &stop, |cancel| {
+        let loaded = within(Phase::Load, context.allowed(Phase::Load), &context.specimen_out, &stop, |cancel| {
             let axis = rig.rotation.as_mut();
             if let Some(stops) = &list {
                 // Before the specimen is requested: the axis reads its list when it takes up the specimen.

@@ -203,7 +203,7 @@ pub(super) fn turn(
         Err(NotCalibrated::NotAsked) => raised.push((Flag::Uncalibrated, None)),
         Err(e) => raised.push((Flag::Uncalibrated, Some(format!("warning: measured with the camera as given: {e}")))),
     }
-    raised.extend(turn_findings.iter().map(|finding| (finding.flag(), Some(said(finding, views)))));
+    raised.extend(turn_findings.iter().map(|finding| (finding.flag(), Some(doubt_of(finding, views)))));
     raised.extend(low_overlap(&overlaps).map(|why| (Flag::Overlap, Some(why))));
     let (flags, doubts): (Vec<_>, Vec<_>) = raised.into_iter().unzip();
     let mut doubts: Vec<String> = doubts.into_iter().flatten().collect();
@@ -254,7 +254,7 @@ fn raised_by_calibration(found: &Calibration, seen: &[usize]) -> Vec<Raised> {
 }
 
 /// A finding in words, with the names of silhouettes that are one.
-fn said(finding: &TurnFinding, views: &[View]) -> String {
+fn doubt_of(finding: &TurnFinding, views: &[View]) -> String {
     let name = |index: u32| views.get(index as usize).map_or("", |view| view.name.as_str());
     match finding {
         TurnFinding::Repeated { view, other, .. } => format!("warning: {} and {} are one silhouette: {finding}", name(*view), name(*other)),

@@ -125,7 +125,7 @@ pub(super) fn of(bytes: &[u8], formats: Formats) -> Result<Vec<Page>, DecodeErro
         let jpeg = is_jpeg.then(|| tables.transpose().map(Option::unwrap_or_default)).transpose().map_err(of_tiff)?;
         if said.is_none() {
             let text = tags.find_tag(Tag::ImageDescription).map(|text| text.and_then(|text| text.into_string().ok()));
-            said = Some((text.unwrap_or_else(|_| of_other_letters(bytes)), samples));
+            said = Some((text.unwrap_or_else(|_| description_not_in_utf8(bytes)), samples));
         }
         let orientation = orientation.unwrap_or(Orientation::NoTransforms);
         let row_bytes = (u64::from(piece.0) * u64::from(if is_planar { 1 } else { samples })).saturating_mul(bits).div_ceil(8);
@@ -148,7 +148,7 @@ pub(super) fn of(bytes: &[u8], formats: Formats) -> Result<Vec<Page>, DecodeErro
         pages.retain(|page| !page.is_reduced);
     }
     let (text, samples) = said.unwrap_or_default();
-    let stack = text.as_deref().map(|text| Stack::said(text, samples)).unwrap_or_default();
+    let stack = text.as_deref().map(|text| Stack::parse(text, samples)).unwrap_or_default();
     if is_alone && let Some(page) = pages.pop() {
         pages = page.with_those_behind(&stack, bytes)?;
     }
@@ -157,7 +157,7 @@ pub(super) fn of(bytes: &[u8], formats: Formats) -> Result<Vec<Page>, DecodeErro
 }
 
 /// The description of Fiji in a file whose description has other letters than UTF-8, as a micro sign of one byte.
-fn of_other_letters(bytes: &[u8]) -> Option<String> {
+fn description_not_in_utf8(bytes: &[u8]) -> Option<String> {
     const BEGIN: &[u8] = b"ImageJ=";
     let at = bytes.windows(BEGIN.len()).position(|window| window == BEGIN)?;
     let text = bytes.get(at..)?.split(|byte| *byte == 0).next()?;
@@ -174,7 +174,7 @@ struct Stack {
 }
 
 impl Stack {
-    fn said(text: &str, samples: u32) -> Self {
+    fn parse(text: &str, samples: u32) -> Self {
         let number = |begin: &str| -> Option<usize> {
             let rest = &text[text.find(begin)? + begin.len()..];
             rest[..rest.find(|c: char| !c.is_ascii_digit()).unwrap_or(rest.len())].parse().ok()

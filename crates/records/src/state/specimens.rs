@@ -121,7 +121,7 @@ impl Specimens {
     }
 
     /// Whether the specimen of this well is inside or on its way: the worker is at it, if one is at work.
-    pub fn is_worked_at(&self, well: &str) -> bool {
+    pub fn is_loading_or_inside(&self, well: &str) -> bool {
         let state = self.of(well).state();
         state == SpecimenState::Loading || state.is_inside()
     }

@@ -103,7 +103,7 @@ impl Files {
             computation: Computation::OfRun,
             files: RecordingFiles::Folder(self.folder),
         }
-        .stating_no_more_than_was_seen()
+        .without_claims_on_unseen_parts()
     }
 }
 

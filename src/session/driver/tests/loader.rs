@@ -262,11 +262,11 @@ fn a_specimen_that_is_taken_out_while_the_sampler_works_counts_as_out_once_the_w
                 let dir = scratch();
                 let mut b = started_with(dir.path(), instrument(FakeAxis::new(), Arm::default()), &["A01", "A02", "A03"]);
                 b.phase("A01", Phase::Load, false);
-                assert!(!b.d.run.as_mut().unwrap().work_mut().as_ref().unwrap().gives_back());
+                assert!(!b.d.run.as_mut().unwrap().work_mut().as_ref().unwrap().is_specimen_out());
                 assert_eq!((b.loaded("A01", false), b.loaded("A01", false)), (Ok(()), Ok(())), "a repeat changes nothing");
                 assert!(matches!(b.loaded("H12", false), Err(Refusal::UnexpectedWell { .. })), "no well of the run");
                 assert_eq!(b.status().state, State::Holding, "a person is at the instrument");
-                assert!(b.d.run.as_mut().unwrap().work_mut().as_ref().unwrap().gives_back(), "the load ends at once");
+                assert!(b.d.run.as_mut().unwrap().work_mut().as_ref().unwrap().is_specimen_out(), "the load ends at once");
                 let events = journalled(dir.path());
                 assert_eq!((count(&events, kind::WELL_TAKEN_OUT), count(&events, kind::WELL_UNLOADED)), (1, 0), "the work has not ended");
                 if dies {
