@@ -28,5 +28,6 @@ mod start;
 mod stuck_camera;
 mod sweep;
 mod systemd;
+mod taken_out;
 mod translation;
 mod vast;

@@ -345,7 +345,8 @@ pub(super) fn taken_out_at_work(d: &mut DriverState, well: &str) -> Result<(), R
         hold(d, state, Asked::default())?;
     }
     // Otherwise it is being held or ended already.
-    if d.specimens().is_loading_or_inside(well) {
+    // Between two specimens the next load is that of this well, or is repeated when the run goes on.
+    if d.specimens().inside_or_loading().is_none_or(|at_work| at_work == well) {
         d.run.iter().for_each(RunInProgress::specimen_out);
     }
     Ok(())

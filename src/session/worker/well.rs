@@ -16,6 +16,7 @@ use super::{OpticsFault, Progress, RunError, WellEnd, Worker, optics_fault, retr
 use crate::session::{Instrument, Live, live, placing};
 use carved_core::frame::RawFrame;
 use carved_core::pipeline::{Pipeline, PipelineError, SegmentedFrame};
+use carved_devices::DeviceError;
 use carved_devices::acquisition;
 use carved_devices::outputs;
 use carved_devices::sampler::Loaded;
@@ -119,7 +120,11 @@ impl Worker {
             there.map_err(RunError::from)
         });
         times.phase(Phase::Load, began.elapsed());
-        loaded
+        match loaded {
+            // The end of a load because its specimen is out is no fault.
+            Err(RunError::Device(DeviceError::Stopped)) if context.specimen_out.is_cancelled() => Ok(None),
+            loaded => loaded,
+        }
     }
 
     /// Tries a specimen in the capillary as often as the policy allows.

@@ -120,10 +120,9 @@ impl Specimens {
         self.find(|state| state == SpecimenState::Unknown)
     }
 
-    /// Whether the specimen of this well is inside or on its way: the worker is at it, if one is at work.
-    pub fn is_loading_or_inside(&self, well: &str) -> bool {
-        let state = self.of(well).state();
-        state == SpecimenState::Loading || state.is_inside()
+    /// The well whose specimen is inside, or is being loaded by a driven sampler.
+    pub fn inside_or_loading(&self) -> Option<&str> {
+        self.inside().or_else(|| self.find(|state| state == SpecimenState::Loading))
     }
 
     /// The well for which a driven sampler was asked before: its load was cut short, by a restart or by a fault. A sampler that was opened

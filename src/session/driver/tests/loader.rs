@@ -293,6 +293,23 @@ fn a_specimen_that_is_taken_out_while_the_sampler_works_counts_as_out_once_the_w
     });
 }
 
+/// The worker is about to load it, or is at another specimen, which is measured first.
+#[test]
+fn a_report_of_a_specimen_that_is_not_loaded_yet_ends_no_work_at_another_one() {
+    on_this_thread(async {
+        for (at_work, ends_work) in [(None, true), (Some("A02"), false)] {
+            let dir = scratch();
+            let mut b = started_with(dir.path(), instrument(FakeAxis::new(), Arm::default()), &["A01", "A02"]);
+            if let Some(well) = at_work {
+                b.phase(well, Phase::Revolve, true);
+            }
+            assert_eq!(b.loaded("A01", false), Ok(()));
+            assert_eq!(b.d.run.as_mut().unwrap().work_mut().as_ref().unwrap().is_specimen_out(), ends_work, "{at_work:?}");
+            assert_eq!(b.status().state, State::Holding);
+        }
+    });
+}
+
 #[test]
 fn a_message_that_a_specimen_is_out_outlasts_a_death_at_any_moment() {
     on_this_thread(async {
