@@ -147,7 +147,9 @@ impl Problem {
             Refusal::UnexpectedWell { .. } => conflict("unexpected_well"),
             Refusal::RunEnded { .. } => conflict("run_ended"),
             // A repeat alone does not help: first the loader does what `detail` says, or the run ends.
-            Refusal::CapillaryFull { .. } => conflict("capillary_full").action(SchedulerAction::PauseInstrument),
+            Refusal::CapillaryFull { .. } | Refusal::MayStillCome { .. } => {
+                conflict("capillary_full").action(SchedulerAction::PauseInstrument)
+            }
             Refusal::HandoffOpen { .. } => conflict("handoff_open").action(SchedulerAction::PauseInstrument),
             Refusal::PlateNeeded { .. } => conflict("plate_needed").action(SchedulerAction::PauseInstrument),
             Refusal::PlateInside { .. } => conflict("other_barcode").action(SchedulerAction::PauseInstrument),

@@ -36,6 +36,11 @@ pub enum Refusal {
         "the specimen of well {well} is still in the capillary. Take it out and say so: PUT /v1/runs/{run}/wells/{well} {{\"loaded\": false}}"
     )]
     CapillaryFull { run: String, well: String },
+    #[error(
+        "the sampler was asked for the specimen of well {well} and may still bring it. Take it out once it has come, then say so, also if it \
+         does not come: PUT /v1/runs/{run}/wells/{well} {{\"loaded\": false}}"
+    )]
+    MayStillCome { run: String, well: String },
     #[error("no run {id}; {}", newest.as_ref().map_or("there is none yet".to_owned(), |n| format!("the newest is {n}")))]
     UnknownRun { id: String, newest: Option<String> },
     #[error("the instrument expects no message about well {well} of run {run} now: {instead}")]

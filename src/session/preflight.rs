@@ -190,7 +190,7 @@ pub struct Known<'a> {
     /// Barcode of the plate inside, if it was handed over.
     pub plate_handed_over: Option<&'a str>,
     /// The well whose specimen has to be taken out before a run starts.
-    pub left: Option<&'a str>,
+    pub left: Option<(String, &'static str)>,
     pub free_bytes: Option<u64>,
     pub budget: Option<Budget>,
 }
@@ -259,9 +259,9 @@ pub fn checks(config: &Config, plan: &RunPlan, seen: &DeviceReport, known: &Know
     checks.push(check(
         "capillary",
         true,
-        match known.left {
+        match &known.left {
             None => Ok("nothing has to be taken out of the capillary".into()),
-            Some(well) => Err((format!("the specimen of well {well} is still in the capillary"), "take it out and say so")),
+            Some((what, remedy)) => Err((what.clone(), *remedy)),
         },
     ));
     if let Some(method) = config.methods.get(&plan.method) {

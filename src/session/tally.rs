@@ -167,7 +167,7 @@ mod tests {
             "times": {"phases_s": {"revolve": 26.5, "measure": 0.3}, "devices_s": 25.0, "own_s": 1.8, "attempts": 1},
         });
         tally.take(&EventData::SpecimenDone(serde_json::from_value(done).unwrap()));
-        tally.take(&EventData::RunEnded(RunEnded { outcome: Some(RunOutcome::Partial), wells: WellCounts::default() }));
+        tally.take(&EventData::RunEnded(RunEnded { outcome: Some(RunOutcome::Partial), wells: WellCounts::default(), loaded_by: None }));
         tally.take(&EventData::FaultRaised(Fault::new(1, &fault_table::DISK_FULL, String::new(), String::new())));
         tally.store_refused();
         let after = text(&tally);

@@ -356,6 +356,9 @@ pub struct RunEnded {
     pub outcome: Option<RunOutcome>,
     /// Its wells by their outcome.
     pub wells: WellCounts,
+    /// Who filled the capillary. `None` in earlier journals.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub loaded_by: Option<LoadedBy>,
 }
 
 /// Data of `run.unreadable`.

@@ -6,6 +6,7 @@ use super::super::{OutputStatus, Status, preflight};
 use super::commands::reply;
 use super::devices::{Done, Finding, PreflightRequest, findings, intervention};
 use super::driver_state::DriverState;
+use super::loader::Left;
 use super::room::{self, Speed};
 use super::{course, faults};
 use carved_devices::DeviceError;
@@ -97,7 +98,7 @@ pub(super) fn task_done(d: &mut DriverState, done: Done) {
                 gate: d.calibration.as_ref().and_then(|c| c.gate.as_ref()),
                 plate_handed_over: d.state().plate.handed_over(),
                 blurs: &d.blurs,
-                left: d.loader.keeps_run_out(d.specimens()),
+                left: d.loader.keeps_run_out(d.specimens()).map(Left::words),
                 free_bytes: store.free_bytes(),
                 budget: room::budget(&d.config, store),
             };
@@ -179,16 +180,20 @@ fn axis_was_away() -> DeviceError {
     }
 }
 
-/// Reads the sampler's sensor for a specimen in the capillary, while there is no run and the capillary should be empty.
+/// Reads the sampler's sensor for a specimen in the capillary, while the capillary should be empty: without a run, and in a run that the
+/// sampler's fault holds. In a run that is held otherwise the sampler may bring the next specimen.
 fn read_wire(d: &mut DriverState) {
     let Some(sampler) = d.devices.at_rest().map(|instrument| &instrument.sampler) else { return };
     // Without a sensor nothing shows any more what the sensor of an earlier start has seen.
     let seen = if sampler.has_sensor() { sampler.sees_specimen() } else { Some(false) };
-    let Some(there) = seen.filter(|_| d.run.is_none() && d.specimens().inside().is_none()) else { return };
-    if there != d.state().stranger.is_inside() {
+    let is_known = d.state().stranger.is_inside();
+    let is_failed = || is_known || faults::is_open(&d.state().faults, fault_table::SAMPLER_FAILED.code);
+    let is_empty = d.specimens().inside().is_none() && d.run.as_ref().is_none_or(|run| !run.works() && is_failed());
+    let Some(there) = seen.filter(|_| is_empty) else { return };
+    if there != is_known {
         d.event_shown(None, EventData::SpecimenUnasked(SensorReading { there }), |d| d.publish(|_| ()));
     }
-    if there {
+    if there && d.run.is_none() {
         find(d, Finding::Stands(fault_table::SAMPLER_FAILED.code, DeviceError::Unasked));
     }
 }

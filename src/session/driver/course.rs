@@ -23,7 +23,7 @@ use super::start::kernel_boot_id;
 use super::{Departure, Life, commands, faults, missing, resume};
 use carved_records::{
     Asked, DaemonStopping, EventData, Fault, HeldBy, Method, ResumedBy, RunAccepted, RunEnded, RunHeld, RunPlan, RunResumed,
-    SpecimenInterrupted, WellCounts,
+    SpecimenInterrupted, SpecimenState, WellCounts,
 };
 use carved_store::{RunRecord, StoreError};
 use jiff::Timestamp;
@@ -297,15 +297,16 @@ pub(super) fn interrupt_specimens(d: &mut DriverState, reason: &str, fate: Fate)
     }
 }
 
-/// The specimen was taken out of a sampler that cannot bring it again: its well ends, unless only its numbers are missing. `run`: the run that
-/// the message belongs to.
+/// The specimen was taken out of a sampler that cannot bring it again: its well ends, unless only its numbers are missing, or the specimen was
+/// that of an earlier run. `run`: the run that the message belongs to.
 ///
 /// # Errors
 /// The disk refused the message, which then has no effect.
 pub(super) fn taken_for_good(d: &mut DriverState, run: Option<&str>, well: &str) -> Result<(), Refusal> {
     let reason = "the specimen was removed, and this sampler cannot bring it again";
     let lacks_numbers = d.accepted().iter().any(|accepted| accepted.well == well);
-    let Some(current) = d.run.as_mut().filter(|_| !lacks_numbers) else {
+    let is_of_earlier_run = d.specimens().of(well).state() == SpecimenState::OfEarlierRun;
+    let Some(current) = d.run.as_mut().filter(|_| !lacks_numbers && !is_of_earlier_run) else {
         return Ok(d.outbox.commit(run, Some(well), EventData::WellUnloaded)?);
     };
     let before = current.record().clone();
@@ -441,7 +442,7 @@ fn close(d: &mut DriverState) {
     let Some(run) = &d.run else { return };
     let record = run.finished();
     d.close_folder(&record.id);
-    if let Err(error) = d.outbox.commit_with(&record, ended(&record)) {
+    if let Err(error) = d.outbox.commit_with(&record, ended(d, &record)) {
         d.handle_write_error(Err(error));
         return rest(d, true);
     }
@@ -458,7 +459,7 @@ pub(super) fn end_now(d: &mut DriverState) {
     let record = run.ended(|well| views_stored(store, id, well));
     d.close_folder(&record.id);
     d.save(record.clone());
-    d.event(None, ended(&record));
+    d.event(None, ended(d, &record));
     d.forget_run();
     let change = d.end_of_run(&record);
     match asked {
@@ -496,6 +497,7 @@ pub(super) fn recovered(d: &mut DriverState, made: Made) {
 }
 
 /// The event of a run's end.
-fn ended(record: &RunRecord) -> EventData {
-    EventData::RunEnded(RunEnded { outcome: record.outcome, wells: WellCounts::of(&record.wells) })
+fn ended(d: &DriverState, record: &RunRecord) -> EventData {
+    let loaded_by = Some(d.loader.loaded_by());
+    EventData::RunEnded(RunEnded { outcome: record.outcome, wells: WellCounts::of(&record.wells), loaded_by })
 }

@@ -57,14 +57,46 @@ impl Loader {
         self.interlock.say_loaded(well);
     }
 
-    /// The well whose specimen keeps a new run from starting. `None` with a driven sampler: the new run ejects the specimen first.
-    pub fn keeps_run_out<'a>(&self, specimens: &'a Specimens) -> Option<&'a str> {
-        specimens.inside().filter(|_| self.fills_capillary())
+    /// The specimen that keeps a new run from starting. With a driven sampler the new run ejects first what is known to be inside. One that
+    /// may still come would be taken for the first of the new run.
+    pub fn keeps_run_out<'a>(&self, specimens: &'a Specimens) -> Option<Left<'a>> {
+        let may_come = specimens.unknown().map(Left::MayCome);
+        may_come.or_else(|| specimens.inside().filter(|_| self.fills_capillary()).map(Left::Inside))
     }
 
     #[cfg(test)]
     pub fn interlock(&self) -> &LoaderInterlock {
         &self.interlock
+    }
+}
+
+/// A specimen of an ended run, by its well.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Left<'a> {
+    /// It is in the capillary.
+    Inside(&'a str),
+    /// A driven sampler was asked for it. It is in the capillary or may still come.
+    MayCome(&'a str),
+}
+
+impl Left<'_> {
+    /// What is the matter, and what a person does.
+    pub fn words(self) -> (String, &'static str) {
+        match self {
+            Self::Inside(well) => (format!("the specimen of well {well} is still in the capillary"), "take it out and say so"),
+            Self::MayCome(well) => (
+                format!("the sampler was asked for the specimen of well {well} and may still bring it"),
+                "take it out once it has come, then say that it is out. Say so too if it does not come",
+            ),
+        }
+    }
+
+    /// The refusal of a run.
+    pub fn refusal(self, run: Option<&str>) -> Refusal {
+        match self {
+            Self::Inside(well) => capillary_full(run, well),
+            Self::MayCome(well) => Refusal::MayStillCome { run: run.unwrap_or("RUN").to_owned(), well: well.to_owned() },
+        }
     }
 }
 

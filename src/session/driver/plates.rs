@@ -25,10 +25,18 @@ impl Surroundings<'_> {
         if self.is_failing {
             return Some("the disk to take what is not written yet".into());
         }
-        if self.has_unexpected {
-            return Some("the specimen that no run asked for to be taken out of the capillary".into());
+        if let Some(unexpected) = self.unexpected() {
+            return Some(unexpected);
         }
-        self.specimens.inside().map(to_be_taken_out)
+        match self.specimens.unknown() {
+            Some(well) => Some(format!("{}, or the report that it does not come", to_be_taken_out(well))),
+            None => self.specimens.inside().map(to_be_taken_out),
+        }
+    }
+
+    /// The request to take out a specimen that no run asked for, if one is in the capillary.
+    pub fn unexpected(&self) -> Option<String> {
+        self.has_unexpected.then(|| "the specimen that no run asked for to be taken out of the capillary".into())
     }
 
     /// Whether this announcement is a new one.

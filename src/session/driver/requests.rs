@@ -6,7 +6,7 @@ use super::super::{State, Status, gate, preflight};
 use super::commands::{self, reply};
 use super::devices::{PictureAnswer, PreflightRequest};
 use super::driver_state::DriverState;
-use super::loader::{LoaderMessage, capillary_full};
+use super::loader::LoaderMessage;
 use super::plates::Surroundings;
 use super::room;
 use super::run::RunInProgress;
@@ -150,7 +150,7 @@ fn begin(d: &mut DriverState, id: &str, plan: RunPlan) -> Result<Accepted, Refus
     commands::check_startable(d.run.is_some(), d.machine())?;
     d.check_faults()?;
     if let Some(left) = d.loader.keeps_run_out(d.specimens()) {
-        return Err(capillary_full(d.newest_run().map(|newest| newest.id.as_str()), left));
+        return Err(left.refusal(d.newest_run().map(|newest| newest.id.as_str())));
     }
     commands::check_plate(&plan, &d.state().plate)?;
     let method = d.config.methods.get(&plan.method).cloned().ok_or_else(|| commands::unknown_method(&plan))?;

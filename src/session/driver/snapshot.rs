@@ -1,7 +1,7 @@
 //! The parts of a snapshot that follow from the driver's parts. They are computed again for each revision.
 
 use super::super::{Pending, Refusal, RunStatus, SpecimenStatus, State, Status, sentence};
-use super::loader::Loader;
+use super::loader::{Left, Loader};
 use super::plates::{Surroundings, to_be_taken_out};
 use super::resume;
 use super::run::{Request, RunInProgress};
@@ -42,7 +42,7 @@ impl Parts<'_> {
         s.faults = self.state.faults.open().iter().map(|fault| api::Fault::of(fault, under)).collect();
         s.calibration = self.calibration.cloned();
         if let Some(specimen) = &mut s.specimen {
-            specimen.in_capillary = specimens.inside() == Some(&specimen.well);
+            specimen.in_capillary = specimens.of(&specimen.well).state().is_inside();
         }
         if let Some(run) = &mut s.run {
             self.derive_run(s.state, s.specimen.as_ref(), run);
@@ -52,18 +52,20 @@ impl Parts<'_> {
         let requests = specimens.requests(self.loader.situation(work(self.run)));
         s.plate.take_out = requests.take_out.map(str::to_owned);
         s.plate.bring = requests.bring.map(str::to_owned);
-        let keeps_plate = Surroundings {
+        let surroundings = Surroundings {
             state: s.state,
             has_run: self.run.is_some(),
             specimens,
             has_unexpected: self.state.stranger.is_inside(),
             is_failing: self.is_failing,
-        }
-        .needs();
+        };
+        let keeps_plate = surroundings.needs();
         // During a start a run may still be restored.
         s.plate.removable = self.life != Life::Starting && s.plate.barcode.is_some() && keeps_plate.is_none();
         s.plate.needs = match self.run {
-            Some(_) => needs(s.plate.take_out.as_deref(), s.plate.bring.as_deref()),
+            Some(run) => {
+                surroundings.unexpected().filter(|_| !run.works()).or_else(|| needs(s.plate.take_out.as_deref(), s.plate.bring.as_deref()))
+            }
             None => keeps_plate,
         };
         s.not_ready_reason = self.not_ready();
@@ -109,7 +111,7 @@ impl Parts<'_> {
         let lost = self.lost.map(|lost| lost.way_out().to_owned());
         lost.or_else(|| stands.map(|f| format!("a fault stands: {}", f.plainly())))
             .or_else(|| self.run.map(|_| "a run is under way".into()))
-            .or_else(|| left.map(|well| format!("the specimen of well {well} is still in the capillary; take it out and say so")))
+            .or_else(|| left.map(Left::words).map(|(what, remedy)| format!("{what}; {remedy}")))
             .or_else(|| self.state.plate.open().map(|open| format!("plate {} is being handed over", open.barcode)))
             .or_else(|| self.is_checked.then(|| Refusal::Busy.to_string()))
             .or_else(|| self.no_room.map(str::to_owned))

@@ -58,7 +58,7 @@ impl InstrumentState {
         self.faults.apply(&event.data);
         self.paces.apply(event);
         match &event.data {
-            EventData::RunAccepted(_) => self.stranger = self.stranger.after(SpecimenEvent::RunBegins),
+            EventData::RunAccepted(_) | EventData::RunResumed(_) => self.stranger = self.stranger.after(SpecimenEvent::RunBegins),
             EventData::SpecimenUnasked(reading) => {
                 let seen = if reading.there { SpecimenEvent::SeenUnasked } else { SpecimenEvent::SeenEmpty };
                 self.stranger = self.stranger.after(seen);

@@ -45,13 +45,14 @@ described! {
         Asked = "The loader was asked for it. No worker waits for it. It is accepted when it comes.",
         Coming = "Its load was cut short. The sampler may still bring it, and then it belongs to this well.",
         Late = "The sampler did not bring it in time. It may still come, and then nobody knows its well.",
-        Unknown = "Its load was cut short by a restart. It is inside or may still come. The sampler is asked for it again.",
+        Unknown = "Its load was cut short by a restart or by the run's end. It is inside or may still come. A run that goes on asks for it again.",
         Unasked = "A specimen of no known well is inside. No run asked for it.",
         Untouched = "It is inside. Work on it is about to begin.",
         Kept = "It is inside, and no attempt is in progress. The run continues with it.",
         WorkedOn = "It is inside and worked on.",
         Leaving = "The turn has ended. It is being ejected, or the loader may take it out.",
         Measured = "Its well is done. It is still inside.",
+        OfEarlierRun = "It is inside, and is that of an earlier run. It must leave before this run begins with its own specimen of this well.",
         Left = "It is inside. The run does not continue with it, so it must leave.",
         Released = "It has left the capillary. Its well is not done.",
         Gone = "It was inside, or was reported as out. It has left the capillary.",
@@ -61,7 +62,7 @@ described! {
 described! {
     /// What happens to a specimen.
     SpecimenEvent {
-        RunBegins = "A run begins. Its sampler looks for itself.",
+        RunBegins = "A run begins or goes on. Its sampler looks for itself.",
         LeftBefore = "A run begins, and the specimen of an earlier run is still inside.",
         LoadBegun = "A worker begins to load it.",
         AskedFor = "The loader is asked for it.",
@@ -78,6 +79,7 @@ described! {
         NumbersFollow = "It was accepted before an interruption. Its numbers are computed from its frames.",
         Held = "The run is held. No worker waits for a specimen.",
         Ended = "The run has ended.",
+        EndedWhileAsked = "The run has ended, and a driven sampler was asked for it.",
         SamplerFailed = "The sampler fails: no specimen came in time, or one that nobody asked for.",
         RestartedWithLoader = "The daemon was restarted. A loader fills the capillary.",
         RestartedWithSampler = "The daemon was restarted. A driven sampler fills the capillary.",
@@ -94,7 +96,7 @@ pub const TRANSITIONS: &[(SpecimenState, &[(SpecimenEvent, SpecimenState)])] = &
     (
         S::Absent,
         &[
-            (On::LeftBefore, S::Left),
+            (On::LeftBefore, S::OfEarlierRun),
             (On::LoadBegun, S::Loading),
             (On::AskedFor, S::Awaited),
             (On::ReportedIn, S::Kept),
@@ -158,6 +160,7 @@ pub const TRANSITIONS: &[(SpecimenState, &[(SpecimenEvent, SpecimenState)])] = &
             (On::WorkBegun, S::WorkedOn),
             (On::EjectBegun, S::Left),
             (On::ReportedOut, S::Gone),
+            (On::EndedWhileAsked, S::Unknown),
             (On::SamplerFailed, S::Late),
             (On::RestartedWithLoader, S::Absent),
             (On::RestartedWithSampler, S::Unknown),
@@ -256,6 +259,17 @@ pub const TRANSITIONS: &[(SpecimenState, &[(SpecimenEvent, SpecimenState)])] = &
         ],
     ),
     (
+        S::OfEarlierRun,
+        &[
+            (On::LoadBegun, S::Loading),
+            (On::AskedFor, S::Awaited),
+            (On::AnotherCameIn, S::Absent),
+            (On::WorkBegun, S::WorkedOn),
+            (On::Out, S::Absent),
+            (On::ReportedOut, S::Absent),
+        ],
+    ),
+    (
         S::Left,
         &[
             (On::LoadBegun, S::Loading),
@@ -302,7 +316,8 @@ impl SpecimenState {
 
     /// Whether it is in the capillary as far as is known. It may be there in the state `Unknown`.
     pub fn is_inside(self) -> bool {
-        matches!(self, Self::Unasked | Self::Untouched | Self::Kept | Self::WorkedOn | Self::Leaving | Self::Measured | Self::Left)
+        use SpecimenState::{Kept, Leaving, Left, Measured, OfEarlierRun, Unasked, Untouched, WorkedOn};
+        matches!(self, Unasked | Untouched | Kept | WorkedOn | Leaving | Measured | OfEarlierRun | Left)
     }
 
     /// Whether the loader was asked for it and has not brought it yet.
@@ -335,7 +350,8 @@ impl SpecimenState {
         matches!(self, Self::Coming | Self::Late | Self::Unknown)
     }
 
-    /// Whether it shows that the specimen has been in the capillary during this run.
+    /// Whether it shows that the specimen has been in the capillary during this run. That of an earlier run counts, so that a repeated report
+    /// about it is known.
     fn has_come(self) -> bool {
         self == Self::Gone || self.is_worked_on() || self.is_inside()
     }

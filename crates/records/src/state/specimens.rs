@@ -99,7 +99,7 @@ impl Specimens {
         self.iter().find(|(_, specimen)| is_it(specimen.state())).map(|(well, _)| well)
     }
 
-    /// The well whose specimen is inside, or may be inside after a restart. `None` if the capillary is empty as far as is known.
+    /// The well whose specimen is inside, or may be inside or on its way after a restart or the end of the run. `None` if the capillary is empty as far as is known.
     pub fn inside(&self) -> Option<&str> {
         self.find(SpecimenState::is_inside).or_else(|| self.unknown())
     }
@@ -115,7 +115,7 @@ impl Specimens {
         self.find(SpecimenState::is_continued_with)
     }
 
-    /// The well for which a driven sampler was asked before a restart. Its specimen is inside or still on its way.
+    /// The well for which a driven sampler was asked before a restart or the end of the run. Its specimen is inside or still on its way.
     pub fn unknown(&self) -> Option<&str> {
         self.find(|state| state == SpecimenState::Unknown)
     }
@@ -135,7 +135,7 @@ impl Specimens {
     /// ejects it first.
     pub fn must_leave_first(&self, loaded_by: LoadedBy) -> Option<&str> {
         self.find(|state| match state {
-            SpecimenState::WorkedOn | SpecimenState::Leaving | SpecimenState::Left => true,
+            SpecimenState::WorkedOn | SpecimenState::Leaving | SpecimenState::OfEarlierRun | SpecimenState::Left => true,
             SpecimenState::Measured => loaded_by == LoadedBy::Sampler,
             _ => false,
         })
@@ -221,7 +221,13 @@ impl Specimens {
     pub(super) fn apply(&mut self, event: &EventBody) {
         let of_well = match &event.data {
             EventData::RunHeld(_) => return self.happens_to_all(SpecimenEvent::Held),
-            EventData::RunEnded(_) => return self.happens_to_all(SpecimenEvent::Ended),
+            EventData::RunEnded(ended) => {
+                self.happens_to_all(SpecimenEvent::Ended);
+                if ended.loaded_by == Some(LoadedBy::Sampler) {
+                    self.happens_to_all(SpecimenEvent::EndedWhileAsked);
+                }
+                return;
+            }
             EventData::FaultRaised(fault) if fault.code == fault_table::SAMPLER_FAILED.code => {
                 return self.happens_to_all(SpecimenEvent::SamplerFailed);
             }

@@ -1,11 +1,13 @@
 //! Results of device checks between runs.
 
+use super::super::{Command, State};
 use super::super::{checks, requests};
-use super::bench::{Arm, Bench, bench, count, journalled, on_this_thread, plan, scratch, started};
-use crate::session::handle::{Refusal, Towards};
+use super::bench::{Arm, Bench, bench, bench_of, count, instrument, journalled, on_this_thread, plan, scratch, started, started_with};
+use crate::session::handle::{Accepted, Refusal, Towards};
 use crate::session::search::DevicesFound;
 use crate::session::worker::RunEnd;
 use carved_devices::DeviceError;
+use carved_devices::testing::FakeAxis;
 use carved_records::{Asked, EventData, Handoff, HandoffEnd, HandoffIntent, Phase, fault_table};
 
 fn held() -> DeviceError {
@@ -120,5 +122,86 @@ fn a_specimen_that_is_known_to_be_inside_is_not_one_that_nobody_asked_for() {
         assert_eq!(b.inside_by_status().as_deref(), Some("A01"));
         look(&mut b, Ok(()), Some(true));
         assert!(b.status().faults.is_empty() && b.status().ready);
+    });
+}
+
+/// The larva is on its way, and the next run would take it for its own. The sensor does not show it yet.
+#[test]
+fn a_specimen_that_may_still_come_after_its_run_has_ended_keeps_the_plate_and_the_next_run() {
+    on_this_thread(async {
+        let dir = scratch();
+        let mut b = bench(dir.path(), false);
+        requests::handoff(&mut b.d, Handoff { intent: HandoffIntent::Load, barcode: "P-1".into() }).unwrap();
+        requests::end_handoff(&mut b.d, HandoffEnd::Completed).unwrap();
+        b.put_run(&plan(&["A01", "A02"])).unwrap();
+        b.phase("A01", Phase::Load, false);
+        b.steer(Towards::Abort).unwrap();
+        b.ends(RunEnd::Cancelled).await;
+        for is_restarted in [false, true] {
+            if is_restarted {
+                drop(b);
+                b = bench(dir.path(), false);
+            }
+            look(&mut b, Ok(()), Some(false));
+            let status = b.status();
+            let reason = status.not_ready_reason.unwrap();
+            assert!(reason.contains("A01 and may still bring it"), "{reason}");
+            assert_eq!((status.ready, status.plate.removable, status.plate.take_out.as_deref()), (false, false, Some("A01")));
+            assert!(status.plate.needs.unwrap().contains("that it does not come"));
+            assert_eq!(b.put("r2"), Err(Refusal::MayStillCome { run: "r1".into(), well: "A01".into() }));
+        }
+        assert_eq!(b.loaded("A01", false), Ok(()));
+        assert!(b.status().ready && b.status().plate.removable);
+    });
+}
+
+/// The plate of this run has a larva in that well too. If its well ended, the larva would be measured as that of the next well.
+#[test]
+fn a_report_that_the_specimen_of_an_earlier_run_is_out_ends_no_well_of_this_run() {
+    on_this_thread(async {
+        let dir = scratch();
+        let in_order = || instrument(FakeAxis::new(), Arm::default());
+        let mut b = started_with(dir.path(), in_order(), &["A01"]);
+        b.phase("A01", Phase::Position, true);
+        b.steer(Towards::Abort).unwrap();
+        b.ends(RunEnd::Cancelled).await;
+        assert_eq!(b.put("r2"), Ok(Accepted::Created));
+        b.phase("A01", Phase::Eject, true);
+        b.ends(RunEnd::Failed(DeviceError::Sampler { well: "A01".into(), why: "it does not leave".into() }.into())).await;
+        for is_restarted in [false, true] {
+            if is_restarted {
+                drop(b);
+                b = bench_of(dir.path(), in_order());
+            }
+            assert_eq!(b.inside_by_status().is_none(), is_restarted);
+            let out = |answer| Command::Loaded { run: "r2".into(), well: "A01".into(), loaded: false, answer };
+            assert_eq!((b.ask(out), b.ask(out)), (Ok(()), Ok(())), "a repeat changes nothing");
+            let status = b.status();
+            assert_eq!((status.state, status.run.unwrap().results[0].outcome), (State::Held, None));
+        }
+        assert_eq!(count(&journalled(dir.path()), "well.unloaded"), 1);
+    });
+}
+
+/// The fault names no well, so the plate's request is the only field that says what to do.
+#[test]
+fn a_run_that_the_samplers_fault_holds_asks_for_an_empty_capillary_while_the_sensor_shows_a_specimen() {
+    on_this_thread(async {
+        let dir = scratch();
+        let mut b = started(dir.path(), false, &["A01"]);
+        b.phase("A01", Phase::Load, false);
+        b.ends(RunEnd::Failed(DeviceError::Sampler { well: "A01".into(), why: "none was asked for".into() }.into())).await;
+        look(&mut b, Ok(()), Some(true));
+        assert!(b.status().plate.needs.is_some_and(|needs| needs.contains("no run asked for")));
+        let faults = b.status().faults;
+        assert_eq!(faults.len(), 1, "that of the load");
+        requests::acknowledge(&mut b.d, faults[0].seq, Asked::default()).unwrap();
+        look(&mut b, Ok(()), Some(true));
+        assert!(b.status().plate.needs.is_some());
+        look(&mut b, Ok(()), Some(false));
+        assert_eq!((b.status().plate.needs, b.status().state), (None, State::Held));
+        // In a run that an operator holds the sampler may bring the next specimen.
+        look(&mut b, Ok(()), Some(true));
+        assert_eq!(b.status().plate.needs, None);
     });
 }

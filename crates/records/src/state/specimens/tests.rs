@@ -68,6 +68,8 @@ struct World {
     inside: Option<usize>,
     on_plate: [bool; 2],
     coming: Option<usize>,
+    /// That larva is from a plate before.
+    is_of_last_plate: bool,
     /// The sampler's memory: the next arrival was asked for; a specimen came and left while nothing ran.
     arrival_counts: bool,
     visitor_left: bool,
@@ -91,6 +93,7 @@ impl World {
             inside: None,
             on_plate: [true; 2],
             coming: None,
+            is_of_last_plate: false,
             arrival_counts: false,
             visitor_left: false,
             messages: Vec::new(),
@@ -119,7 +122,9 @@ impl World {
 
     /// The larva leaves the capillary. If it can come again, it is back in its well.
     fn empty(&mut self) {
-        if let Some(larva) = self.inside.take() {
+        if let Some(larva) = self.inside.take()
+            && !std::mem::take(&mut self.is_of_last_plate)
+        {
             self.on_plate[larva] = self.filling != Filling::InOrder;
         }
     }
@@ -156,9 +161,28 @@ impl World {
         held
     }
 
+    /// A run of another plate is accepted, as `requests::begin`. A larva that is later than the sampler may be is not followed.
+    fn next_run(mut self) -> Option<Self> {
+        let may_begin = self.run == Run::Over && self.messages.is_empty();
+        let keeps_out = if self.is_driven() { self.believed.unknown() } else { self.believed.inside() };
+        if !may_begin || keeps_out.is_some() {
+            return None;
+        }
+        let is_late = |well: &str| self.believed.of(well).state() == SpecimenState::Late;
+        self.coming = self.coming.filter(|larva| !is_late(WELLS[*larva]));
+        self.is_of_last_plate = self.inside.is_some() || self.coming.is_some();
+        self.believed = Specimens::of_new_run(self.believed.inside());
+        (self.done, self.accepted, self.on_plate) = ([false; 2], [false; 2], [true; 2]);
+        (self.arrival_counts, self.visitor_left) = (false, false);
+        Some(self.launched())
+    }
+
     /// After the last well, or as a stop or an abort has it.
     fn over(mut self) -> Self {
         self.believed.happens_to_all(On::Ended);
+        if self.is_driven() {
+            self.believed.happens_to_all(On::EndedWhileAsked);
+        }
         (self.run, self.given) = (Run::Over, [None; 3]);
         self
     }
@@ -233,7 +257,7 @@ impl World {
                 }
                 let state = self.believed.of(WELLS[well]).state();
                 assert!(state.may_be_worked_on(), "work on a specimen in the state {state:?}: {self:#?}");
-                assert_eq!(self.inside, Some(well), "work on another larva: {self:#?}");
+                assert!(self.inside == Some(well) && !self.is_of_last_plate, "work on another larva: {self:#?}");
                 self.happens(well, On::WorkBegun);
                 self.run = Run::Works(Worker::Working(well));
                 Some(self)
@@ -292,20 +316,23 @@ impl World {
         Some(self)
     }
 
-    /// A person empties a driven sampler's capillary while nothing works, and reports it.
+    /// A person empties a driven sampler's capillary while nothing works, and reports it. A larva of a plate before that nobody knows of has
+    /// no well.
     fn emptied_by_hand(mut self) -> Option<Self> {
         let larva = self.inside.filter(|_| self.is_driven() && !matches!(self.run, Run::Works(_)))?;
+        let is_of_no_well = self.is_of_last_plate && self.believed.inside() != Some(WELLS[larva]);
         self.empty();
         self.visitor_left = true;
-        Some(self.reported_out_by_hand(larva))
+        Some(if is_of_no_well { self } else { self.reported_out_by_hand(larva) })
     }
 
     fn reported_out_by_hand(mut self, well: usize) -> Self {
+        let is_of_earlier_run = self.believed.of(WELLS[well]).state() == SpecimenState::OfEarlierRun;
         match self.believed.report_out(WELLS[well], true, self.situation()) {
             Ok(Report::News { .. }) => {
                 self.happens(well, On::ReportedOut);
                 // As `course::taken_for_good`.
-                if self.run != Run::Over && !self.accepted[well] && !self.situation().brings_again {
+                if !is_of_earlier_run && self.run != Run::Over && !self.accepted[well] && !self.situation().brings_again {
                     self.done[well] = true;
                     self.happens(well, On::Interrupted);
                 }
@@ -314,13 +341,20 @@ impl World {
             Err(refused) => panic!("a person's report is refused: {refused:?} {self:#?}"),
         }
         let state = self.believed.of(WELLS[well]).state();
-        assert!(state == SpecimenState::Gone || state == SpecimenState::Released && self.accepted[well], "{state:?} is not out: {self:#?}");
+        let is_out = match state {
+            SpecimenState::Gone => true,
+            SpecimenState::Released => self.accepted[well],
+            SpecimenState::Absent => is_of_earlier_run,
+            _ => false,
+        };
+        assert!(is_out, "{state:?} is not out: {self:#?}");
         self
     }
 
     fn arrived(mut self) -> Option<Self> {
         let larva = self.coming.filter(|_| self.inside.is_none())?;
-        (self.coming, self.inside, self.on_plate[larva]) = (None, Some(larva), false);
+        (self.coming, self.inside) = (None, Some(larva));
+        self.on_plate[larva] &= self.is_of_last_plate;
         Some(self)
     }
 
@@ -351,6 +385,7 @@ impl World {
         next.push(self.clone().over());
         next.extend([self.clone().arrived(), self.clone().loader_moved(), self.clone().told()].into_iter().flatten());
         next.extend([self.clone().emptied_by_hand(), self.clone().unheld(), self.clone().measured()].into_iter().flatten());
+        next.extend(self.clone().next_run());
         match self.run {
             Run::Works(at) => {
                 next.extend(self.clone().worked(at));
@@ -380,9 +415,12 @@ impl World {
         assert!(inside <= 1, "two specimens: {self:#?}");
         for (well, name) in WELLS.iter().enumerate() {
             let (state, is_told) = (state(well), self.messages.is_empty());
+            // The states are about the larvae of this plate.
+            let is_at = |place: Option<usize>| place == Some(well) && !self.is_of_last_plate;
+            let (is_inside, is_coming) = (is_at(self.inside), is_at(self.coming));
             let claims = match state {
-                Loading | Coming | Late | Unknown => self.is_driven() || self.inside != Some(well),
-                Absent | Asked | Awaited | Released | Gone => !is_told || self.inside != Some(well) && self.coming != Some(well),
+                Loading | Coming | Late | Unknown => self.is_driven() || !is_inside,
+                Absent | Asked | Awaited | Released | Gone => !is_told || !is_inside && !is_coming,
                 _ => !is_told || self.inside == Some(well),
             };
             assert!(claims, "{name} is not {state:?}: {self:#?}");
@@ -421,7 +459,7 @@ impl World {
                 match (self.inside, late) {
                     // The fault says that nobody asked for it, or that it came late.
                     (Some(larva), _) if self.believed.inside() != Some(WELLS[larva]) => self.emptied_by_hand(),
-                    (None, Some(late)) if self.coming.is_none() => {
+                    (None, Some(late)) if self.coming.is_none() && !self.on_plate[late] => {
                         let mut given_up = self.reported_out_by_hand(late);
                         // Where it can be brought again, the person puts another larva into its well.
                         given_up.on_plate[late] |= given_up.filling == Filling::ByWell;
@@ -433,6 +471,9 @@ impl World {
             Run::Paused => self.unheld(),
             Run::Over => {
                 let out = self.believed.requests(self.situation()).take_out.map(place)?;
+                if let Some(arrived) = self.clone().arrived() {
+                    return Some(arrived);
+                }
                 if self.inside.is_some() { self.emptied_by_hand() } else { Some(self.reported_out_by_hand(out)) }
             }
         }
@@ -482,6 +523,6 @@ fn the_search_meets_every_state_of_a_specimen_that_a_run_asks_for() {
         .flat_map(|world| world.believed.iter().map(|(_, found)| found.state()).collect::<Vec<_>>())
         .collect();
     let not_met: Vec<SpecimenState> = SpecimenState::ALL.iter().copied().filter(|state| !met.contains(state)).collect();
-    // It is in no well, and the daemon reads the sensor between runs only. An absent specimen is not listed.
-    assert_eq!(not_met, [SpecimenState::Absent, SpecimenState::Unasked]);
+    // It is in no well: the sensor shows it.
+    assert_eq!(not_met, [SpecimenState::Unasked]);
 }
