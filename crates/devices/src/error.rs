@@ -23,8 +23,8 @@ pub enum DeviceError {
     #[error("{device}: {name} = {found} in the configuration; {rule}")]
     Setting { device: &'static str, name: String, found: String, rule: String },
     /// The controller did not answer, though the connection stands.
-    #[error("{device}: no answer to {request:?} within {waited_ms} ms. Check power and cable, then reference the axis again")]
-    Silent { device: &'static str, request: String, waited_ms: u128 },
+    #[error("{device}: no answer to {request:?} within {waited_ms} ms. {remedy}, then reference the axis again")]
+    Silent { device: &'static str, request: String, waited_ms: u128, remedy: String },
     /// Something answers, but not as this controller would over a line of its own.
     #[error("{device}: no answer to {request:?} that can be read: {found}. {remedy}")]
     Unreadable { device: &'static str, request: String, found: String, remedy: String },

@@ -313,7 +313,7 @@ mod tests {
 
     #[test]
     fn only_a_device_that_does_not_answer_is_lost() {
-        let silent = || DeviceError::Silent { device: "rotation axis", request: "?".into(), waited_ms: 500 };
+        let silent = || DeviceError::Silent { device: "rotation axis", request: "?".into(), waited_ms: 500, remedy: "Check it".into() };
         let taken = DeviceError::Intervention { device: "axis", what: "feed hold".into(), way_out: "Release it." };
         let of = |rotation| findings(DevicesFound { rotation, camera: Err(DeviceError::ControlLost), outputs: Vec::new() });
         assert!(matches!(of(Ok(()))[..], [Finding::There(Device::Rotation), Finding::There(Device::Pictures)]));

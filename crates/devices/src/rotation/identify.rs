@@ -78,7 +78,7 @@ pub fn identify(port: &Port, baud: u32) -> Result<Option<Answer>, DeviceError> {
             return Ok(Some(answer));
         }
     }
-    let silent = DeviceError::Silent { device: DEVICE, request: format!("the questions of {}", protocols()), waited_ms: 0 };
+    let silent = wire.0.silent(format!("the questions of {}", protocols()), 0);
     match wire.0.first_contact(silent) {
         DeviceError::Silent { .. } => Ok(None),
         heard => Err(heard),

@@ -93,7 +93,7 @@ impl Dialogue {
             }
         }
         let waited_ms = u128::from(WAKE_ATTEMPTS) * wait.as_millis();
-        Err(error.map_or(DeviceError::Silent { device: DEVICE, request: "X?".into(), waited_ms }, refused))
+        Err(error.map_or_else(|| self.link.silent("X?", waited_ms), refused))
     }
 
     /// Waits for late answers to a repeated question. Their `OK` would count as that of the next trigger.
@@ -162,7 +162,7 @@ impl Dialogue {
                 Some(Message::Arrived) => return Err(out_of_step("VAST reported an arrival before the trigger was acknowledged")),
                 Some(Message::Error(number)) => return Err(refused(number)),
                 Some(Message::Second | Message::Other(_)) => {}
-                None => return Err(DeviceError::Silent { device: DEVICE, request: "TT".into(), waited_ms: wait.as_millis() }),
+                None => return Err(self.link.silent("TT", wait.as_millis())),
             }
         }
     }

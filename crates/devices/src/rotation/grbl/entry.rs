@@ -1,6 +1,7 @@
 //! What the registry of drivers knows about Grbl and grblHAL.
 
-use super::Dialect;
+use super::report::Line;
+use super::{Dialect, intervention};
 use crate::DeviceError;
 use crate::rotation::driver::{Entry, Example, Serial, Setup};
 use crate::rotation::identify::{Answer, Key, Wire};
@@ -26,7 +27,7 @@ pub(in crate::rotation) const ENTRY: Entry = Entry {
 fn identify(wire: &mut Wire) -> Result<Option<Answer>, DeviceError> {
     let is_greeting = |text: &str| text.get(..4).is_some_and(|head| head.eq_ignore_ascii_case("grbl"));
     let greeting = wire.hear(BOOT, |text| is_greeting(text).then(|| text.to_owned()))?;
-    let status = if greeting.is_some() { None } else { wire.ask(b"?", |text| text.starts_with('<').then(|| text.to_owned()))? };
+    let status = wire.ask(b"?", |text| text.starts_with('<').then(|| text.to_owned()))?;
     if greeting.is_none() && status.is_none() {
         return Ok(None);
     }
@@ -37,10 +38,20 @@ fn identify(wire: &mut Wire) -> Result<Option<Answer>, DeviceError> {
     let is_driven = name
         .as_ref()
         .map_or_else(|| status.as_ref().is_some_and(|status| is_driven(status, &build)), |name| Dialect::Auto.of(name).is_ok());
+    let held = status.as_deref().and_then(held);
     // What is refused without a name is shown by its report too: the report may be why.
     let report = status.filter(|_| name.is_none() && !is_driven);
     let version = name.into_iter().chain(build).chain(report).collect::<Vec<_>>().join(" ");
-    Ok(Some(answer(is_driven, &version, &settings)))
+    Ok(Some(answer(is_driven, &version, &settings, held)))
+}
+
+/// What keeps a controller with this report from moving. `None` if nothing does.
+fn held(report: &str) -> Option<String> {
+    let Line::Status(status) = Line::parse(report) else { return None };
+    match intervention::of(&status, true)? {
+        DeviceError::Intervention { what, .. } => Some(format!("it would not move now: {what}. End that before the first run")),
+        _ => None,
+    }
 }
 
 /// Whether the driver accepts a controller that was not reset, by its status and its answer to `$I`. Grbl 0.9 separates the fields of its
@@ -56,8 +67,9 @@ fn setting(line: &str) -> Option<(u16, f64)> {
     Some((number.parse().ok()?, value.parse().ok()?))
 }
 
-/// `version`: greeting and answer to `$I`. `settings`: answer to `$$`, empty if the controller was too busy to print it.
-fn answer(is_driven: bool, version: &str, settings: &BTreeMap<u16, f64>) -> Answer {
+/// `version`: greeting and answer to `$I`. `settings`: answer to `$$`, empty if the controller was too busy to print it. `held`: what keeps it
+/// from moving.
+fn answer(is_driven: bool, version: &str, settings: &BTreeMap<u16, f64>, held: Option<String>) -> Answer {
     let is_hal = version.to_ascii_lowercase().contains("grblhal");
     if !is_driven {
         let refusal = "the driver of carved accepts Grbl 1.1 and grblHAL 1.1 only; install one of them on this controller";
@@ -76,11 +88,13 @@ fn answer(is_driven: bool, version: &str, settings: &BTreeMap<u16, f64>) -> Answ
         let (value, state) = if *on as u32 & 1 == 1 { ("\"home\"", "on") } else { ("\"here\"", "off") };
         Key { name: "reference", value: value.into(), source: format!("its $22 is {state}") }
     }));
-    let remark = if settings.is_empty() {
-        Some("it is busy: its settings could not be read. Ask again when it is idle".into())
+    let of_settings = if settings.is_empty() {
+        Some("its settings could not be read. Ask again when it is idle".to_owned())
     } else {
         idle(is_hal, settings)
     };
+    let remarks: Vec<String> = held.into_iter().chain(of_settings).collect();
+    let remark = (!remarks.is_empty()).then(|| remarks.join(". "));
     let name = format!("{}: {version}", if is_hal { "grblHAL" } else { "Grbl" });
     Answer { keys, remark, ..Answer::plain("grbl", name) }
 }
@@ -112,10 +126,26 @@ mod tests {
     #[test]
     fn no_configuration_is_offered_for_a_firmware_that_the_driver_refuses() {
         let settings = BTreeMap::from([(100, 100.0)]);
-        let refused = answer(false, "Grbl 3.7 [VER:3.7 FluidNC v3.7.15:]", &settings);
+        let refused = answer(false, "Grbl 3.7 [VER:3.7 FluidNC v3.7.15:]", &settings, None);
         assert!(refused.name.contains("FluidNC") && refused.refusal.is_some() && refused.keys.is_empty(), "{refused:?}");
-        let driven = answer(true, "Grbl 1.1h", &settings);
+        let driven = answer(true, "Grbl 1.1h", &settings, None);
         assert!(driven.refusal.is_none() && driven.keys.len() == 1, "{driven:?}");
+    }
+
+    #[test]
+    fn a_controller_that_a_person_holds_is_offered_with_what_keeps_it_from_moving() {
+        for (report, word) in [
+            ("<Check|MPos:0.000,0.000,0.000|FS:0,0>", "check mode"),
+            ("<Door:1|MPos:0.000,0.000,0.000|FS:0,0|Pn:D>", "door is open"),
+            ("<Sleep|MPos:0.000,0.000,0.000|FS:0,0>", "sleeps"),
+            ("<Hold:0|MPos:0.000,0.000,0.000|FS:0,0>", "feed hold"),
+        ] {
+            let settings = BTreeMap::from([(1, 25.0), (100, 100.0)]);
+            let offered = answer(true, "Grbl 1.1h", &settings, held(report));
+            let remark = offered.remark.unwrap();
+            assert!(remark.contains(word) && remark.contains("$1=255") && !offered.keys.is_empty(), "{remark}");
+        }
+        assert_eq!(held("<Idle|MPos:0.000,0.000,0.000|FS:0,0>"), None);
     }
 
     #[test]

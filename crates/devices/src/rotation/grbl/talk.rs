@@ -139,7 +139,7 @@ impl Grbl {
             }
         }
         let waited_ms = u128::from(2 * WAKE_ATTEMPTS) * WAKE_WAIT.as_millis();
-        let silent = DeviceError::Silent { device: DEVICE, request: "soft reset".into(), waited_ms };
+        let silent = self.link.silent("soft reset", waited_ms);
         Err(if self.is_identified { silent } else { self.link.first_contact(silent) })
     }
 
@@ -189,7 +189,7 @@ impl Grbl {
 
     /// The error of a line without an `ok`: the one that a status report shows, or else silence.
     fn unanswered(&mut self, line: &str, wait: Duration) -> DeviceError {
-        let silent = DeviceError::Silent { device: DEVICE, request: line.into(), waited_ms: wait.as_millis() };
+        let silent = self.link.silent(line, wait.as_millis());
         self.free_status().map_or_else(|error| error, |_status| silent)
     }
 
@@ -240,7 +240,7 @@ impl Grbl {
             }
             if status.state != State::Idle || !self.exchange(line, self.settings.homing_timeout(), |_| {})? {
                 let waited_ms = self.settings.homing_timeout().as_millis();
-                return Err(DeviceError::Silent { device: DEVICE, request: line.into(), waited_ms });
+                return Err(self.link.silent(line, waited_ms));
             }
         }
         self.link.set_moving(false);
@@ -353,10 +353,7 @@ impl Grbl {
                 break;
             }
         }
-        let silent = || {
-            let request = request.escape_ascii().to_string();
-            DeviceError::Silent { device: DEVICE, request, waited_ms: wait.as_millis() * u128::from(ATTEMPTS) }
-        };
+        let silent = || self.link.silent(request.escape_ascii().to_string(), wait.as_millis() * u128::from(ATTEMPTS));
         let unreadable = |found| DeviceError::Unexpected { device: DEVICE, expected: "a status report".into(), found };
         Err(garbled.map_or_else(silent, unreadable))
     }
@@ -427,7 +424,7 @@ impl Grbl {
             lines = self.link.probe(STATUS, wait)?;
         }
         if lines.is_empty() {
-            return Err(DeviceError::Silent { device: DEVICE, request: "?".into(), waited_ms: 2 * wait.as_millis() });
+            return Err(self.link.silent("?", 2 * wait.as_millis()));
         }
         let mut newest = None;
         for line in lines {

@@ -22,9 +22,10 @@ pub(super) fn ask(link: &mut Link, request: &str, wait: Duration) -> Result<Stri
     frame.extend_from_slice(request.as_bytes());
     link.send(&frame)?;
     let until = Instant::now() + wait;
-    let silent = || DeviceError::Silent { device: DEVICE, request: request.into(), waited_ms: wait.as_millis() };
-    let length = length(link.exact(until)?.ok_or_else(silent)?, request)?;
-    text(&link.bytes(length, until)?.ok_or_else(silent)?, request)
+    let head = link.exact(until)?.ok_or_else(|| link.silent(request, wait.as_millis()))?;
+    let length = length(head, request)?;
+    let bytes = link.bytes(length, until)?.ok_or_else(|| link.silent(request, wait.as_millis()))?;
+    text(&bytes, request)
 }
 
 fn unexpected(expected: String, found: String) -> DeviceError {

@@ -206,7 +206,7 @@ impl Wire {
     pub fn sign_of_life(&mut self) -> Result<(), DeviceError> {
         let request = Request::version();
         if self.link.probe_bytes(&request.encode(self.module), self.wait)?.is_empty() {
-            return Err(DeviceError::Silent { device: DEVICE, request: request.to_string(), waited_ms: self.wait.as_millis() });
+            return Err(self.link.silent(request.to_string(), self.wait.as_millis()));
         }
         Ok(())
     }
@@ -224,7 +224,7 @@ impl Wire {
             self.fill_up()?;
             wait = self.wait;
         }
-        Err(DeviceError::Silent { device: DEVICE, request: Request::version().to_string(), waited_ms: began.elapsed().as_millis() })
+        Err(self.link.silent(Request::version().to_string(), began.elapsed().as_millis()))
     }
 
     /// Like [`Self::flush`], without the wait for late answers. False if that was not enough.

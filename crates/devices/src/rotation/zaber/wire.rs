@@ -133,7 +133,7 @@ impl Wire {
 
     /// The error of a command that was sent `times` and never answered.
     pub fn silent(&self, command: &str, times: u32) -> DeviceError {
-        DeviceError::Silent { device: DEVICE, request: request(command), waited_ms: u128::from(times) * self.wait.as_millis() }
+        self.link.silent(request(command), u128::from(times) * self.wait.as_millis())
     }
 
     fn once(&mut self, axis: u8, command: &str) -> Result<Option<Reply>, DeviceError> {
