@@ -42,3 +42,24 @@ fn what_comes_after_a_report_out_is_not_measured_under_that_well() {
     assert_eq!(outcomes, ["interrupted", "interrupted", "succeeded"], "{status}");
     assert!(!instrument.data.join("runs/r1/A02/measurement.json").exists());
 }
+
+#[test]
+fn a_specimen_that_was_on_its_way_when_the_run_was_aborted_keeps_the_next_run_out() {
+    let trigger = [("driver = \"loader\"", "driver = \"trigger\"\ndone_output = true".to_owned())];
+    let instrument = Instrument::filled_by(Some(SAMPLER), &QUICK, "bead_gate = \"off\"", &trigger, |scene| scene);
+    let daemon = &instrument.daemon;
+    let plan = |plate: &str| {
+        let wells = json!([{"well": "A01", "specimen": "larva", "dpf": 4}]);
+        json!({"plate_barcode": plate, "method": "standard", "operator": "test", "plate_map": wells})
+    };
+    assert_eq!(daemon.put_run("r1", &plan("P-1")), 201);
+    daemon.wait("the load", |s| s["specimen"]["phase"] == "load");
+    assert_eq!(daemon.post("/v1/runs/r1/abort"), 200);
+    let status = daemon.wait("the run's end", |s| s["state"] == "Aborted");
+    let plate = &status["plate"];
+    assert_eq!((&status["ready"], &plate["removable"], &plate["take_out"]), (&json!(false), &json!(false), &json!("A01")), "{status}");
+    assert_eq!(daemon.put_run("r2", &plan("P-2")), 409);
+    assert_eq!(daemon.put_unloaded("r1", "A01"), 200);
+    daemon.wait("an empty capillary", |s| s["ready"] == true);
+    assert_eq!(daemon.put_run("r2", &plan("P-2")), 201);
+}
