@@ -73,7 +73,7 @@ struct Failed<'a> {
 /// Measures every recording that can be measured.
 ///
 /// # Errors
-/// At the end, every recording that could not be measured or whose numbers differ from the stored ones.
+/// At the end, every recording that could not be measured, whose numbers differ from the stored ones, or that is no turn of one specimen.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     match &args.out {
         Some(out) => bulk::run(&args.recordings, out, &args.bulk),
@@ -82,12 +82,13 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
 }
 
 fn lines(args: &Args) -> anyhow::Result<()> {
-    let (mut failures, mut differ) = (Vec::new(), Vec::new());
+    let (mut failures, mut differ, mut no_turns) = (Vec::new(), Vec::new(), Vec::new());
     for (path, found) in each(&args.recordings) {
         let line = match found.and_then(|()| line(&path, args.asd)) {
-            Ok((line, differs)) => {
+            Ok(Line { json, differs, finding }) => {
                 differ.extend(differs.map(|at| format!("{} (at {at})", path.display())));
-                line
+                no_turns.extend(finding.map(|finding| format!("{}: {finding}", path.display())));
+                json
             }
             Err(e) => {
                 let error = with_causes(&e);
@@ -106,12 +107,24 @@ fn lines(args: &Args) -> anyhow::Result<()> {
     if !differ.is_empty() {
         wrong.push(format!("{} recording(s) gave other numbers than are stored beside their frames: {}", differ.len(), differ.join(", ")));
     }
+    if !no_turns.is_empty() {
+        wrong.push(format!("{} recording(s) are no turn of one specimen, and have no volume:\n{}", no_turns.len(), no_turns.join("\n")));
+    }
     ensure!(wrong.is_empty(), "{}", wrong.join("\n"));
     Ok(())
 }
 
-/// The line of a recording, and a message if the stored numbers differ.
-fn line(path: &Path, asd: Option<u32>) -> anyhow::Result<(String, Option<String>)> {
+/// What is said of a recording that could be measured.
+struct Line {
+    json: String,
+    /// Where the stored numbers differ.
+    differs: Option<String>,
+    /// Why the views do not show one specimen that turns.
+    finding: Option<String>,
+}
+
+/// Measures a recording.
+fn line(path: &Path, asd: Option<u32>) -> anyhow::Result<Line> {
     let source = Source::open(path)?;
     let reader = &source.reader;
     let recording = reader.recording();
@@ -130,8 +143,9 @@ fn line(path: &Path, asd: Option<u32>) -> anyhow::Result<(String, Option<String>
         _ => (None, None),
     };
     let well = &recording.specimen.well;
+    let finding = file.record.turn_findings.first().map(ToString::to_string);
     let line = Measured { recording: path, well, stored, new_fields, asd, captured, truth: recording.truth.as_ref(), file };
-    Ok((serde_json::to_string(&line)?, differs))
+    Ok(Line { json: serde_json::to_string(&line)?, differs, finding })
 }
 
 /// The recordings of each name. A name without a recording has an error.

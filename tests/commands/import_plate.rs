@@ -294,6 +294,32 @@ fn wells_with_the_same_pictures_give_no_number() {
     assert_eq!((&wells[0]["volume_um3"], &wells[2]["volume_um3"]), (&Value::Null, &Value::Null), "{wells:#}");
 }
 
+/// The pictures of A02 are named in the reversed order. The rays of the camera spread, so they show that the capillary turned the other way.
+#[test]
+fn a_turn_in_the_other_sense_gives_no_number() {
+    let dir = tempfile::tempdir().unwrap();
+    let (plate, data) = (dir.path().join("plate"), dir.path().join("data"));
+    let (larva, other) = (scene(Specimen::larva(4, 5).unwrap()), scene(Specimen::larva(4, 3).unwrap()));
+    shoot(&larva, 13, 12, |i| plate.join(format!("A01/VAST_1_{}.png", i + 1)));
+    shoot(&other, 13, 12, |i| plate.join(format!("A02/VAST_1_{}.png", 13 - i)));
+    let (code, lines, said) = import(&[text(&plate), "--plate", "P-6", "--voxel", "14", "--data", text(&data), "--even", "--closure"]);
+    assert_eq!(code, Some(4), "{said}");
+    let last = |well: &str| lines.iter().rev().find(|line| line["well"] == well).unwrap().clone();
+    assert_eq!((&last("A01")["outcome"], &last("A01")["flags"]), (&json!("succeeded"), &json!([])), "{said}");
+    let reversed = last("A02");
+    assert_eq!(
+        (&reversed["outcome"], &reversed["volume_um3"], &reversed["flags"]),
+        (&json!("failed"), &Value::Null, &json!(["wrong_sense"]))
+    );
+    assert!(reversed["reason"].as_str().unwrap().contains("a turn in the other sense"), "{reversed}");
+    let stored = data.join("runs/P-6/A02");
+    assert_eq!(json(&stored.join("measurement.json"))["quality"]["passed"], false);
+    // The same pictures, measured again.
+    let output = run(&["measure", text(&stored)]);
+    let measured: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!((output.status.code(), &measured["flags"]), (Some(1), &json!(["wrong_sense"])), "{measured}");
+}
+
 /// One larva in two wells, in another format in the second, and another larva in a third.
 #[test]
 fn wells_with_the_same_larva_in_another_format_give_no_number() {

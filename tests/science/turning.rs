@@ -35,7 +35,7 @@ fn of_age(dpf: u8, seed: u64, views: usize) -> Turn {
 
 #[test]
 fn a_turn_that_is_none_is_named_on_the_emulated_rig() {
-    let few = ["still", "every second view mirrored", "the second half upside down"];
+    let few = ["still", "every second view mirrored", "the second half upside down", "two neighbours exchanged", "reversed"];
     let mut wrong = turn(1, 12).judged("larva 1", &few);
     // In a turn of two like larvae every view is a compromise. In a turn of 6 views none is held against the others.
     wrong.extend(turn(7001, 12).judged("larva 7001", &["two larvae"]));

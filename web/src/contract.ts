@@ -1452,6 +1452,8 @@ export type StoredTurnFinding =
   | { before: number; finding: "mirrored"; found_px: number; mirrored_px: number; view: number }
   | { finding: "ends"; most_percent: number; share_percent: number }
   | { best_px: number; finding: "elsewhere"; off_deg: number; others: number; own_px: number; view: number }
+  | { apart_deg: number; exchanged_px: number; finding: "exchanged"; other: number; own_px: number; view: number }
+  | { finding: "reversed"; found_px: number; reversed_px: number }
   | { finding: "foreign"; of: number; view: number; views: number }
   | { finding: "off_bore"; found_px: number; most_px: number };
 

@@ -97,10 +97,9 @@ export const FLAGS: Record<string, { meaning: string; whatToDo: string; isBound:
     isBound: false,
   },
   wrong_sense: {
-    meaning:
-      "The glass turns the rays as if the capillary had turned the other way, so that the model is a mirror image.",
+    meaning: "The views fit a turn in the other sense, so the model is a mirror image and there is no volume.",
     whatToDo:
-      "Check the sense of the rig with a marked capillary, correct `sense` in the configuration, and measure again.",
+      "Check the order of the pictures and the sense of the rig with a marked capillary, correct `sense`, and measure again.",
     isBound: false,
   },
   rotation_suspect: {

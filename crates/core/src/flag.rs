@@ -170,9 +170,9 @@ flags! {
     WrongSteps = "wrong_steps", Turn, ["rho_percent"],
         "The capillary turned by another angle than the steps say.",
         "Check the steps per revolution and the coupling.";
-    WrongSense = "wrong_sense", Turn, [],
-        "The glass turns the rays as if the capillary had turned the other way, so that the model is a mirror image.",
-        "Check the sense of the rig with a marked capillary, correct `sense` in the configuration, and measure again.";
+    WrongSense = "wrong_sense", Turn, ["turn_findings"],
+        "The views fit a turn in the other sense, so the model is a mirror image and there is no volume.",
+        "Check the order of the pictures and the sense of the rig with a marked capillary, correct `sense`, and measure again.";
     RotationSuspect = "rotation_suspect", Turn, ["turn_findings"],
         "The specimen did not turn while the motor did, so there is no volume.",
         "Check the supply of the motor, the coupling and the belt, and measure it again.";
@@ -230,6 +230,7 @@ impl Flag {
             | Self::Uncertain
             | Self::CalibrationGate
             | Self::WrongSteps
+            | Self::WrongSense
             | Self::RotationSuspect
             | Self::RepeatedViews
             | Self::MirroredViews
@@ -246,7 +247,6 @@ impl Flag {
             | Self::DeadLooking
             | Self::Uncalibrated
             | Self::CalibrationOff
-            | Self::WrongSense
             | Self::VolumeOffReferences
             | Self::AreaOffReferences
             | Self::MissingViews

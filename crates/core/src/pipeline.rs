@@ -472,7 +472,6 @@ impl Pipeline {
             has_closure,
             is_nonconvex: fallback.is_some_and(Fallback::is_nonconvex),
             misses_fins: model.measurement.misses_fins(),
-            is_sense_wrong: calibration.is_some_and(|judged| judged.calibration.glass.is_some_and(|g| g.is_sense_right == Some(false))),
             vrv: calibration.map(|judged| judged.vrv.verdict),
         };
         flags(&facts, quality)

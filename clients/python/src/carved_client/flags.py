@@ -37,7 +37,7 @@ FLAGS = MappingProxyType({
     "calibration_gate": Flag("Another axis than the calibrated one leaves a larger hull, so the views do not quite agree on one turn.", "Look at the frames for a twitch or dirt, or measure it again."),
     "calibration_off": Flag("The axis of the turn is not where the configuration says.", "Mount the capillary again, or write the new axis into `[optics]`."),
     "wrong_steps": Flag("The capillary turned by another angle than the steps say.", "Check the steps per revolution and the coupling."),
-    "wrong_sense": Flag("The glass turns the rays as if the capillary had turned the other way, so that the model is a mirror image.", "Check the sense of the rig with a marked capillary, correct `sense` in the configuration, and measure again."),
+    "wrong_sense": Flag("The views fit a turn in the other sense, so the model is a mirror image and there is no volume.", "Check the order of the pictures and the sense of the rig with a marked capillary, correct `sense`, and measure again."),
     "rotation_suspect": Flag("The specimen did not turn while the motor did, so there is no volume.", "Check the supply of the motor, the coupling and the belt, and measure it again."),
     "repeated_views": Flag("Two views of different angles are the same picture, so there is no volume.", "Give each view its own picture, and measure it again."),
     "mirrored_views": Flag("Some views have left and right exchanged, so there is no volume.", "Switch the reversing of the camera and of its program off, and take the views again."),

@@ -34,7 +34,7 @@ pub(crate) use coherence::reprojected_areas;
 pub use free::{Ask, Free, Parameter, Refusal};
 pub use least_squares::{GivenView, GlassFound, PASSES_MOST, Priors, SolveError};
 pub use objective::{Objective, Optimised, Vrv, optimise};
-pub(crate) use placed::{Placed, placed, placed_by_halves};
+pub(crate) use placed::{Exchanged, Placed, exchanged, placed, placed_by_halves};
 pub(crate) use pose_offset::pose_offset;
 pub use pose_offset::{PoseOffset, PoseOffsetSd};
 pub use psi::Psi;

@@ -23,6 +23,11 @@ const SLICES_LEAST: usize = 8;
 const ANGLES: usize = 72;
 /// Every so many slices are looked at first.
 const LOOKED_AT: usize = 3;
+/// A view may be exchanged with another one if its distance falls below this share at another angle. The other one, which is among those that it is
+/// held against, makes both distances larger.
+const EXCHANGED_SHARE: f64 = 0.9;
+/// Most views that are exchanged with each other: those that gain most. Where more are wrong, the views are not just exchanged.
+const EXCHANGED_MOST: usize = 6;
 /// Halves of the turn that are compared with the rest: one of them is within an eighth of the turn of where a wrong half begins.
 const HALVES: usize = 4;
 
@@ -37,6 +42,19 @@ pub(crate) struct Placed {
     pub best_px: f64,
     /// That angle minus its own, rad, from -pi to pi.
     pub off_rad: f64,
+}
+
+/// Two views of a turn at their own angles, and each at the angle of the other. The slices are those of all other views.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Exchanged {
+    /// The two views.
+    pub views: [usize; 2],
+    /// Distance of the edges of each from those that the others make expected, px, without the shift of the view.
+    pub own_px: [f64; 2],
+    /// The same at the angle of the other.
+    pub swapped_px: [f64; 2],
+    /// Angle of the second minus that of the first, rad, from -pi to pi.
+    pub apart_rad: f64,
 }
 
 /// Places each view among the others. `counts` says of each view whether the slices may rest on it. `None` for a view that cannot be compared.
@@ -65,6 +83,39 @@ pub(crate) fn placed_by_halves(camera: &Camera, views: &[TurnView], counts: &[bo
         (0..views.len()).map(|i| placed_among(&pose, &slices, &views[i], Shift::Free).filter(|_| !is_member(i) && counts[i])).collect()
     };
     (0..HALVES).into_par_iter().map(|at| half(at * by_angle.len() / HALVES)).collect()
+}
+
+/// Holds the views that fit better at other angles against each other in pairs, as they are and exchanged. `placed` are those of [`placed`].
+/// Each of two exchanged views is among the views that the other one is held against there, and so spoils what it is compared with.
+pub(crate) fn exchanged(camera: &Camera, views: &[TurnView], counts: &[bool], placed: &[Option<Placed>]) -> Vec<Exchanged> {
+    let better_px = |i: usize| placed[i].filter(|p| p.best_px < EXCHANGED_SHARE * p.own_px).map(|p| p.own_px - p.best_px);
+    let mut doubtful: Vec<(usize, f64)> = (0..views.len()).filter_map(|i| Some((i, better_px(i)?))).collect();
+    doubtful.sort_by(|a, b| b.1.total_cmp(&a.1));
+    doubtful.truncate(EXCHANGED_MOST);
+    let mut doubtful: Vec<usize> = doubtful.into_iter().map(|(i, _)| i).collect();
+    doubtful.sort_unstable();
+    let pairs: Vec<[usize; 2]> = doubtful.iter().flat_map(|&b| doubtful.iter().filter(move |&&a| a < b).map(move |&a| [a, b])).collect();
+    if pairs.is_empty() {
+        return Vec::new();
+    }
+    let pose = Pose::new(camera);
+    let seen = seen(&pose, views);
+    let of_pair = |pair: [usize; 2]| {
+        let others: Vec<usize> = (0..views.len()).filter(|i| counts[*i] && !pair.contains(i)).collect();
+        let slices = fitted(&pose, views, &others, &seen);
+        if slices.len() < SLICES_LEAST {
+            return None;
+        }
+        let at = |view: usize, angle: usize| {
+            let view = TurnView { omega: views[angle].omega, ..views[view] };
+            residuals_px(&pose, &slices, &view, Shift::Free).map(|residuals| trimmed_rms(residuals.into_iter()))
+        };
+        let [a, b] = pair;
+        let turns = (views[b].omega - views[a].omega) / TAU;
+        let apart_rad = TAU * (turns - turns.round());
+        Some(Exchanged { views: pair, own_px: [at(a, a)?, at(b, b)?], swapped_px: [at(a, b)?, at(b, a)?], apart_rad })
+    };
+    pairs.into_par_iter().filter_map(of_pair).collect()
 }
 
 /// The place of a view among the slices of others.

@@ -92,6 +92,9 @@ pub struct Calibration {
     pub sd: PsiSd,
     /// What the views say of the glass. `None` where the camera has none, or they say nothing.
     pub glass: Option<GlassFound>,
+    /// Strength of the perspective that the views show, as a share of the camera's: 1 as given, 0 for parallel rays, less where near and far are
+    /// exchanged. `None` where the views do not tell.
+    pub perspective: Option<f64>,
     /// What was found of each view, in the order given.
     pub views: Vec<ViewState>,
     /// The step in the specimen's pose. `None` where it stayed where it was.
@@ -181,6 +184,7 @@ pub fn calibrate(camera: &Camera, given: &[GivenView], priors: Priors) -> Result
         sd: PsiSd { uy_px: sd(0), gamma_rad: sd(1), alpha_rad: sd(2), rho: sd(3) },
         covariance,
         glass: solution.glass,
+        perspective: solution.perspective,
         camera: solution.camera,
         start,
         rho: solution.rho,

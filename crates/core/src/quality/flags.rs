@@ -29,8 +29,6 @@ pub(crate) struct FlagFacts {
     pub is_nonconvex: bool,
     /// Whether the specimen may have fins, and the fins that the views show are shorter than half of it.
     pub misses_fins: bool,
-    /// Whether the rays are turned as if the capillary had turned in the other sense.
-    pub is_sense_wrong: bool,
     /// The VRV check of the turn's calibration. `None` where the turn is measured with the rig's camera.
     pub vrv: Option<VrvVerdict>,
 }
@@ -57,7 +55,6 @@ pub(crate) fn flags(facts: &FlagFacts, quality: &Quality) -> Vec<StoredFlag> {
     raise(facts.vrv.is_none(), Flag::Uncalibrated);
     raise(facts.vrv == Some(VrvVerdict::NotLargest), Flag::CalibrationGate);
     raise(quality.raises(Flag::WrongSteps), Flag::WrongSteps);
-    raise(facts.is_sense_wrong, Flag::WrongSense);
     add_raised(&mut flags, quality);
     flags
 }
@@ -91,7 +88,6 @@ mod tests {
         has_closure: true,
         is_nonconvex: false,
         misses_fins: false,
-        is_sense_wrong: false,
         vrv: Some(VrvVerdict::Passed),
     };
 
@@ -134,7 +130,6 @@ mod tests {
             (FlagFacts { has_closure: false, ..GOOD }, Flag::NoClosure),
             (FlagFacts { is_nonconvex: true, ..GOOD }, Flag::Nonconvex),
             (FlagFacts { misses_fins: true, ..GOOD }, Flag::FinsUnseen),
-            (FlagFacts { is_sense_wrong: true, ..GOOD }, Flag::WrongSense),
             (FlagFacts { vrv: None, ..GOOD }, Flag::Uncalibrated),
             (FlagFacts { vrv: Some(VrvVerdict::NotLargest), ..GOOD }, Flag::CalibrationGate),
         ] {

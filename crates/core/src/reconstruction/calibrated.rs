@@ -5,7 +5,7 @@ use super::finned::Finned;
 use super::turn::ObservedView;
 use crate::calibration::{
     Calibration, CalibrationError, GivenView, GlassFound, Moved, Priors, TurnView, ViewState, VrvCheck, VrvVerdict, calibrate, check_vrv,
-    placed, placed_by_halves,
+    exchanged, placed, placed_by_halves,
 };
 use crate::geometry::{Camera, Projection};
 use crate::profile::Columns;
@@ -93,6 +93,14 @@ pub enum NotCalibrated {
 /// The axis is compared with the bore where its standard deviation is less than this, px. That of a sphere is not known.
 const AXIS_KNOWN_PX: f64 = 1.0;
 
+/// A turn whose views show less than this share of the camera's perspective is tried in the other sense. 8 good turns of 5 larvae of the emulated rig
+/// had 0.90 to 1.16, and the same turns in the other sense -0.54 to 0.31.
+const PERSPECTIVE_LEAST: f64 = 0.6;
+/// A turn is reversed if the edges in the other sense lie within this share of their distance as recorded. It was 0.67 to 0.91 of those.
+const REVERSED_SHARE: f64 = 0.95;
+/// Fewer views tell too little of their sense.
+const REVERSED_VIEWS_LEAST: usize = 8;
+
 /// A calibration that passed the comparison with the given camera.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Judged {
@@ -159,14 +167,37 @@ impl Reconstruction {
         let views = with(|view| view.body.as_ref().unwrap_or(&view.columns));
         let counts: Vec<bool> = (0..views.len()).map(|i| !is_bad(i)).collect();
         let camera = found.map_or(&self.camera, |c| &c.camera);
+        let bodies = placed(camera, &views, &counts);
         let places = Places {
-            bodies: placed(camera, &views, &counts),
+            exchanged: exchanged(camera, &views, &counts, &bodies),
+            bodies,
             by_halves: placed_by_halves(camera, &views, &counts),
             with_common_fins: fins.is_searched().then(|| placed(camera, &with(|view| &view.columns), &counts)),
         };
         let bad: Vec<usize> = (0..views.len()).filter(|&i| is_bad(i)).collect();
         let axis_off_px = found.filter(|c| c.sd.uy_px < AXIS_KNOWN_PX).zip(middle_v).map(|(c, middle_v)| c.camera.uy - middle_v);
-        of_calibration(&places, numbers, &bad, axis_off_px)
+        let mut findings = of_calibration(&places, numbers, &bad, axis_off_px);
+        findings.extend(found.and_then(|found| self.reversed(found)));
+        findings
+    }
+
+    /// Whether the views fit better if all angles have the other sense. Parallel rays show the mirror image of the specimen then, which fits as well.
+    /// Rays that spread, or that the glass turns, do not. It is tried only where they are not as the camera says.
+    fn reversed(&self, found: &Calibration) -> Option<TurnFinding> {
+        let is_turned_back = found.glass.is_some_and(|glass| glass.is_sense_right == Some(false));
+        let is_doubtful = is_turned_back || found.perspective.is_some_and(|share| share < PERSPECTIVE_LEAST);
+        if !is_doubtful || self.observed.len() < REVERSED_VIEWS_LEAST {
+            return None;
+        }
+        let residual_px = |sense: f64| {
+            let mut views: Vec<GivenView> =
+                self.observed.iter().map(|view| GivenView { columns: &view.columns, omega: sense * view.omega }).collect();
+            views.sort_by(|a, b| a.omega.total_cmp(&b.omega));
+            let calibration = calibrate(&self.camera, &views, self.settings.calibration.priors()).ok()?;
+            Some(calibration.residual_sd_um * self.camera.ky)
+        };
+        let (found_px, reversed_px) = (residual_px(1.0)?, residual_px(-1.0)?);
+        (reversed_px < REVERSED_SHARE * found_px).then_some(TurnFinding::Reversed { found_px, reversed_px })
     }
 
     /// Calibrates on the views so far and compares the result with the given camera.

@@ -48,7 +48,7 @@ fn turn(kind: Kind, dirt: Dirt, seed: u64, views: usize) -> Turn {
 
 #[test]
 fn a_turn_that_is_none_is_named() {
-    let few = ["still", "every second view mirrored", "the second half upside down", "two views exchanged", "two larvae"];
+    let few = ["still", "every second view mirrored", "the second half upside down", "two neighbours exchanged", "two larvae"];
     let wrong: Vec<String> = [(Kind::Finned, 301, 21), (Kind::Finless, 302, 12)]
         .iter()
         .flat_map(|&(kind, seed, views)| turn(kind, Dirt::MEASURED, seed, views).judged(&format!("{kind:?} {seed}"), &few))

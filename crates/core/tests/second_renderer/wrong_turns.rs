@@ -135,7 +135,9 @@ impl Turn {
     /// The kinds of turns that are not found as what they are, or `good` if the good turn is found to be none. Empty where all is right.
     pub fn judged(&self, name: &str, only: &[&str]) -> Vec<String> {
         let mut wrong = Vec::new();
-        for (kind, flag, shot) in kinds(self.views).into_iter().filter(|(kind, ..)| only.is_empty() || only.contains(kind)) {
+        let is_shown = |kind: &str| kind != REVERSED || self.settings.camera.f < PARALLEL_UM;
+        let kinds = kinds(self.views).into_iter().filter(|(kind, ..)| is_shown(kind) && (only.is_empty() || only.contains(kind)));
+        for (kind, flag, shot) in kinds {
             let record = self.measured(shot);
             let found: Vec<Flag> = record.turn_findings.iter().map(TurnFinding::flag).collect();
             let is_named = found.contains(&flag) && record.flags.iter().any(|f| *f == flag) && record.quality.is_some_and(|q| !q.passed);
@@ -224,6 +226,9 @@ pub fn unlike_copies(larvae: &[Turn], copied: usize) -> Vec<String> {
 pub type WrongTurn = (&'static str, Flag, Box<dyn Fn(usize) -> Shot + Sync>);
 
 const UPSIDE_DOWN: &str = "one view upside down";
+const REVERSED: &str = "reversed";
+/// A camera farther away shows a turn in the other sense as that of the mirror image, um.
+const PARALLEL_UM: f64 = 1e6;
 
 /// The kinds of turns that are none.
 pub fn kinds(views: usize) -> Vec<WrongTurn> {
@@ -259,6 +264,18 @@ pub fn kinds(views: usize) -> Vec<WrongTurn> {
                 })
             }),
         ),
+        (
+            "two neighbours exchanged",
+            ELSEWHERE,
+            Box::new(move |view| {
+                told(match view {
+                    _ if view == from - 1 => from,
+                    _ if view == from => from - 1,
+                    other => other,
+                })
+            }),
+        ),
+        (REVERSED, Flag::WrongSense, Box::new(move |view| told(views - view))),
         ("two turns", ELSEWHERE, Box::new(move |view| told(2 * view))),
         ("half a turn", ELSEWHERE, Box::new(move |view| Shot { at: view as f64 / 2.0, ..AS_TOLD })),
         ("two larvae", ELSEWHERE, Box::new(move |view| Shot { other_larva: view >= from, ..told(view) })),

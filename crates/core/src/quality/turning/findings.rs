@@ -77,6 +77,34 @@ pub enum TurnFinding {
         /// Number of other views of which the same is true.
         others: usize,
     },
+    /// Two views fit the others if they are exchanged.
+    #[error(
+        "views {view} and {other} are exchanged: each fits the others at the angle of the other one, {apart_deg:.0} deg away ({exchanged_px:.1} px instead of \
+         {own_px:.1} px). Check the order of the pictures"
+    )]
+    Exchanged {
+        /// The view.
+        view: u32,
+        /// The other view.
+        other: u32,
+        /// Difference of their angles, deg.
+        apart_deg: f64,
+        /// Distance of the edges of the worse one from the other views' model at its own angle, px.
+        own_px: f64,
+        /// The same where they are exchanged, px.
+        exchanged_px: f64,
+    },
+    /// The views fit the camera better if the capillary turned in the other sense.
+    #[error(
+        "the views fit a turn in the other sense: their edges lie {reversed_px:.2} px from it, and {found_px:.2} px from the turn as it is recorded. The model is \
+         a mirror image. Check the order of the pictures and the sense of the rig, and measure the pictures again"
+    )]
+    Reversed {
+        /// Standard deviation of the edges from the model of the turn as recorded, px.
+        found_px: f64,
+        /// The same with all angles in the other sense, px.
+        reversed_px: f64,
+    },
     /// Several views fit the turn at no angle.
     #[error(
         "{views} of {of} views, the first of them {view}, fit the others at no angle: they show another specimen, the specimen moved, or the pictures are bad. Look at them"
@@ -110,7 +138,8 @@ impl TurnFinding {
             Self::Repeated { .. } => Flag::RepeatedViews,
             Self::Mirrored { .. } => Flag::MirroredViews,
             Self::Ends { .. } => Flag::SpecimenEndsDiffer,
-            Self::Elsewhere { .. } | Self::Foreign { .. } => Flag::ViewsDisagree,
+            Self::Elsewhere { .. } | Self::Exchanged { .. } | Self::Foreign { .. } => Flag::ViewsDisagree,
+            Self::Reversed { .. } => Flag::WrongSense,
             Self::OffBore { .. } => Flag::AxisOffBore,
         }
     }

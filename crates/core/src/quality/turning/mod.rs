@@ -6,13 +6,16 @@
 //!                                             ├─ a neighbour fits only with left and right exchanged ── mirrored
 //!                                             └─ the ends of the specimen differ from view to view ─── ends
 //!  the calibration of the turn ───────────────┬─ a view fits the others elsewhere, or nowhere ──────── elsewhere, foreign
+//!                                             ├─ two views fit the others at each other's angle ────── exchanged
+//!                                             ├─ rays spread, or turn in the glass, the other way ──── reversed
 //!                                             └─ its axis is not in the middle of the bore ─────────── off the bore
 //! ```
 //! The calibration alone cannot answer this. Views of a specimen that stands still fit a body of revolution, and mirrored views fit the part that
 //! both pictures have in common. So the views are compared with each other, before any model is made of them.
 //!
-//! What no picture of a specimen tells: a whole turn that is mirrored, or that is recorded in the other sense. Both show the mirror image of the
-//! specimen, with the same volume and area (`calibration::mark` finds both on the rig). A sphere looks alike from all sides and is not judged.
+//! What no picture of a specimen tells: a whole turn that is mirrored, and, where rays are parallel and no glass turns them, a turn in the other
+//! sense. Both show the mirror image of the specimen, with the same volume and area (`calibration::mark` finds both on the rig). A sphere looks alike
+//! from all sides and is not judged.
 
 mod findings;
 mod outlines;
