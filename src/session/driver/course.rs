@@ -14,7 +14,7 @@ use super::super::state::Trigger;
 use super::super::worker::{self, RunContext, RunEnd, RunError};
 use super::super::{State, gate};
 use super::driver_state::DriverState;
-use super::interrupt::{Course, Fate, interruptions, set_aside};
+use super::interrupt::{Course, Fate, interruptions};
 use super::recovery::{Continuation, Made};
 use super::run::{AfterWork, Request, RunInProgress, Work};
 use super::sealing::{seal_well, views_stored};
@@ -23,7 +23,7 @@ use super::start::kernel_boot_id;
 use super::{Departure, Life, commands, faults, missing, resume};
 use carved_records::{
     Asked, DaemonStopping, EventData, Fault, HeldBy, Method, ResumedBy, RunAccepted, RunEnded, RunHeld, RunPlan, RunResumed,
-    SpecimenInterrupted, SpecimenState, WellCounts,
+    SpecimenInterrupted, SpecimenOutcome, SpecimenState, WellCounts,
 };
 use carved_store::{RunRecord, StoreError};
 use jiff::Timestamp;
@@ -278,14 +278,15 @@ pub(super) fn interrupt_specimens(d: &mut DriverState, reason: &str, fate: Fate)
     for interruption in found {
         let Some(run) = &mut d.run else { return };
         let well = &interruption.well;
-        if interruption.course == Course::LacksNumbers {
-            continue;
-        }
-        let aside = d.outbox.state().run.as_ref().and_then(|known| set_aside(known, well));
-        let reason = aside.as_deref().filter(|_| interruption.course == Course::GivenUp && fate == Fate::PoseLost).unwrap_or(reason);
-        if interruption.course == Course::GivenUp {
+        let (ends, reason) = match &interruption.course {
+            Course::LacksNumbers => continue,
+            Course::Kept | Course::Again => (None, reason),
+            Course::GivenUp => (Some(SpecimenOutcome::Interrupted), reason),
+            Course::SetAside(why) => (Some(SpecimenOutcome::Failed), why.as_str()),
+        };
+        if let Some(outcome) = ends {
             let (store, id) = (d.outbox.store(), run.record().id.clone());
-            if run.give_up(well, reason, views_stored(store, &id, well)) {
+            if run.give_up(well, outcome, reason, views_stored(store, &id, well)) {
                 let record = run.record().clone();
                 seal_well(store, &id, well);
                 // Before the event, after which a start no longer looks at this specimen.
@@ -311,7 +312,7 @@ pub(super) fn taken_for_good(d: &mut DriverState, run: Option<&str>, well: &str)
     };
     let before = current.record().clone();
     let views = views_stored(d.outbox.store(), &before.id, well);
-    let is_given_up = current.give_up(well, reason, views);
+    let is_given_up = current.give_up(well, SpecimenOutcome::Interrupted, reason, views);
     let (record, policy) = (current.record().clone(), before.method.policy.interrupted);
     // The record first: a start after a crash between the two must not take the next specimen for this one.
     if let Err(refused) = d.outbox.commit_of_well(&record, well, EventData::WellUnloaded) {

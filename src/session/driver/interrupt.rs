@@ -3,8 +3,8 @@
 //! ```text
 //! worked on ───┬─ accepted ────────────────────────────────────► its numbers follow from its frames: no event
 //!              ├─ caused by the instrument, the pose is known ─► kept: the run continues with it
+//!              ├─ two processes ended in the same step of it ──► set aside: the well fails, so that no input ends the daemon for ever
 //!              ├─ cannot come again, or the method skips it ───► given up: the well ends
-//!              ├─ two processes ended in the same step of it ──► given up: no input ends the daemon for ever
 //!              └─ otherwise ───────────────────────────────────► begun again, once it is brought
 //! ```
 //! What stays in the capillary and is not kept must leave before the run continues: `Specimens::must_leave_first`.
@@ -30,7 +30,7 @@ pub(super) enum Fate {
 const MOST_ENDED: u32 = 2;
 
 /// Why a well is set aside. `None` if it may be begun again.
-pub(super) fn set_aside(state: &RunState, well: &str) -> Option<String> {
+fn set_aside(state: &RunState, well: &str) -> Option<String> {
     let (phase, times) = state.processes_ended_in(well).filter(|(_, times)| *times >= MOST_ENDED)?;
     Some(format!(
         "set aside: the daemon ended {times} times in the work on {well}, in the step {}, and nobody had asked it to. The run goes on with the \
@@ -47,14 +47,16 @@ pub(super) struct Interruption {
 }
 
 /// What the run does with a specimen that was in progress.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Course {
     /// It was accepted. Only its numbers are missing.
     LacksNumbers,
     /// The run continues with it in place.
     Kept,
-    /// Its well ends.
+    /// Its well ends as interrupted.
     GivenUp,
+    /// Its well ends as failed, for this reason.
+    SetAside(String),
     /// It is begun again, once it is brought.
     Again,
 }
@@ -76,7 +78,9 @@ pub(super) fn interruptions(
                 Course::LacksNumbers
             } else if fate == Fate::Stays && specimen.state().is_inside() {
                 Course::Kept
-            } else if !brings_again || skip || (fate == Fate::PoseLost && set_aside(state, well).is_some()) {
+            } else if let Some(why) = set_aside(state, well).filter(|_| fate == Fate::PoseLost) {
+                Course::SetAside(why)
+            } else if !brings_again || skip {
                 Course::GivenUp
             } else {
                 Course::Again
@@ -117,7 +121,7 @@ mod tests {
         let turning = state(&[phase("A01", Phase::Revolve, true)]);
         let found = interruptions(run, &turning, &VecDeque::new(), brings_again, fate);
         assert_eq!(found.len(), 1);
-        found[0].course
+        found[0].course.clone()
     }
 
     #[test]
@@ -144,30 +148,32 @@ mod tests {
             let state = state(events);
             let found = interruptions(&r, &state, &VecDeque::new(), true, Fate::PoseLost);
             assert_eq!(found[0].well, "A01");
-            (found[0].course, set_aside(&state, "A01"))
+            found[0].course.clone()
         };
         let once = [turn.clone(), ("", found_open())];
-        assert_eq!(course(&once), (Course::Again, None));
+        assert_eq!(course(&once), Course::Again);
         let twice = [&once[..], &[("A01", begun_again()), turn.clone(), ("", found_open())]].concat();
-        let (found, why) = course(&twice);
-        assert!(
-            found == Course::GivenUp && why.is_some_and(|why| why.contains("2 times in the work on A01") && why.contains("start a run"))
-        );
+        let is_named = |course: &Course| matches!(course, Course::SetAside(why) if why.contains("2 times in the work on A01"));
+        assert!(is_named(&course(&twice)));
+        // The same reason where the specimen would not be begun again in any case.
+        for (run, brings_again) in [(&skipping(), true), (&r, false)] {
+            assert!(is_named(&interruptions(run, &state(&twice), &VecDeque::new(), brings_again, Fate::PoseLost)[0].course));
+        }
         // Power cuts, however many: the computer was started again each time.
         let cuts = ["two", "three", "four"].map(|boot| [("A01", begun_again()), turn.clone(), ("", found_at(boot))]).concat();
-        assert_eq!(course(&[&once[..], &cuts].concat()), (Course::Again, None));
+        assert_eq!(course(&[&once[..], &cuts].concat()), Course::Again);
         // A person ends the process in any step, a picture in the same one.
         let other_step = [&once[..], &[("A01", begun_again()), phase("A01", Phase::Detect, true), ("", found_open())]].concat();
-        assert_eq!(course(&other_step), (Course::Again, None));
+        assert_eq!(course(&other_step), Course::Again);
         let again = [&other_step[..], &[("A01", begun_again()), turn.clone(), ("", found_open())]].concat();
-        assert_eq!(course(&again).0, Course::GivenUp);
+        assert!(is_named(&course(&again)));
         // Who asked the daemon to end is not the picture.
         let asked = ("", EventData::DaemonStopping(DaemonStopping { ends_run: false }));
         let stopped = [&once[..], &[("A01", begun_again()), turn.clone(), asked, ("", found_open())]].concat();
-        assert_eq!(course(&stopped), (Course::Again, None));
+        assert_eq!(course(&stopped), Course::Again);
         // The well that was only asked for did nothing.
         let next = [&once[..], &[("A01", begun_again()), phase("A02", Phase::Load, false), ("", found_open()), turn]].concat();
-        assert_eq!(course(&next), (Course::Again, None));
+        assert_eq!(course(&next), Course::Again);
     }
 
     #[test]

@@ -201,11 +201,11 @@ impl RunInProgress {
         result
     }
 
-    /// Ends a well whose specimen cannot be measured any more, with the number of its stored views. Returns `false` if the well has an
+    /// Ends a well whose specimen is not measured any more, with the number of its stored views. Returns `false` if the well has an
     /// outcome already.
-    pub fn give_up(&mut self, well: &str, reason: &str, views: u32) -> bool {
+    pub fn give_up(&mut self, well: &str, outcome: SpecimenOutcome, reason: &str, views: u32) -> bool {
         let slot = self.record.wells.iter_mut().find(|w| w.well == well && w.outcome.is_none());
-        slot.map(|slot| slot.end_early(SpecimenOutcome::Interrupted, reason, views)).is_some()
+        slot.map(|slot| slot.end_early(outcome, reason, views)).is_some()
     }
 
     /// Changes a well of the record at a person's word. `None` if the run has no such well.
@@ -426,7 +426,8 @@ pub(super) mod tests {
         let accepted = VecDeque::from([r.record().plan.plate_map[1].clone()]);
         let left = |r: &RunInProgress| r.wells_left(&accepted).into_iter().map(|w| w.well).collect::<Vec<_>>();
         assert_eq!(left(&r), ["A01", "A03"]);
-        assert!(r.give_up("A01", "it is lost", 13) && !r.give_up("A01", "twice", 0));
+        let outcome = SpecimenOutcome::Interrupted;
+        assert!(r.give_up("A01", outcome, "it is lost", 13) && !r.give_up("A01", outcome, "twice", 0));
         assert_eq!((left(&r), r.next_well()), (vec!["A03".to_owned()], Some("A02")));
         let given_up = &r.record().wells[0];
         assert_eq!((given_up.reason.as_deref(), given_up.views), (Some("it is lost"), Some(13)));

@@ -301,7 +301,8 @@ fn given_up(b: &Bench, events: &[Event]) -> Vec<String> {
         let last = events.iter().rev().find(|event| event.body.well.as_deref() == Some(well));
         last.is_some_and(|event| matches!(&event.body.data, EventData::SpecimenInterrupted(interrupted) if !interrupted.kept))
     };
-    wells.filter(|w| w.outcome == Some(SpecimenOutcome::Interrupted) && is_told(&w.well)).map(|w| w.well.clone()).collect()
+    let is_given_up = |outcome| matches!(outcome, Some(SpecimenOutcome::Interrupted | SpecimenOutcome::Failed));
+    wells.filter(|w| is_given_up(w.outcome) && is_told(&w.well)).map(|w| w.well.clone()).collect()
 }
 
 fn check(sampling: Sampling, steps: &[Step]) {

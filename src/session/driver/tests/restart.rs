@@ -7,7 +7,7 @@ use crate::session::handle::{Refusal, SessionHandle, Towards};
 use crate::session::search::DevicesFound;
 use crate::session::worker::{Progress, RunEnd, RunError};
 use carved_devices::DeviceError;
-use carved_records::{Asked, EventData, Handoff, HandoffEnd, HandoffIntent};
+use carved_records::{Asked, EventData, Handoff, HandoffEnd, HandoffIntent, Phase, SpecimenOutcome};
 use carved_store::StoreError;
 use carved_store::testing::trace as disk_trace;
 use std::cell::RefCell;
@@ -126,6 +126,32 @@ fn a_status_without_the_run_of_before_says_that_the_daemon_starts() {
             if !restored {
                 restart::first_report(&mut d);
             }
+        }
+    });
+}
+
+/// The same outcome as in an import. An interrupted well is among those that a new run takes up, and this one would end the daemon there.
+#[test]
+fn a_well_that_two_processes_ended_in_fails_and_the_run_goes_on_with_the_next() {
+    on_this_thread(async {
+        for outside in [true, false] {
+            let dir = scratch();
+            let mut b = started(dir.path(), outside, &["A01", "A02"]);
+            for deaths in 1..=2 {
+                b.phase("A01", Phase::Load, false);
+                b.phase("A01", Phase::Position, true);
+                b.phase("A01", Phase::Detect, true);
+                drop(b);
+                b = bench(dir.path(), outside);
+                let wells = b.status().run.unwrap().results;
+                let ends = (deaths == 2).then_some(SpecimenOutcome::Failed);
+                assert_eq!((wells[0].outcome, wells[1].outcome), (ends, None), "death {deaths}, a loader: {outside}");
+                let why = wells[0].reason.as_deref().unwrap_or_default();
+                assert_eq!(why.starts_with("set aside: the daemon ended 2 times in the work on A01"), deaths == 2, "{why}");
+                b.loaded("A01", false).unwrap();
+                b.report(Progress::Ready);
+            }
+            assert_eq!(b.d.run.as_ref().unwrap().next_well(), Some("A02"));
         }
     });
 }
