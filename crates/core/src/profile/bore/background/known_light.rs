@@ -42,13 +42,15 @@ impl Surroundings {
     const BLOCKS: usize = 24;
     /// Fewest pixels that determine a block's light.
     const LEAST_SEEN: usize = 16;
+    /// Fewest rows that show the light of a side, where the other side has so many. Fewer are all as near to the glass and what it reflects.
+    const LEAST_ROWS: usize = 6;
 
     /// Reads the light of one colour from the picture.
     pub fn read(&mut self, bore: &Bore, plane: &[u8]) {
         let w = bore.width;
         let band = (0.4 * bore.mean_px) as usize;
         let mut blocks = [[0.0f32; 2]; Self::BLOCKS];
-        let mut seen = [true; 2];
+        let mut depth = [usize::MAX; 2];
         for (block, levels) in blocks.iter_mut().enumerate() {
             let columns = block * w / Self::BLOCKS..((block + 1) * w / Self::BLOCKS).max(block * w / Self::BLOCKS + 1).min(w);
             let mid = (columns.start + columns.end) as f64 / 2.0;
@@ -59,10 +61,11 @@ impl Surroundings {
             let bands = [above.saturating_sub(band).max(bore.lit.start)..above, below..(below + band).min(bore.lit.end)];
             for (side, rows) in bands.into_iter().enumerate() {
                 self.greys.clear();
+                let count = rows.len();
                 for v in rows.step_by(3) {
                     self.greys.extend(plane[v * w + columns.start..v * w + columns.end].iter().step_by(2));
                 }
-                seen[side] &= self.greys.len() >= Self::LEAST_SEEN;
+                depth[side] = depth[side].min(if self.greys.len() < Self::LEAST_SEEN { 0 } else { count });
                 levels[side] = middle_half(&mut self.greys);
             }
         }
@@ -73,7 +76,8 @@ impl Surroundings {
             let mean = side.iter().sum::<f32>() / Self::BLOCKS as f32;
             side.map(|grey| grey * 128.0 / mean.max(1.0))
         });
-        let [above, below] = match seen {
+        let least = if depth.iter().any(|rows| *rows >= Self::LEAST_ROWS) { Self::LEAST_ROWS } else { 1 };
+        let [above, below] = match depth.map(|rows| rows >= least) {
             [true, true] => shapes,
             [true, false] => [shapes[0]; 2],
             [false, true] => [shapes[1]; 2],

@@ -240,14 +240,18 @@ mod tests {
 
     /// Largest mean contrast of a block of 16 x 16 px off the walls and off the body, and least mean contrast inside it.
     fn contrasts(empty: Option<&EmptyCapillary>, fall: f64) -> (f32, f32) {
-        let picture = picture(true, (0.0, 0.0), fall, 1);
-        let bore = Bore::of(&picture, walls::WallFinder::default().find(&picture, &WallSettings::default()).unwrap());
-        let mut background = Background::default();
-        background.take_away(&bore, &picture, empty);
-        let lightness = &background.contrast.lightness;
         // The reference's own noise counts too, halved or not by how it lies between rows; so does what the light's course
         // between its blocks is off by where it falls off.
         let most = if fall > 0.0 { 3.0 } else { 1.65 };
+        contrasts_of(&picture(true, (0.0, 0.0), fall, 1), empty, most)
+    }
+
+    /// As `contrasts`. `most`: largest noise, grey values.
+    fn contrasts_of(picture: &Picture, empty: Option<&EmptyCapillary>, most: f64) -> (f32, f32) {
+        let bore = Bore::of(picture, walls::WallFinder::default().find(picture, &WallSettings::default()).unwrap());
+        let mut background = Background::default();
+        background.take_away(&bore, picture, empty);
+        let lightness = &background.contrast.lightness;
         let least_and_most = if empty.is_some() { (1.8, 2.2) } else { (1.4, most) };
         let noise = background.contrast.noise_grey;
         assert!((least_and_most.0..least_and_most.1).contains(&noise), "noise {noise}");
@@ -289,5 +293,18 @@ mod tests {
         let reference = EmptyCapillary::new(picture(false, (1.5, 0.004), 0.0, 2), &WallSettings::default()).unwrap();
         let (outside, inside) = contrasts(Some(&reference), 0.0);
         assert!(outside.abs() < 0.3 && inside > 20.0, "outside {outside}, inside {inside}");
+    }
+
+    /// Dirt on the glass, of which the blur reaches into the few rows below the capillary that the picture has. There is enough light above.
+    #[test]
+    fn nor_where_few_rows_beside_the_glass_are_in_the_picture() {
+        const ROWS: usize = 270;
+        let whole = picture(true, (0.0, 0.0), 0.0, 1);
+        let dirty = |u: usize, v: usize, grey: u8| if u < WIDTH / 2 && v > 262 { (0.7 * f64::from(grey)) as u8 } else { grey };
+        let bytes = whole.planes()[1].iter().enumerate().map(|(i, grey)| dirty(i % WIDTH, i / WIDTH, *grey)).take(ROWS * WIDTH).collect();
+        let cut = Picture::from_frame(&RawFrame::new(WIDTH as u32, ROWS as u32, PixelFormat::Mono8, bytes).unwrap());
+        let (outside, inside) = contrasts_of(&cut, None, 1.65);
+        // The light of one side tells nothing of its course across the bore.
+        assert!(outside.abs() < 0.5 && inside > 20.0, "outside {outside}, inside {inside}");
     }
 }
