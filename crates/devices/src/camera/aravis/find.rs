@@ -8,6 +8,8 @@ use std::net::{Ipv4Addr, UdpSocket};
 
 /// GigE Vision's control port.
 const GVCP_PORT: u16 = 3956;
+/// So many broadcasts look for a camera. It answers each with one datagram, which a busy computer or network may lose.
+const DISCOVERIES: u32 = 2;
 
 pub(super) fn find(select: &CameraSelect) -> Result<aravis::Camera, DeviceError> {
     let not_found = |why: String| DeviceError::Open {
@@ -46,9 +48,12 @@ fn device_at(address: Ipv4Addr) -> Result<GvDevice, String> {
 
 /// The id of the first camera that fits; otherwise a text with the cameras that answer.
 fn listed(fits: impl Fn(&Listed) -> bool) -> Result<String, String> {
-    let all = discover();
-    if let Some(id) = all.iter().find(|camera| fits(camera)).and_then(|camera| camera.id.clone()) {
-        return Ok(id);
+    let mut all = Vec::new();
+    for _ in 0..DISCOVERIES {
+        all = discover();
+        if let Some(id) = all.iter().find(|camera| fits(camera)).and_then(|camera| camera.id.clone()) {
+            return Ok(id);
+        }
     }
     let word = |text: &Option<String>| text.clone().unwrap_or_else(|| "unknown".into());
     let there: Vec<String> = all.iter().map(|c| format!("serial number {}, hardware address {}", word(&c.serial), word(&c.mac))).collect();
