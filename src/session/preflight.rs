@@ -189,7 +189,7 @@ pub struct Known<'a> {
     pub blurs: &'a Blurs,
     /// Barcode of the plate inside, if it was handed over.
     pub plate_handed_over: Option<&'a str>,
-    /// The well whose specimen has to be taken out before a run starts.
+    /// The specimen of an ended run that keeps a new one from starting: what is the matter, and what a person does. `None` if none does.
     pub left: Option<(String, &'static str)>,
     pub free_bytes: Option<u64>,
     pub budget: Option<Budget>,

@@ -83,8 +83,8 @@ fn larvae_have_their_place(status: &Value, folder: &Path) {
 }
 
 /// The left side and the back of each larva in its folder, by the links of its record, and the same again from the frames. A bead has none.
-/// In two of about ten runs on a busy machine a larva had none, and the cause is not known. The table must then say that its head or back is
-/// undecided, or that its shape has no body axis.
+/// Twice on a busy machine a larva had none, and the cause is not known. The table must then say that its head or back is undecided, or that
+/// its shape has no body axis.
 fn larvae_have_their_standard_pictures(daemon: &Daemon, folder: &Path, scratch: &Path) {
     let run_id = folder.file_name().unwrap().to_str().unwrap();
     let out = scratch.join("pictures");

@@ -189,7 +189,11 @@ export function nextStep(status: Status): NextStep | null {
   const { take_out: out, bring } = status.plate;
   if (status.run === null || (out === null && bring === null)) return null;
   if (out !== null) {
-    const words = `By hand: take the specimen of ${out} out of the capillary, then confirm.`;
+    // A driven sampler was asked for it, and its run has ended.
+    const mayCome = status.specimen?.well === out && !status.specimen.in_capillary;
+    const words = mayCome
+      ? `By hand: the specimen of ${out} may still come. Take it out of the capillary once it has, then confirm. Confirm too if it does not come.`
+      : `By hand: take the specimen of ${out} out of the capillary, then confirm.`;
     return { words, button: "is-out", fault: null };
   }
   return {

@@ -124,6 +124,8 @@ test("who exchanges specimens by hand reads what to do, one step after the other
   assert.match(headline({ ...half, plate }), /^By hand: take the specimen of A01 out/);
   assert.equal(nextStep({ ...half, plate })?.button, "is-out");
   assert.match(diagnosis({ ...half, plate }), /A plate-loader does this by itself\.$/);
+  const late = { ...half, plate, specimen: specimen("A01", [], { in_capillary: false }) };
+  assert.match(headline(late), /A01 may still come\. Take it out .* Confirm too if it does not come\.$/);
   const next = nextStep({ ...half, plate: { ...plate, take_out: null } });
   assert.match(next?.words ?? "", /^By hand: put the specimen of A02 into/);
   assert.equal(next?.button, "is-in");
