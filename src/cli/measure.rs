@@ -108,7 +108,11 @@ fn lines(args: &Args) -> anyhow::Result<()> {
         wrong.push(format!("{} recording(s) gave other numbers than are stored beside their frames: {}", differ.len(), differ.join(", ")));
     }
     if !no_turns.is_empty() {
-        wrong.push(format!("{} recording(s) are no turn of one specimen, so their volumes do not count:\n{}", no_turns.len(), no_turns.join("\n")));
+        wrong.push(format!(
+            "{} recording(s) are no turn of one specimen, so their volumes do not count:\n{}",
+            no_turns.len(),
+            no_turns.join("\n")
+        ));
     }
     ensure!(wrong.is_empty(), "{}", wrong.join("\n"));
     Ok(())
