@@ -12,6 +12,7 @@ import {
   goesOnByItself,
   handedOver,
   isAtRest,
+  mayStillCome,
   nextStep,
   runsNow,
   underWay,
@@ -125,7 +126,7 @@ const COMMANDS: readonly Command[] = [
   },
   {
     name: "is-out",
-    label: (s) => `Specimen of ${s.plate.take_out ?? ""} is out`,
+    label: (s) => `Specimen of ${s.plate.take_out ?? ""} is out${mayStillCome(s) ? ", or will not come" : ""}`,
     underWay: "",
     isUnderWay: never,
     isShown: (s) => s.plate.take_out !== null && s.run !== null,

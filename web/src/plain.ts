@@ -189,9 +189,7 @@ export function nextStep(status: Status): NextStep | null {
   const { take_out: out, bring } = status.plate;
   if (status.run === null || (out === null && bring === null)) return null;
   if (out !== null) {
-    // A driven sampler was asked for it, and its run has ended.
-    const mayCome = status.specimen?.well === out && !status.specimen.in_capillary;
-    const words = mayCome
+    const words = mayStillCome(status)
       ? `By hand: the specimen of ${out} may still come. Take it out of the capillary once it has, then confirm. Confirm too if it does not come.`
       : `By hand: take the specimen of ${out} out of the capillary, then confirm.`;
     return { words, button: "is-out", fault: null };
@@ -201,6 +199,12 @@ export function nextStep(status: Status): NextStep | null {
     button: "is-in",
     fault: null,
   };
+}
+
+/** Whether the specimen that has to be taken out is not in the capillary: a driven sampler was asked for it, and its run has ended. */
+export function mayStillCome(status: Status): boolean {
+  const out = status.plate.take_out;
+  return out !== null && status.specimen?.well === out && !status.specimen.in_capillary;
 }
 
 /** Whether a person brings or takes the next specimen: nobody knows how long that takes. */

@@ -14,6 +14,7 @@ import {
   handedOver,
   Furthest,
   headline,
+  mayStillCome,
   nextStep,
   progress,
   progressLine,
@@ -125,6 +126,7 @@ test("who exchanges specimens by hand reads what to do, one step after the other
   assert.equal(nextStep({ ...half, plate })?.button, "is-out");
   assert.match(diagnosis({ ...half, plate }), /A plate-loader does this by itself\.$/);
   const late = { ...half, plate, specimen: specimen("A01", [], { in_capillary: false }) };
+  assert.ok(mayStillCome(late) && !mayStillCome({ ...half, plate }));
   assert.match(headline(late), /A01 may still come\. Take it out .* Confirm too if it does not come\.$/);
   const next = nextStep({ ...half, plate: { ...plate, take_out: null } });
   assert.match(next?.words ?? "", /^By hand: put the specimen of A02 into/);
