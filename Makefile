@@ -72,8 +72,7 @@ test-features: deps-build deps-python ## what is not in the default build: Parqu
 test-slurm: deps-build deps-slurm ## examples/slurm on a Slurm of this machine, which is installed where missing (as root, takes minutes)
 	$(CARGO) test --locked --test commands slurm:: -- --ignored --nocapture
 
-# Clippy reads all code with every feature, and then what other sets of features change. With the same arguments it does not read a crate
-# twice whose features are the same.
+# Clippy reads all code with every feature, and then what no feature at all changes: the program of `make offline`, and the science for wasm32.
 CLIPPY = $(CARGO) clippy --locked
 STRICT = -D warnings
 
@@ -81,13 +80,12 @@ lint: deps-build deps-python $(NODE_MODULES) ## formatting, clippy with every fe
 	$(CARGO) fmt --all --check
 	$(CARGO) fmt --manifest-path fuzz/Cargo.toml --check
 	$(CLIPPY) --workspace --all-targets --features s3,parquet -- $(STRICT)
-	$(CLIPPY) --workspace --all-targets --no-default-features --features simulate -- $(STRICT)
-	$(CLIPPY) -p carved --no-default-features --features s3 -- $(STRICT)
-	$(CLIPPY) -p carved-core --all-targets --no-default-features -- $(STRICT)
+	$(CLIPPY) -p carved --no-default-features -- $(STRICT)
 	@if [ -d "$$(rustc --print target-libdir --target $(WASM))" ] || why=$$(timeout 120 rustup target add $(WASM) 2>&1); then \
-		set -x; $(CARGO) check -p carved-core --locked --no-default-features --target $(WASM); \
+		set -x; $(CLIPPY) -p carved-core --no-default-features --target $(WASM) -- $(STRICT); \
 	else \
 		echo "carved-core is not checked for $(WASM): rustup target add $(WASM) failed: $$why"; \
+		$(CLIPPY) -p carved-core --no-default-features -- $(STRICT); \
 	fi
 	cd web && npm run --silent check
 	clients/python/check lint

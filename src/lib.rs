@@ -7,10 +7,10 @@
 //! ```text
 //! carved-core <- carved-records <- carved-devices, carved-store
 //! carved-core, carved-records, carved-store <- carved-offline
-//! carved-core <- carved-pictures      carved-files <- carved-devices, carved-store
+//! carved-core, carved-files <- carved-pictures <- carved-store      carved-files <- carved-devices
 //!
-//! these crates <- config, api, export, tables <- notify <- session <- http <- cli
-//!                             export, tables <- report <- cli
+//! these crates <- config, api <- notify      config, api, export, notify <- session      export, tables <- report
+//!                 api, config, notify, report, session, tables <- http      all <- cli
 //! ```
 //! An arrow points to what is used. Cargo's manifests enforce the arrows between the crates, `tests/house.rs` those between the modules
 //! of this one. Only `session` runs specimens.

@@ -154,7 +154,7 @@ export function count(status: Status): string {
 export function plateName(status: Status): string {
   const { barcode, needs, removable } = status.plate;
   const parts = [barcode === null ? "no plate named" : barcode];
-  if (needs !== null) parts.push("waits for the loader");
+  if (needs !== null) parts.push(mayStillCome(status) ? "waits for a person" : "waits for the loader");
   else if (barcode !== null) parts.push(removable ? "may be taken out" : "leave it in place");
   return parts.join(" · ");
 }
@@ -218,9 +218,9 @@ export function diagnosis(status: Status): string {
   const next = nextStep(status);
   if (next === null) return "";
   const hold = runsNow(status) ? status.run?.hold : null;
-  const isByHand = next.button === "is-out" || next.button === "is-in";
+  const isLoaders = (next.button === "is-out" || next.button === "is-in") && !mayStillCome(status);
   if (!hold)
-    return isByHand
+    return isLoaders
       ? `${sentence(status)} The key N reports it too, with the specimen that comes next. A plate-loader does this by itself.`
       : sentence(status);
   // The cause may be over while the run still waits for somebody.

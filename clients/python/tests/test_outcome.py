@@ -1,4 +1,4 @@
-"""A run that ended while nobody could ask, and a lease whose answer was lost."""
+"""A run that ended while nobody could ask or while a specimen was on its way, and a lease whose answer was lost."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ from typing import Any
 import httpx
 import pytest
 from fake import Fake, ok, problem, status_body
+from rig import plan
 
 from carved_client import ProblemError, Retry, TimedOut
+from carved_client.simulated_loader import PlateLoader
 
 COUNTS = ("succeeded", "flagged", "failed", "skipped", "interrupted", "pending")
 
@@ -76,3 +78,16 @@ def test_a_lease_whose_answer_was_lost_is_asked_for_again_under_the_same_token()
     with other.client.lease("loader 1"):
         pass
     assert json.loads(other.requests[0].read())["token"] != asked[0]["token"]
+
+
+@pytest.mark.parametrize(("inside", "reported"), [(True, ["/v1/runs/mine/wells/A01"]), (False, [])])
+def test_the_loader_leaves_a_specimen_that_may_still_come_to_a_person(inside: bool, reported: list[str]) -> None:
+    specimen = {"well": "A01", "in_capillary": inside, "phase": "load", "view": 0, "views_planned": 21}
+    plate = {"barcode": "P-1", "present": True, "removable": False, "needs": "take it out", "take_out": "A01"}
+    ended = run_body("mine", "aborted")
+    body = status_body(state="Aborted", ready=False, not_ready_reason="n", run=ended, specimen=specimen, plate=plate)
+    fake = Fake([ok(**body), ok(revision=8)])
+    loader = PlateLoader("http://instrument")
+    loader.client = fake.client
+    assert loader._poll("mine", plan("A01"), lambda: None) is None
+    assert [request.url.path for request in fake.requests if request.method != "GET"] == reported

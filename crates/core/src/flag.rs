@@ -52,7 +52,7 @@ impl Effect {
 /// The part of carved that raises a flag.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RaisedBy {
-    /// The measurement of a turn, in a live run and wherever stored views are measured.
+    /// The measurement of a turn, in a live run and wherever stored views are measured, also by `carved reconstruct`.
     Turn,
     /// The comparison with reference larvae.
     References,
@@ -62,7 +62,7 @@ pub enum RaisedBy {
     SecondCamera,
     /// The daemon, for the wells of a run.
     Run,
-    /// `carved reconstruct`.
+    /// Only `carved reconstruct`.
     Reconstruct,
     /// A person, about a well of a run.
     Person,

@@ -139,8 +139,8 @@ impl ClockReading {
 
 /// The axis that turns the capillary.
 ///
-/// Only functions that most axes do not have come with a default: the list of stops (`announce`, `let_go`), a constant speed, a second
-/// axis, a wire from the sampler, outputs. A wrapper must forward all of them.
+/// Only functions that most axes do not have come with a default: the list of stops (`announce`, `let_go`), the begin of a run
+/// (`begin_run`), a constant speed, a second axis, a wire from the sampler, outputs. A wrapper must forward all of them.
 pub trait RotationAxis: Send {
     /// Name and version of the controller, for the record. It may become longer once a controller could be asked.
     fn identity(&self) -> &str;

@@ -17,7 +17,8 @@ pub struct Policy {
     pub retries: u32,
     /// What becomes of the specimen that was in progress when its run was interrupted.
     pub interrupted: Interrupted,
-    /// Who continues a run whose lost camera, folder or disk has come back. After a lost axis it is always the operator.
+    /// Who continues a run after a crash of the daemon, or when a lost camera, folder or disk has come back. After a lost axis or a restart of the
+    /// computer it is always the operator.
     pub resume: Resume,
     /// How often a run that is held because the camera sent no whole frame, or was changed, continues by itself without a finished well. After
     /// that, or with 0, a person continues it.
@@ -65,7 +66,8 @@ pub enum Interrupted {
     Skip,
 }
 
-/// Who continues a run whose lost camera, folder or disk has come back. After a lost axis it is always the operator.
+/// Who continues a run after a crash of the daemon, or when a lost camera, folder or disk has come back. After a lost axis or a restart of the
+/// computer it is always the operator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]

@@ -106,7 +106,7 @@ pub fn nrrd(args: &NrrdArgs) -> anyhow::Result<()> {
 /// A recording that cannot be read or measured, a folder that exists, or a file that cannot be written.
 pub fn voxels(args: &VoxelsArgs) -> anyhow::Result<()> {
     const LABEL: &str = "specimen";
-    ome_zarr::is_named(&args.out)?;
+    ome_zarr::check_folder_name(&args.out)?;
     ensure!(!args.out.exists(), "{}: exists already; name another folder", args.out.display());
     let reader = open_recording(&args.recording)?;
     let recording = reader.recording();

@@ -43,7 +43,7 @@ pub(super) const VERSION: &str = "0.5";
 /// # Errors
 /// A run or a frame that cannot be read, wells that do not fit one plate, and files that cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    is_named(&args.out)?;
+    check_folder_name(&args.out)?;
     let runs = read(std::slice::from_ref(&args.run))?;
     let run = runs.first().context("one run is named")?;
     let planned = wells(run, &args.wells)?;
@@ -68,7 +68,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 ///
 /// # Errors
 /// It is another one.
-pub(super) fn is_named(out: &Path) -> anyhow::Result<()> {
+pub(super) fn check_folder_name(out: &Path) -> anyhow::Result<()> {
     let is = out.file_name().is_some_and(|name| name.to_string_lossy().to_lowercase().ends_with(".ome.zarr"));
     ensure!(is, "{}: the name of this folder ends in .ome.zarr", out.display());
     Ok(())

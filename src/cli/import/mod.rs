@@ -193,7 +193,7 @@ fn one_turn(args: &Args) -> anyhow::Result<()> {
         warnings.push(doubt);
     };
     let paths = frames::list(&args.frames)?;
-    plate::is_one_specimen(&paths)?;
+    plate::check_one_specimen(&paths)?;
     let (looks, kind) = frames::look(&Source::of_turn(paths)?, args.bayer, &mut warn)?;
     let sources = rig::load(args, &mut warn)?;
     let rig = sources.rig(args, kind, &mut warn)?;

@@ -84,7 +84,7 @@ pub(super) fn turn(mut omega_deg: Vec<f64>, closure: bool) -> anyhow::Result<Tur
         "found {asd} views{}, expected {least} at least to enclose a volume",
         if closure { " and the closure view" } else { "" }
     );
-    is_seen_around(&omega_deg[..carved])?;
+    check_seen_around(&omega_deg[..carved])?;
 
     let near = |steps: &u32| error_deg(&omega_deg, *steps) <= NEAR_DEG;
     let steps = (LEAST_STEPS..=MOST_STEPS).find(near).unwrap_or(FINE_STEPS);
@@ -130,7 +130,7 @@ fn signed(deg: f64) -> f64 {
 }
 
 /// Opposite views are mirror images, so half a turn is enough. A body that is seen from one side only is unbounded.
-fn is_seen_around(omega_deg: &[f64]) -> anyhow::Result<()> {
+fn check_seen_around(omega_deg: &[f64]) -> anyhow::Result<()> {
     let mut folded: Vec<f64> = omega_deg.iter().map(|a| a.rem_euclid(180.0)).collect();
     folded.sort_by(f64::total_cmp);
     folded.extend(folded.first().map(|a| a + 180.0));

@@ -153,7 +153,7 @@ fn find_again(d: &mut DriverState, device: Device) {
         Device::Camera => s.hardware.camera.connected = true,
         Device::Rotation | Device::Pictures => s.hardware.find_axes(&identity),
     };
-    let was_lost = d.devices.find(device);
+    let was_lost = d.devices.mark_found(device);
     // The loss may be that of an earlier process. The second fault comes first, so that no client reads that the axis may turn.
     let was_away = device == Device::Rotation && faults::is_open(&d.state().faults, fault_table::ROTATION_LOST.code);
     if was_away {
@@ -163,7 +163,7 @@ fn find_again(d: &mut DriverState, device: Device) {
         if d.devices.lost().is_none() {
             course::let_go_on(d);
         }
-        d.fault_over(|fault| device.is_all_of(fault), device.is_back(), connected);
+        d.fault_over(|fault| device.is_all_of(fault), device.back_text(), connected);
     }
     // A controller that was held when the port was opened sends its version only once it is free.
     if device == Device::Rotation {

@@ -218,7 +218,7 @@ impl Devices {
     }
 
     /// Marks a device as found. Returns whether it was lost.
-    pub fn find(&mut self, device: Device) -> bool {
+    pub fn mark_found(&mut self, device: Device) -> bool {
         let before = self.lost.len();
         self.lost.retain(|lost| *lost != device);
         self.lost.len() < before
@@ -302,12 +302,12 @@ mod tests {
     #[test]
     fn a_device_is_lost_once_and_found_once() {
         let mut devices = Devices::new(instrument(FakeAxis::new(), Arm::default()));
-        assert!(!devices.find(Device::Camera));
+        assert!(!devices.mark_found(Device::Camera));
         for device in [Device::Rotation, Device::Camera, Device::Rotation] {
             devices.lose(device);
         }
         assert_eq!((devices.lost(), devices.has_lost(Device::Camera)), (Some(Device::Rotation), true));
-        assert!(devices.find(Device::Rotation) && !devices.find(Device::Rotation));
+        assert!(devices.mark_found(Device::Rotation) && !devices.mark_found(Device::Rotation));
         assert_eq!(devices.lost(), Some(Device::Camera));
     }
 

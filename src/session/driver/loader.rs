@@ -8,6 +8,7 @@
 //!     └─ A01 is still inside: the loader exchanges both, so A01 is out
 //! ```
 //! A message takes effect once it is in the journal, whatever happened to the run since the request: the loader knows where the larva is.
+//! "Taken out" while a driven sampler works takes effect when the work pauses.
 
 use super::super::Refusal;
 use carved_devices::sampler::{LoaderInterlock, Sampler};

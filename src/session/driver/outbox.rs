@@ -7,7 +7,7 @@
 //!                                               heartbeat, and once more before the daemon ends
 //! commit ───► flush ──► journal ──► state, event log; if the disk refuses, the command is refused and has no effect
 //! ```
-//! Nothing else changes the state. A start that reads the journal therefore gets the same state.
+//! After a start, nothing else changes the state. A start that reads the journal therefore gets the same state.
 
 use super::super::{EventLog, Refusal};
 use super::faults;

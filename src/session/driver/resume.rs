@@ -6,7 +6,8 @@ use crate::api::NextCommand;
 use carved_records::{Fault, FaultCode, FaultEnd, OpenFaults, Resume, RunState, RunUnderFault, fault_table};
 use std::time::Duration;
 
-/// Maximum number of automatic continuations without a finished well. After them the run waits for a person, because the cause comes back.
+/// Maximum number of automatic continuations without a finished well, except for a hold by the camera (`Policy::held_pause`). After them the run
+/// waits for a person, because the cause comes back.
 const RESUMED_BY_ITSELF: u32 = 3;
 
 /// Whether the method lets the run continue by itself once the cause of the hold is over, and no fault waits for an operator.
@@ -66,10 +67,9 @@ pub(super) fn hold(run: &RunInProgress, state: Option<&RunState>, faults: &OpenF
             let advice = fault.advice(under);
             match fault.end() {
                 FaultEnd::Acknowledgement => (Some(advice), Some(NextCommand::Acknowledge)),
-                // It stands also after the restart, until somebody acknowledges it.
+                // It is over after a start.
                 FaultEnd::Restart => {
-                    let advice = format!("{advice} Then acknowledge the fault and let the run go on.");
-                    (Some(advice), Some(NextCommand::Acknowledge))
+                    (Some(format!("{advice} If you end the run instead, acknowledge the fault too.")), Some(NextCommand::Acknowledge))
                 }
                 // Also before the pause is over.
                 FaultEnd::Resumption if under != RunUnderFault::None => (Some(advice), Some(NextCommand::Unhold)),

@@ -323,12 +323,12 @@ impl RunContext {
     }
 
     /// Takes a picture. Returns the well that has it already, if it is another one.
-    fn has_elsewhere(&self, entry: &LedgerEntry, well: &str) -> Option<SamePictures> {
+    fn record_picture(&self, entry: &LedgerEntry, well: &str) -> Option<SamePictures> {
         self.pictures.lock().unwrap_or_else(PoisonError::into_inner).take(entry, well)
     }
 
     /// Takes the outlines in the views of a well. Returns the well that has them already, if it is another one.
-    fn has_outlines_elsewhere(&self, record: &SpecimenRecord, well: &str) -> Option<SamePictures> {
+    fn record_outlines(&self, record: &SpecimenRecord, well: &str) -> Option<SamePictures> {
         self.pictures.lock().unwrap_or_else(PoisonError::into_inner).take_outlines(&record.views, well)
     }
 
@@ -410,7 +410,7 @@ impl RunContext {
     }
 
     /// Checks before a specimen is brought that the configuration can measure it.
-    fn can_measure(&self, planned: &PlannedWell) -> Result<(), RunError> {
+    fn check_measurable(&self, planned: &PlannedWell) -> Result<(), RunError> {
         self.method.clears(&self.config.optics).map_err(|e| optics_fault(planned, e.into()))?;
         self.plan(planned)?;
         self.pipeline(planned).map(drop)

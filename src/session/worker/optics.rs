@@ -1,4 +1,5 @@
-//! Faults of the instrument that a picture shows. This is the only place that distinguishes them from faults of a specimen.
+//! Faults of the instrument that a picture shows, as distinguished from faults of a specimen. A specimen that does not turn is found in
+//! `specimen.rs`.
 //!
 //! ```text
 //! finding                                                  cause                    reaction (retry.rs)

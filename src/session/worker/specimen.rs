@@ -140,7 +140,7 @@ impl Specimen {
         let mut next = work.recv().ok();
         loop {
             if let Some(Work::View { entry, .. }) = &next
-                && let Some(same) = self.context.has_elsewhere(entry, &self.planned.well)
+                && let Some(same) = self.context.record_picture(entry, &self.planned.well)
             {
                 return Ok(Turn::Failed(why_failed(&same)));
             }
@@ -284,7 +284,7 @@ impl Specimen {
             tracing::warn!(well = planned.well, "the numbers came after they were given up, and are not written");
             return Ok(Ended::Told);
         }
-        let same = found.as_ref().ok().and_then(|(_, record)| context.has_outlines_elsewhere(record, &planned.well));
+        let same = found.as_ref().ok().and_then(|(_, record)| context.record_outlines(record, &planned.well));
         let numbers = match (found, same) {
             (Ok(_), Some(same)) => {
                 result.end(SpecimenOutcome::Failed, Some(&why_failed(&same)));

@@ -43,7 +43,7 @@ impl Worker {
     pub fn well(&mut self, planned: &PlannedWell, before: &mut Option<Science>) -> Result<ControlFlow<()>, RunError> {
         let began = Instant::now();
         let mut times = WellTimes::default();
-        self.context.can_measure(planned)?;
+        self.context.check_measurable(planned)?;
         let Some(Loaded { truth }) = self.load(planned, &mut times)? else { return Ok(ControlFlow::Break(())) };
         // At most one computation runs beside the next specimen.
         let settled = self.context.settle(before);

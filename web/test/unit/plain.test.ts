@@ -127,6 +127,7 @@ test("who exchanges specimens by hand reads what to do, one step after the other
   assert.match(diagnosis({ ...half, plate }), /A plate-loader does this by itself\.$/);
   const late = { ...half, plate, specimen: specimen("A01", [], { in_capillary: false }) };
   assert.ok(mayStillCome(late) && !mayStillCome({ ...half, plate }));
+  assert.doesNotMatch(diagnosis(late), /by itself|key N/, "nothing but a person ends it");
   assert.match(headline(late), /A01 may still come\. Take it out .* Confirm too if it does not come\.$/);
   const next = nextStep({ ...half, plate: { ...plate, take_out: null } });
   assert.match(next?.words ?? "", /^By hand: put the specimen of A02 into/);

@@ -61,7 +61,7 @@ pub struct Measurement {
     pub area_um2: f64,
     /// Standard deviation of `area_um2`. `None` as for the volume.
     pub area_sd_um2: Option<f64>,
-    /// The parts of the standard deviations. `None` where they are.
+    /// The parts of the standard deviations. `None` if the standard deviations are `None`.
     pub spread: Option<Spread>,
     /// Each estimator's numbers.
     pub estimators: Estimators,
@@ -146,7 +146,8 @@ pub struct VoxelEstimate {
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Spread {
-    /// Volume: what another turn of the same specimen would change: a jackknife over the views, and the scatter of the loss by their shifts.
+    /// Volume: what another turn of the same specimen would change: a jackknife over the views, the error of the method, and the scatter of the
+    /// correction for their shifts.
     pub volume_views_um3: f64,
     /// Area: the same.
     pub area_views_um2: f64,
@@ -154,7 +155,7 @@ pub struct Spread {
     pub volume_calibration_um3: f64,
     /// Area: the same.
     pub area_calibration_um2: f64,
-    /// Volume: the corners of fins, which views too few for all harmonics do not show. They reduce the volume by an unknown
+    /// Volume: the corners of fins, which too few views cannot resolve. They reduce the volume by an unknown
     /// amount.
     #[serde(default)]
     pub volume_corners_um3: f64,

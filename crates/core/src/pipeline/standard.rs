@@ -43,11 +43,14 @@ impl Aspect {
 }
 
 /// Why a larva has no standard pictures.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum NoStandardView {
-    /// A bead, or a body without slices.
-    #[error("the shape has no body axis: it is no larva, or its surface is torn")]
-    NoBody,
+    /// Without the body axis nothing shows where head and back are.
+    #[error("the shape has no body axis: {reason}")]
+    NoBody {
+        /// Why it has none.
+        reason: String,
+    },
     /// Both ends are alike.
     #[error("the head is not decided (confidence {found:.2}, at least {LEAST_CONFIDENCE} is needed): look at the views")]
     Head {
@@ -103,8 +106,12 @@ impl SpecimenRecord {
     /// # Errors
     /// Says why there is none.
     pub fn standard_views(&self, rig: &Camera) -> Result<[StandardView; 2], NoStandardView> {
-        let shape = self.shape.as_ref().ok_or(NoStandardView::NoBody)?;
-        let body = shape.body.as_ref().ok_or(NoStandardView::NoBody)?;
+        let no_body = |reason: Option<&String>| {
+            let reason = reason.map_or("its numbers have no shape; `carved measure` computes it", String::as_str);
+            NoStandardView::NoBody { reason: reason.to_owned() }
+        };
+        let shape = self.shape.as_ref().ok_or_else(|| no_body(None))?;
+        let body = shape.body.as_ref().ok_or_else(|| no_body(shape.body_reason.as_ref().or(shape.solid_reason.as_ref())))?;
         let projections = self.projections(rig);
         let used = |view: u32| projections.iter().find(|(number, _)| *number == view);
         let views: Vec<(u32, f64)> = self.views.iter().filter(|v| used(v.index).is_some()).map(|v| (v.index, v.omega)).collect();

@@ -186,7 +186,8 @@ impl Reconstruction {
     fn reversed(&self, found: &Calibration) -> Option<TurnFinding> {
         let is_turned_back = found.glass.is_some_and(|glass| glass.is_sense_right == Some(false));
         let is_doubtful = is_turned_back || found.perspective.is_some_and(|share| share < PERSPECTIVE_LEAST);
-        if !is_doubtful || self.observed.len() < REVERSED_VIEWS_LEAST {
+        // The perspective of few views says little. What the glass shows has a significance of its own.
+        if !is_doubtful || !is_turned_back && self.observed.len() < REVERSED_VIEWS_LEAST {
             return None;
         }
         let residual_px = |sense: f64| {

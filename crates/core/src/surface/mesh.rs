@@ -20,6 +20,47 @@ impl Mesh {
         triangle.map(|v| self.vertices[v as usize])
     }
 
+    /// The connected piece that encloses the largest volume, with its own vertices. `None` if all triangles hang together.
+    pub fn largest_piece(&self) -> Option<Self> {
+        // Each vertex leads to one of its piece with a lower number, and the first of a piece to itself.
+        let mut leads: Vec<u32> = (0..self.vertices.len() as u32).collect();
+        let first = |leads: &mut [u32], mut v: u32| {
+            while leads[v as usize] != v {
+                leads[v as usize] = leads[leads[v as usize] as usize];
+                v = leads[v as usize];
+            }
+            v
+        };
+        for &[a, b, c] in &self.triangles {
+            for [v, w] in [[a, b], [b, c]] {
+                let [v, w] = [v, w].map(|v| first(&mut leads, v));
+                leads[v.max(w) as usize] = v.min(w);
+            }
+        }
+        let of_triangle: Vec<u32> = self.triangles.iter().map(|t| first(&mut leads, t[0])).collect();
+        let one = *of_triangle.first()?;
+        if of_triangle.iter().all(|piece| *piece == one) {
+            return None;
+        }
+        let mut volumes = vec![0.0; self.vertices.len()];
+        for (&triangle, &piece) in self.triangles.iter().zip(&of_triangle) {
+            let [a, b, c] = self.corners(triangle);
+            volumes[piece as usize] += dot(a, cross(b, c));
+        }
+        let (largest, _) = volumes.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1))?;
+        let mut piece = Self::default();
+        let mut moved = vec![None; self.vertices.len()];
+        for (triangle, _) in self.triangles.iter().zip(&of_triangle).filter(|(_, of)| **of as usize == largest) {
+            piece.triangles.push(triangle.map(|v| {
+                *moved[v as usize].get_or_insert_with(|| {
+                    piece.vertices.push(self.vertices[v as usize]);
+                    piece.vertices.len() as u32 - 1
+                })
+            }));
+        }
+        Some(piece)
+    }
+
     /// Unit normals per vertex: the mean of the adjoining triangles' normals, weighted by area. Zero for a vertex without
     /// triangles.
     pub fn normals(&self) -> Vec<[f64; 3]> {

@@ -244,8 +244,19 @@ impl Link {
 
     /// The error of a request without an answer. Another program that has the port open may have taken the answer.
     pub fn silent(&self, request: impl Into<String>, waited_ms: u128) -> DeviceError {
-        let remedy = if users_of(&self.address).is_some() { self.exit_the_other() } else { "Check power and cable".to_owned() };
+        // Programs of other users are hidden from the service.
+        let alone = || "Check power and cable, exit any other program that uses the port".to_owned();
+        let remedy = if users_of(&self.address).is_some() { self.exit_the_other() } else { alone() };
         DeviceError::Silent { device: self.device, request: request.into(), waited_ms, remedy }
+    }
+
+    /// The error of answers that do not fit the request. They may be what another program that has the port open left of them.
+    pub fn garbled(&self, request: impl Into<String>, expected: String, found: String) -> DeviceError {
+        let device = self.device;
+        if users_of(&self.address).is_none() {
+            return DeviceError::Unexpected { device, expected, found };
+        }
+        DeviceError::Unreadable { device, request: request.into(), found, remedy: self.exit_the_other() }
     }
 
     /// What to do if another program may take a part of the answers.
@@ -538,18 +549,21 @@ mod tests {
         assert_eq!(users_of(path), None, "this process does not count");
         let mut other = std::process::Command::new("sleep").arg("60").stdin(pty.slave.try_clone().unwrap()).spawn().unwrap();
         let link = Link::serial("controller", &Port::from(path), 115_200, Stop::default()).unwrap();
-        let [first, later] = [link.first_contact(link.silent("?", 1)), link.silent("?", 1)].map(|error| error.to_string());
+        let garbled = || link.garbled("?", "a status report".into(), "<Id".into());
+        let [first, later, partly] =
+            [link.first_contact(link.silent("?", 1)), link.silent("?", 1), garbled()].map(|error| error.to_string());
         let refused = Link::serial("controller", &Port::from(path), 115_200, Stop::default()).err().unwrap().to_string();
         other.kill().unwrap();
         other.wait().unwrap();
-        for said in [&first, &later, &refused] {
+        for said in [&first, &later, &partly, &refused] {
             assert!(said.contains(&format!("sleep (process {})", other.id())), "{said}");
         }
-        for said in [first, later] {
+        for said in [first, later, partly] {
             assert!(said.contains("Exit the other program") && !said.contains("cable") && !said.contains("baud"), "{said}");
         }
         let alone = link.first_contact(link.silent("?", 1));
         assert!(matches!(&alone, DeviceError::Silent { remedy, .. } if remedy.contains("cable")), "nobody else is there: {alone}");
+        assert!(matches!(garbled(), DeviceError::Unexpected { .. }));
     }
 
     #[test]

@@ -75,7 +75,7 @@ impl Fault {
         table::of(&self.code).is_some_and(FaultCode::is_tried_again)
     }
 
-    /// Whether it ends with its cause. Other faults stay open until an operator acknowledges them.
+    /// Whether it ends with its cause. [`FaultEnd`] has the other ways.
     pub fn ends_by_itself(&self) -> bool {
         self.end() == FaultEnd::Cause
     }
@@ -109,7 +109,7 @@ impl Device {
     }
 
     /// The text that the device was found again.
-    pub fn is_back(self) -> &'static str {
+    pub fn back_text(self) -> &'static str {
         match self {
             Self::Camera => "the camera is back",
             Self::Rotation => "the rotation axis is back",

@@ -103,7 +103,7 @@ codes! {
         "Correct the value that the message names in the configuration, and start the daemon again.";
     SECOND_CAMERA_FAILED = "second_camera_failed", Camera, PauseInstrument, operator: true, recoverable: true,
         "The second camera failed in a run.",
-        "Check the second camera's power and cable.";
+        "Check the second camera's power and cable, and exit any other program that uses it.";
     PICTURES_LOST = "pictures_lost", Views, PauseInstrument, operator: true, recoverable: true,
         "The folder into which another program stores the pictures cannot be read.",
         "Check that the computer with the folder is on and that its share is mounted.";

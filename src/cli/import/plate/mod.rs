@@ -267,7 +267,7 @@ fn fail_same<'a>(pairs: &[SamePictures], wells: &'a mut [WellStatus], warn: &mut
 ///
 /// # Errors
 /// Their names say two wells or two fish or more, each with enough pictures for a turn.
-pub(super) fn is_one_specimen(paths: &[PathBuf]) -> anyhow::Result<()> {
+pub(super) fn check_one_specimen(paths: &[PathBuf]) -> anyhow::Result<()> {
     let mut fish: BTreeMap<u32, u32> = BTreeMap::new();
     for number in paths.iter().filter_map(|path| tree::without_well(path)) {
         *fish.entry(number).or_default() += 1;

@@ -50,7 +50,7 @@ pub(in crate::cli) fn sort(labelled: Vec<Labelled>, fish: Option<u32>) -> anyhow
         without.len(),
         first_of(&without)
     );
-    let mut warnings = is_one_plate(&labelled)?;
+    let mut warnings = check_one_plate(&labelled)?;
     let labelled = of_one_fish(labelled, fish, &mut warnings)?;
     let mut wells: BTreeMap<String, WellPictures> = BTreeMap::new();
     for (path, label) in labelled {
@@ -68,7 +68,7 @@ pub(in crate::cli) fn sort(labelled: Vec<Labelled>, fish: Option<u32>) -> anyhow
 }
 
 /// Refuses pictures of two plates, and names what may be two.
-fn is_one_plate(labelled: &[Labelled]) -> anyhow::Result<Vec<String>> {
+fn check_one_plate(labelled: &[Labelled]) -> anyhow::Result<Vec<String>> {
     let way_out = "Import each plate with its own folder, or with a --pattern that has its date or name as text";
     let plates: BTreeSet<&String> = labelled.iter().filter_map(|(_, l)| l.group.plate.as_ref()).collect();
     if plates.len() > 1 {

@@ -154,8 +154,15 @@ class PlateLoader:
         if run is None:
             self._start(status, plan, begin)
         elif run.outcome is not None:
-            # A driven sampler leaves the specimen of an aborted run inside. A person takes it out.
-            self.capillary = self.capillary or status.plate.take_out
+            # A driven sampler leaves the specimen of an aborted run inside, or it is still on its way. A person takes it
+            # out. Only a person sees that none comes.
+            take_out = status.plate.take_out
+            may_still_come = (
+                status.specimen is not None and status.specimen.well == take_out and not status.specimen.in_capillary
+            )
+            if self.capillary is None and take_out is not None and may_still_come:
+                return None
+            self.capillary = self.capillary or take_out
             if self.capillary is not None:
                 self._take_out(run_id)
             elif not status.plate.present:

@@ -78,16 +78,25 @@ impl Shape {
     /// Measures a closed mesh whose triangles turn counter-clockwise seen from outside, in um.
     pub fn of(mesh: &Mesh) -> Self {
         let (solid, solid_reason) = value_or_reason(Solid::of(mesh));
-        let found = solid.as_ref().map(|solid| body::measure(mesh, solid));
+        // A fin that breaks off in noise leaves slices that hold nothing. Without what is loose, the slices must still hold the volume.
+        let found = solid
+            .as_ref()
+            .map(|solid| along(mesh, solid).or_else(|why| mesh.largest_piece().and_then(|piece| along(&piece, solid).ok()).ok_or(why)));
         let (found, body_reason) = found.map_or((None, None), value_or_reason);
-        let harmonics = found.as_ref().map(|(_, slices)| Harmonics::of(mesh, slices));
+        let (body, harmonics) = found.unzip();
         let (harmonics, harmonics_reason) = match (harmonics, &body_reason) {
             (Some(harmonics), _) => value_or_reason(harmonics),
             (None, Some(_)) => value_or_reason(Err(Refusal::NoAxis)),
             (None, None) => (None, None),
         };
-        Self { estimator: field(), solid, solid_reason, body: found.map(|(body, _)| body), body_reason, harmonics, harmonics_reason }
+        Self { estimator: field(), solid, solid_reason, body, body_reason, harmonics, harmonics_reason }
     }
+}
+
+/// What is measured along the body axis.
+fn along(mesh: &Mesh, solid: &Solid) -> Result<(Body, Result<Harmonics, Refusal>), Refusal> {
+    let (body, slices) = body::measure(mesh, solid)?;
+    Ok((body, Harmonics::of(mesh, &slices)))
 }
 
 /// The estimator of every surface that a shape is measured of.

@@ -326,6 +326,35 @@ fn power_does_not_depend_on_place_and_turn_and_grows_with_the_square_of_size() {
     }
 }
 
+/// Two meshes as one.
+fn both(mesh: &Mesh, other: &Mesh) -> Mesh {
+    let first = mesh.vertices.len() as u32;
+    let triangles = other.triangles.iter().map(|t| t.map(|v| v + first));
+    Mesh {
+        vertices: mesh.vertices.iter().chain(&other.vertices).copied().collect(),
+        triangles: mesh.triangles.iter().copied().chain(triangles).collect(),
+    }
+}
+
+#[test]
+fn a_loose_tip_of_a_fin_leaves_the_body_its_axis_and_is_missing_in_its_slices() {
+    let whole = fish(120.0, 80.0);
+    let end = whole.vertices.iter().map(|v| v[0]).fold(f64::NEG_INFINITY, f64::max);
+    let tip = moved(&ellipsoid([40.0, 60.0, 15.0]), Rotation3::identity(), [end + 160.0, 0.0, 0.0]);
+    for torn in [both(&whole, &tip), both(&tip, &whole)] {
+        assert_eq!(torn.largest_piece().unwrap().vertices.len(), whole.vertices.len());
+        let (found, alone) = (Shape::of(&torn), Shape::of(&whole));
+        let (found_body, alone_body) = (found.body.unwrap_or_else(|| panic!("{:?}", found.body_reason)), alone.body.unwrap());
+        near(found_body.length_um, alone_body.length_um, 1e-3);
+        let missing = 1.0 - alone.solid.unwrap().volume_um3 / found.solid.unwrap().volume_um3;
+        let lost = alone_body.slices_volume_share - found_body.slices_volume_share;
+        assert!(missing > 1e-4 && (lost - missing).abs() < 0.1 * missing, "{lost:e} of the slices, {missing:e} of the volume");
+        assert!(found.harmonics.is_some());
+    }
+    assert_eq!(whole.largest_piece(), None);
+    assert_eq!(Mesh::default().largest_piece(), None);
+}
+
 #[test]
 fn what_has_no_shape_is_refused_by_name() {
     let said = |mesh: &Mesh| {
@@ -340,10 +369,7 @@ fn what_has_no_shape_is_refused_by_name() {
     assert!(said(&inside_out)[0].contains("-6.5"), "{:?}", said(&inside_out));
     assert!(said(&Mesh::default())[0].contains("0 triangles"));
 
-    let mut two = moved(&ball, Rotation3::identity(), [-900.0, 0.0, 0.0]);
-    let first = two.vertices.len() as u32;
-    two.vertices.extend(moved(&ball, Rotation3::identity(), [900.0, 0.0, 0.0]).vertices);
-    two.triangles.extend(ball.triangles.iter().map(|t| t.map(|v| v + first)));
+    let two = both(&moved(&ball, Rotation3::identity(), [-900.0, 0.0, 0.0]), &moved(&ball, Rotation3::identity(), [900.0, 0.0, 0.0]));
     let [solid, body, harmonics] = said(&two);
     assert!(solid.is_empty() && body.contains("in pieces") && harmonics.contains("axis"), "{body} {harmonics}");
 

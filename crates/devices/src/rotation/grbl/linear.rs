@@ -130,7 +130,7 @@ fn refused(why: &(impl ToString + ?Sized)) -> DeviceError {
 
 impl Grbl {
     /// Makes the position after a homing cycle the step 0 of the second axis, if there is one.
-    pub(super) fn slide_has_homed(&mut self) -> Result<(), DeviceError> {
+    pub(super) fn confirm_slide_homed(&mut self) -> Result<(), DeviceError> {
         let Some(axis) = self.slide.as_ref().map(Slide::geometry) else { return Ok(()) };
         let origin = self.homed_origin(&axis)?;
         if let Some(slide) = &mut self.slide {
@@ -211,14 +211,14 @@ impl Grbl {
         self.catch_up()?;
         self.check_free()?;
         self.home(&format!("$H{:?}", axis.letter))?;
-        self.slide_has_homed()
+        self.confirm_slide_homed()
     }
 
     /// The machine step at which an axis rests after a homing cycle.
     pub(super) fn homed_origin(&mut self, axis: &Geometry) -> Result<i64, DeviceError> {
         let until = Instant::now() + self.settings.answer_timeout();
         let origin = self.origin(axis, until)?;
-        self.has_homed(axis, origin)?;
+        self.confirm_homed(axis, origin)?;
         // Read twice, because every later position depends on it.
         self.confirm(axis, origin, origin, until)?;
         Ok(origin)

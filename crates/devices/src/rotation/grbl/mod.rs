@@ -292,7 +292,7 @@ impl Grbl {
 
     fn was_only_disturbed(&self, error: &DeviceError) -> bool {
         match error {
-            DeviceError::Silent { .. } | DeviceError::Unexpected { .. } => true,
+            DeviceError::Silent { .. } | DeviceError::Unexpected { .. } | DeviceError::Unreadable { .. } => true,
             DeviceError::Suspect { .. } => !self.link.is_moving(),
             _ => false,
         }
@@ -314,7 +314,7 @@ impl Grbl {
         let axis = self.rotation();
         if self.settings.reference == Reference::Home {
             self.home("$H")?;
-            self.slide_has_homed()?;
+            self.confirm_slide_homed()?;
             return self.homed_origin(&axis);
         }
         if self.free_status()?.state == State::Alarm {
@@ -334,7 +334,7 @@ impl Grbl {
     }
 
     /// Checks that the axis was homed. An `ok` is no proof: one flipped bit makes `$H` an `$X`, which is also answered with `ok`.
-    fn has_homed(&mut self, axis: &Geometry, stands_at: i64) -> Result<(), DeviceError> {
+    fn confirm_homed(&mut self, axis: &Geometry, stands_at: i64) -> Result<(), DeviceError> {
         let unexpected = |expected: String, found| Err(DeviceError::Unexpected { device: DEVICE, expected, found });
         if self.is_hal {
             return match self.full_status()?.homed {

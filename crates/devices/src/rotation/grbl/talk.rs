@@ -353,9 +353,11 @@ impl Grbl {
                 break;
             }
         }
-        let silent = || self.link.silent(request.escape_ascii().to_string(), wait.as_millis() * u128::from(ATTEMPTS));
-        let unreadable = |found| DeviceError::Unexpected { device: DEVICE, expected: "a status report".into(), found };
-        Err(garbled.map_or_else(silent, unreadable))
+        let request = request.escape_ascii().to_string();
+        Err(match garbled {
+            Some(found) => self.link.garbled(request, "a status report".into(), found),
+            None => self.link.silent(request, wait.as_millis() * u128::from(ATTEMPTS)),
+        })
     }
 
     /// Waits until the controller is idle and returns the machine step of the axis; `None` between two steps.

@@ -141,8 +141,8 @@ impl Wire {
             };
             tracing::debug!(device = DEVICE, why = found, "asked again");
         }
-        let expected = requests.first().map_or_else(|| "an answer to the mark".into(), |request| format!("an answer to {request}"));
-        Err(DeviceError::Unexpected { device: DEVICE, expected, found })
+        let request = requests.first().map_or_else(|| "the mark".into(), Request::to_string);
+        Err(self.link.garbled(request.clone(), format!("an answer to {request}"), found))
     }
 
     /// Sends a group once. The whole group has until `until`.
