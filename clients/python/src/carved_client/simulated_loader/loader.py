@@ -154,8 +154,8 @@ class PlateLoader:
         if run is None:
             self._start(status, plan, begin)
         elif run.outcome is not None:
-            # A driven sampler leaves the specimen of an aborted run inside, or it is still on its way. A person takes it
-            # out. Only a person sees that none comes.
+            # A driven sampler leaves the specimen of an aborted run inside, or it is still on its way. A person takes
+            # it out. Only a person sees that none comes.
             take_out = status.plate.take_out
             may_still_come = (
                 status.specimen is not None and status.specimen.well == take_out and not status.specimen.in_capillary
