@@ -82,8 +82,9 @@ fn an_answer_belongs_to_the_question_that_is_asked() {
     assert_eq!(setup.ask("/v1/setup/picture.jpg", &Value::Null, &[]).0, 404);
     let (code, problem) = setup.answer(first, " ");
     assert_eq!((code, problem["code"].as_str()), (422, Some("refused")), "{problem}");
-    // The refused question is asked again, under another number.
-    let second = setup.question("name", first);
+    // The refused question is asked again, under another number, before the refusal is told: the next answer is not late.
+    let second = setup.view()["question"]["number"].as_u64().unwrap();
+    assert_eq!(second, first + 1);
     assert_eq!(setup.answer(first, "late").0, 409);
     assert_eq!(setup.answer(second, "bench").0, 204);
     let port = setup.question("controller", 0);

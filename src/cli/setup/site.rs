@@ -107,6 +107,8 @@ struct Page {
     messages: mpsc::Receiver<Message>,
     /// Who waits for the verdict on the newest answer.
     pending: Option<oneshot::Sender<Result<(), NotTaken>>>,
+    /// Why the newest answer was refused. Its sender learns it once the question is asked again, and can then answer it.
+    refusal: Option<String>,
     asked: u64,
     exists: bool,
 }
@@ -162,6 +164,9 @@ impl Person for Page {
             view.doing = None;
             view.question = Some(asked);
         });
+        if let (Some(back), Some(why)) = (self.pending.take(), self.refusal.take()) {
+            let _gone = back.send(Err(NotTaken::Refused(why)));
+        }
         loop {
             match self.messages.recv().context("the server of the page has ended")? {
                 Message::Answer { number, typed, back } if number == self.asked => {
@@ -176,9 +181,11 @@ impl Person for Page {
     }
 
     fn answered(&mut self, _: &Question, refused: Option<&Refused>) -> anyhow::Result<()> {
-        if let Some(back) = self.pending.take() {
-            let verdict = refused.map_or(Ok(()), |refused| Err(NotTaken::Refused(refused.text())));
-            let _gone = back.send(verdict);
+        self.refusal = refused.map(Refused::text);
+        if self.refusal.is_none()
+            && let Some(back) = self.pending.take()
+        {
+            let _gone = back.send(Ok(()));
         }
         Ok(())
     }
@@ -295,7 +302,7 @@ pub fn run(args: &Args, listen: SocketAddr, stopper: &Stopper) -> anyhow::Result
         http::serve_routes(listener, &settings, routes, shutdown).await
     });
     say!("carved setup: open http://{address} in a browser. Ctrl-C ends the set-up and stops the motors.");
-    let mut page = Page { view: view.clone(), messages, pending: None, asked: 0, exists: false };
+    let mut page = Page { view: view.clone(), messages, pending: None, refusal: None, asked: 0, exists: false };
     let done = talk(args, stopper, &mut page);
     let ended = match &done {
         Ok(summary) => Ended { is_done: true, text: summary.clone() },

@@ -55,6 +55,8 @@ async function answer(text: string): Promise<void> {
   try {
     const response = await request("/v1/setup/answer", { number: asked, answer: text });
     complain(response.ok ? "" : await reason(response));
+    // The question is asked again under another number, which the next answer needs.
+    if (!response.ok) draw((await (await request("/v1/setup")).json()) as View);
   } catch {
     complain("The set-up cannot be reached");
   } finally {
