@@ -28,8 +28,6 @@ type Found = (i64, u32);
 pub(super) struct Copies {
     /// Positions of windows plus one, by hash; 0 where there is none.
     table: Vec<u32>,
-    /// Which entries of the table are not 0, bit by bit: most pixels find none, and these bits stay in the processor's cache.
-    known: Vec<u64>,
     found: Vec<Found>,
 }
 
@@ -51,17 +49,14 @@ impl Copies {
         let size = (2 * rows.len() * per_row).next_power_of_two().clamp(1 << 10, 1 << 20);
         self.table.clear();
         self.table.resize(size, 0);
-        self.known.clear();
-        self.known.resize(size / 64, 0);
         for v in rows {
             for at in (0..per_row).map(|k| v * width + FIRST + k * WINDOW_PX) {
                 let changes = (at..at + WINDOW_PX).filter(|&i| pixels[i] != pixels[i - period]).count();
                 // One of two windows with the same hash is enough.
                 if changes >= LEAST_CHANGES {
-                    let slot = hash(window(pixels, at)) & (size - 1);
-                    if self.table[slot] == 0 {
-                        self.table[slot] = at as u32 + 1;
-                        self.known[slot / 64] |= 1 << (slot % 64);
+                    let place = &mut self.table[hash(window(pixels, at)) & (size - 1)];
+                    if *place == 0 {
+                        *place = at as u32 + 1;
                     }
                 }
             }
@@ -69,12 +64,8 @@ impl Copies {
         self.found.clear();
         for at in 0..pixels.len().saturating_sub(WINDOW_PX) {
             let here = window(pixels, at);
-            let slot = hash(here) & (size - 1);
-            if self.known[slot / 64] >> (slot % 64) & 1 == 0 {
-                continue;
-            }
-            let place = self.table[slot] as usize;
-            if place != at + 1 && window(pixels, place - 1) == here {
+            let place = self.table[hash(here) & (size - 1)] as usize;
+            if place > 0 && place != at + 1 && window(pixels, place - 1) == here {
                 if self.found.len() == MOST_FOUND {
                     return None;
                 }
