@@ -69,7 +69,7 @@ pub(super) fn hold(run: &RunInProgress, state: Option<&RunState>, faults: &OpenF
                 FaultEnd::Acknowledgement => (Some(advice), Some(NextCommand::Acknowledge)),
                 // It is over after a start.
                 FaultEnd::Restart => {
-                    (Some(format!("{advice} If you end the run instead, acknowledge the fault too.")), Some(NextCommand::Acknowledge))
+                    (Some(format!("{advice} If you end the run, acknowledge the fault too.")), Some(NextCommand::Acknowledge))
                 }
                 // Also before the pause is over.
                 FaultEnd::Resumption if under != RunUnderFault::None => (Some(advice), Some(NextCommand::Unhold)),

@@ -245,8 +245,10 @@ impl Link {
     /// The error of a request without an answer. Another program that has the port open may have taken the answer.
     pub fn silent(&self, request: impl Into<String>, waited_ms: u128) -> DeviceError {
         // Programs of other users are hidden from the service.
-        let alone = || "Check power and cable, exit any other program that uses the port".to_owned();
-        let remedy = if users_of(&self.address).is_some() { self.exit_the_other() } else { alone() };
+        let remedy = match users_of(&self.address) {
+            Some(_) => self.exit_the_other(),
+            None => "Check power and cable, exit any other program that uses the port".to_owned(),
+        };
         DeviceError::Silent { device: self.device, request: request.into(), waited_ms, remedy }
     }
 

@@ -160,7 +160,7 @@ class PlateLoader:
             may_still_come = (
                 status.specimen is not None and status.specimen.well == take_out and not status.specimen.in_capillary
             )
-            if self.capillary is None and take_out is not None and may_still_come:
+            if self.capillary is None and may_still_come:
                 return None
             self.capillary = self.capillary or take_out
             if self.capillary is not None:
