@@ -2,6 +2,7 @@
 
 use super::serve::open_axis;
 use crate::config::Config;
+use anyhow::Context;
 use carved_devices::rotation::RotationDriver;
 use carved_store::Claim;
 use std::path::PathBuf;
@@ -24,7 +25,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         return Ok(());
     }
     let _claim = Claim::on(&config.store.data_dir)?;
-    let mut axis = open_axis(&config)?;
+    // Before any question: a controller that moves, or has other settings, refuses to be opened.
+    config.rotation.stop()?;
+    let mut axis = open_axis(&config).context("the stop was written if the controller has one; its outputs may be on")?;
+    // For the machines that only their open connection stops.
     axis.stop_handle().stop();
     let can_stop = axis.capabilities().can_stop;
     if let Some(outputs) = axis.outputs() {

@@ -146,7 +146,7 @@ impl RotationAxis for Lasting {
         }
     }
 
-    /// The handle of the axis that is open now. A run asks for it at its beginning, and an axis is opened again between runs only.
+    /// The handle of the axis that is open now. An axis is opened again by a check only, so its user asks for the handle after each check.
     fn stop_handle(&self) -> StopHandle {
         self.axis.as_ref().map_or_else(|| StopHandle::new(|| ()).with_link(Link::new(|| true)), |axis| axis.stop_handle())
     }

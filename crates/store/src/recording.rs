@@ -446,8 +446,11 @@ impl RecordingReader {
 
     /// Returns an error with the number of views, unless the turn is complete.
     pub fn require_finished(&self) -> Result<(), StoreError> {
-        let expected = self.recording.ended_after_views.unwrap_or(self.recording.method.asd);
-        let found = self.recording.ledger.carved().count();
+        // A sweep is accepted with a few lost frames. The method of an imported turn counts its pictures.
+        let recording = &self.recording;
+        let lost = if recording.mode == Mode::Imported { 0 } else { recording.missing_views.len() as u32 };
+        let expected = recording.ended_after_views.unwrap_or(recording.method.asd.saturating_sub(lost));
+        let found = recording.ledger.carved().count();
         if found != expected as usize {
             return Err(StoreError::Unfinished { path: self.folder.clone(), expected, found });
         }
@@ -517,5 +520,28 @@ impl RecordingReader {
         let bytes = self.files.require(REFERENCES)?;
         sums::same(&path, expected, &sha256_hex(&bytes))?;
         durable::parse_json(&path, &bytes, "references (carved.references/1)")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing;
+
+    /// A sweep is accepted with a few lost frames, and its numbers are computed also after a crash.
+    #[test]
+    fn a_turn_is_finished_without_the_views_that_a_sweep_has_lost() {
+        for (missing, mode, is_finished) in
+            [(3, Mode::Simulated, true), (2, Mode::Simulated, false), (0, Mode::Simulated, false), (3, Mode::Imported, false)]
+        {
+            let dir = tempfile::tempdir().unwrap();
+            let planned: PlannedWell = serde_json::from_value(serde_json::json!({ "well": "A01" })).unwrap();
+            let mut recording = Recording { mode, missing_views: (0..missing).collect(), ..testing::recording("r1", &planned) };
+            recording.method.asd = 3;
+            let folder = dir.path().join("A01");
+            RecordingWriter::create(&folder, recording, None).unwrap().accept().unwrap();
+            let reader = RecordingReader::open(&folder).unwrap();
+            assert_eq!((reader.require_finished().is_ok(), reader.is_accepted()), (is_finished, is_finished), "{missing} {mode:?}");
+        }
     }
 }

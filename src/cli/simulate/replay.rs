@@ -26,8 +26,8 @@ pub fn of_recording(path: &Path, config: &mut Config) -> anyhow::Result<Before> 
     reader.require_finished()?;
     let recording = reader.recording();
     anyhow::ensure!(
-        recording.ended_after_views.is_none(),
-        "{}: its turn was ended early, and a replay needs every view; `carved measure` measures it",
+        recording.ended_after_views.is_none() && recording.missing_views.is_empty(),
+        "{}: views of its turn are missing, and a replay needs every view; `carved measure` measures it",
         reader.folder().display()
     );
     stands_as_planned(recording).with_context(|| reader.folder().display().to_string())?;

@@ -77,6 +77,7 @@ pub(super) fn look(d: &mut DriverState) {
 }
 
 pub(super) fn task_done(d: &mut DriverState, done: Done) {
+    d.devices.aim(d.publisher.halt());
     match done {
         Done::Searched(found) => searched(d, found),
         Done::Picture((seen, picture), answer) => {

@@ -498,7 +498,7 @@ pub(super) fn recovered(d: &mut DriverState, made: Made) {
 }
 
 /// The event of a run's end.
-fn ended(d: &DriverState, record: &RunRecord) -> EventData {
+pub(super) fn ended(d: &DriverState, record: &RunRecord) -> EventData {
     let loaded_by = Some(d.loader.loaded_by());
     EventData::RunEnded(RunEnded { outcome: record.outcome, wells: WellCounts::of(&record.wells), loaded_by })
 }

@@ -167,6 +167,13 @@ impl Devices {
         Ok(())
     }
 
+    /// Aims the emergency stop at the axis at rest. A check may have opened its port anew.
+    pub fn aim(&self, halt: &Halt) {
+        if let Some(instrument) = &self.instrument {
+            halt.aim(instrument.rig.rotation.stop_handle(), CancelToken::default());
+        }
+    }
+
     /// Takes the instrument for a task that the emergency stop ends.
     fn take_aimed(&mut self, halt: &Halt) -> Option<(Instrument, CancelToken)> {
         let instrument = self.instrument.take()?;

@@ -19,7 +19,6 @@ use crate::api::NoticesStatus;
 use crate::config::Config;
 use crate::notify::Notices;
 use carved_core::quality::RecentOpacities;
-use carved_devices::cancel::CancelToken;
 use carved_records::{
     Asked, CalibrationStatus, Device, Event, EventData, Fault, FaultsCleared, InstrumentIdentity, InstrumentState, Mode, PlannedWell,
     RunState, Specimens, Work,
@@ -59,7 +58,9 @@ pub(super) struct DriverState {
 impl DriverState {
     pub fn new(driver: Driver) -> Self {
         let Driver { config, mode, store, journal, publisher, instrument, identity, interlock, notices, heartbeat } = driver;
-        publisher.halt().aim(instrument.rig.rotation.stop_handle(), CancelToken::default());
+        let loader = Loader::new(interlock, instrument.sampler.as_ref());
+        let devices = Devices::new(instrument);
+        devices.aim(publisher.halt());
         // The tail of the journal is not enough: most events are views, and after some dozen wells it no longer names the plate.
         let remembered = store.remembered().unwrap_or_else(|error| {
             tracing::error!(%error, "the journal cannot be read; its newest events are all that is remembered");
@@ -68,8 +69,8 @@ impl DriverState {
         Self {
             queue: store.queue(),
             outbox: Outbox::new(store, journal, publisher.log(), InstrumentState::after(&remembered)),
-            loader: Loader::new(interlock, instrument.sampler.as_ref()),
-            devices: Devices::new(instrument),
+            loader,
+            devices,
             config,
             identity,
             mode,

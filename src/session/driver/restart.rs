@@ -82,7 +82,13 @@ fn show_again(d: &mut DriverState, record: &RunRecord) {
     let events = start::events_of(d.outbox.store(), &d.publisher, &record.id);
     let run = start::run_after(&record.id, &events);
     let state = start::rests_in(record.outcome, run.end_request());
+    let is_told = events.iter().any(|event| matches!(event.body.data, EventData::RunEnded(_)));
     d.outbox.recall(run);
+    if !is_told {
+        // The process ended after it had written the outcome. What the end means for the specimens follows from the event.
+        d.outbox.record(Some(&record.id), None, course::ended(d, record));
+        d.write();
+    }
     let change = d.end_of_run(record);
     d.restore(state, change);
 }

@@ -36,6 +36,14 @@ pub trait Driver: std::fmt::Debug + Send + Sync {
         per_revolution: StepsPerRevolution,
         translation: Option<TranslationSettings>,
     ) -> Result<Box<dyn RotationAxis>, DeviceError>;
+    /// Opens the port and writes the stop. Nothing is asked: a controller that moves, or has other settings, may refuse to be opened.
+    /// Nothing happens where no stop can be written.
+    ///
+    /// # Errors
+    /// A port that cannot be opened or written to.
+    fn stop(&self) -> Result<(), DeviceError> {
+        Ok(())
+    }
     /// The serial port and its baud rate. `None` for a controller that is not on one.
     fn serial(&self) -> Option<(&Port, u32)>;
     /// Replaces the port or the address.
@@ -103,9 +111,10 @@ pub fn entry(name: &str) -> Option<&'static Entry> {
     drivers().find(|entry| entry.name == name)
 }
 
-/// What the settings of every controller have in common that is on a serial port, homes and has outputs. `$open` opens the controller.
+/// What the settings of every controller have in common that is on a serial port, homes and has outputs. `$open` opens the controller,
+/// and `$link` its port only.
 macro_rules! serial_driver {
-    ($settings:ty, $open:expr) => {
+    ($settings:ty, $link:expr, $open:expr) => {
         impl $crate::rotation::driver::Driver for $settings {
             fn out_of_range(&self) -> Vec<carved_core::range::OutOfRange> {
                 carved_core::range::Ranged::outside(self)
@@ -122,6 +131,11 @@ macro_rules! serial_driver {
             ) -> Result<Box<dyn $crate::RotationAxis>, $crate::DeviceError> {
                 let open: fn(Self, Option<$crate::rotation::TranslationSettings>) -> _ = $open;
                 Ok(Box::new(open(self.clone(), translation)?))
+            }
+
+            fn stop(&self) -> Result<(), $crate::DeviceError> {
+                let link: fn(&Self) -> Result<$crate::rotation::link::Link, $crate::DeviceError> = $link;
+                link(self)?.write_stop()
             }
 
             fn serial(&self) -> Option<(&$crate::rotation::Port, u32)> {
@@ -277,6 +291,14 @@ impl RotationDriver {
         translation: Option<TranslationSettings>,
     ) -> Option<Result<Box<dyn RotationAxis>, DeviceError>> {
         self.driver().map(|driver| driver.open(per_revolution, translation))
+    }
+
+    /// Opens the port and writes the stop, without a question to the controller. Nothing happens where no stop can be written.
+    ///
+    /// # Errors
+    /// A port that cannot be opened or written to.
+    pub fn stop(&self) -> Result<(), DeviceError> {
+        self.driver().map_or(Ok(()), Driver::stop)
     }
 
     /// The serial port and its baud rate. `None` for a controller that is not on one.

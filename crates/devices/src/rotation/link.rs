@@ -292,10 +292,15 @@ impl Link {
         self.is_stopped() && !self.passes_latch
     }
 
+    /// Writes the stop without latching.
+    pub fn write_stop(&mut self) -> Result<(), DeviceError> {
+        let mut state = self.transmitter.lock();
+        self.transmitter.write_stop(&mut state)
+    }
+
     /// Stops the motor without latching, as the owner's reaction to a fault.
     pub fn halt(&mut self) {
-        let mut state = self.transmitter.lock();
-        if let Err(e) = self.transmitter.write_stop(&mut state) {
+        if let Err(e) = self.write_stop() {
             tracing::warn!(device = self.device, error = %e, "halt could not be sent");
         }
     }

@@ -196,6 +196,10 @@ impl TriggerSampler {
         }
     }
 
+    fn say_done(&self, axis: &mut dyn RotationAxis, done: bool) -> Result<(), DeviceError> {
+        if self.settings.done_output { axis.specimen_input().ok_or_else(gone)?.say_done(done) } else { Ok(()) }
+    }
+
     fn failed(well: &str, why: String) -> DeviceError {
         DeviceError::Sampler { well: well.to_owned(), why }
     }
@@ -329,13 +333,11 @@ impl Sampler for TriggerSampler {
     fn eject(&mut self, axis: &mut dyn RotationAxis, well: &str, cancel: &CancelToken) -> Result<(), DeviceError> {
         // After a fault, which has stopped the axis, the specimen is ejected. After a cancellation nothing moves any more.
         axis.specimen_input().ok_or_else(gone)?.begin(cancel)?;
-        if self.settings.done_output {
-            axis.specimen_input().ok_or_else(gone)?.say_done(true)?;
-        }
-        let waited = self.wait_for(false, axis, self.settings.eject_timeout_ms, None)?;
-        if self.settings.done_output {
-            axis.specimen_input().ok_or_else(gone)?.say_done(false)?;
-        }
+        let waited = self.say_done(axis, true).and_then(|()| self.wait_for(false, axis, self.settings.eject_timeout_ms, None));
+        // Also after an error: the sampler would take the next specimen for one that is done.
+        let switched_off = self.say_done(axis, false);
+        let waited = waited?;
+        switched_off?;
         if matches!(waited, Waited::TimedOut) {
             let why = format!(
                 "the input still says that the specimen is there, {} ms (eject_timeout_ms) after it was done. Check whether the \

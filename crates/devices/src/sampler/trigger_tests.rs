@@ -109,6 +109,17 @@ fn what_nobody_asked_for_and_what_does_not_come_or_go_is_said() {
     assert_eq!(axis.input().done, [true, false]);
 }
 
+/// The sampler would take the next specimen for one that is done.
+#[test]
+fn an_ejection_that_ends_by_an_error_switches_the_output_off() {
+    let mut sampler = sampler(QUICK);
+    let mut axis = wired(&[[false; FOR_LONG], [true; FOR_LONG]].concat());
+    sampler.load(&mut axis, A01, &CancelToken::new()).unwrap();
+    axis.input().is_lost = true;
+    assert!(matches!(sampler.eject(&mut axis, "A01", &CancelToken::new()), Err(DeviceError::Gone { .. })));
+    assert_eq!(axis.input().done, [true, false]);
+}
+
 #[test]
 fn an_input_that_bounces_for_ever_is_neither_there_nor_gone() {
     let mut sampler = sampler(QUICK);

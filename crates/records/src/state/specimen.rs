@@ -175,6 +175,7 @@ pub const TRANSITIONS: &[(SpecimenState, &[(SpecimenEvent, SpecimenState)])] = &
             (On::WorkBegun, S::WorkedOn),
             (On::EjectBegun, S::Left),
             (On::ReportedOut, S::Gone),
+            (On::EndedWhileAsked, S::Unknown),
         ],
     ),
     (

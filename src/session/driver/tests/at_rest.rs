@@ -205,3 +205,19 @@ fn a_run_that_the_samplers_fault_holds_asks_for_an_empty_capillary_while_the_sen
         assert_eq!(b.status().plate.needs, None);
     });
 }
+
+/// A check that opens a lost axis again has a new port. A stop that is written to the closed one stops nothing.
+#[test]
+fn the_emergency_stop_reaches_the_axis_that_a_check_has_opened_again() {
+    on_this_thread(async {
+        let dir = scratch();
+        let mut b = bench(dir.path(), false);
+        let reopened = FakeAxis::new();
+        let log = reopened.log();
+        b.d.devices.instrument_mut().rig.rotation = Box::new(reopened);
+        b.beat().await;
+        assert_eq!(log.stops(), 0);
+        b.d.publisher.halt().stop().await;
+        assert_eq!(log.stops(), 1);
+    });
+}

@@ -1,13 +1,13 @@
 //! What survives a restart: a run that is taken up, and an open plate handover.
 
 use super::super::*;
-use super::bench::{bench, driver, on_this_thread, plan, scratch, started};
+use super::bench::{bench, count, driver, journalled, on_this_thread, plan, scratch, started};
 use crate::api::NextCommand;
 use crate::session::handle::{Refusal, SessionHandle, Towards};
 use crate::session::search::DevicesFound;
 use crate::session::worker::{Progress, RunEnd, RunError};
 use carved_devices::DeviceError;
-use carved_records::{Asked, EventData, Handoff, HandoffEnd, HandoffIntent, Phase, SpecimenOutcome};
+use carved_records::{Asked, EventData, Handoff, HandoffEnd, HandoffIntent, Phase, SpecimenOutcome, kind};
 use carved_store::StoreError;
 use carved_store::testing::trace as disk_trace;
 use std::cell::RefCell;
@@ -338,5 +338,25 @@ fn a_data_folder_of_an_earlier_build_is_taken_up() {
         assert_eq!((run.id.as_str(), run.wells.succeeded, run.wells.pending), ("old-1", 3, 1));
         assert_eq!(status.state, State::Suspended, "it waits for B01 to be taken out, and goes on with it");
         assert!(run.eta_s.is_some(), "what the first three took is forgotten");
+    });
+}
+
+/// The process died between the outcome in the run's record and the event of the end.
+#[test]
+fn a_run_whose_end_is_in_its_record_alone_has_ended_for_its_specimens_too() {
+    on_this_thread(async {
+        let dir = scratch();
+        let mut b = bench(dir.path(), false);
+        b.put_run(&plan(&["A01"])).unwrap();
+        b.phase("A01", Phase::Load, false);
+        let mut record = b.d.run.as_ref().unwrap().record().clone();
+        record.end_interrupted();
+        b.d.outbox.store().save_run(&record).unwrap();
+        drop(b);
+        for _ in 0..2 {
+            let b = bench(dir.path(), false);
+            assert_eq!(b.status().plate.take_out.as_deref(), Some("A01"), "the sampler may still bring it");
+            assert_eq!(count(&journalled(dir.path()), kind::RUN_ENDED), 1);
+        }
     });
 }

@@ -976,3 +976,11 @@ proptest! {
         prop_assert!((axis.travel_time(steps) + settings.answer_timeout()).as_secs_f64() > exact + 0.3);
     }
 }
+
+/// A controller that moves, or has other settings, may refuse to be opened.
+#[test]
+fn the_stop_is_written_without_a_question() {
+    let controller = Scripted::play(vec![(STOP.to_vec(), Vec::new())]);
+    crate::rotation::driver::Driver::stop(&settings(&controller.port())).unwrap();
+    controller.followed(());
+}

@@ -123,7 +123,7 @@ impl Grbl {
         if let Some(translation) = &translation {
             translation.check()?;
         }
-        let link = Link::serial(DEVICE, &settings.port, settings.baud, Stop::of(STOP))?;
+        let link = Self::link(&settings)?;
         let outputs = Bank::new(&settings.outputs);
         let mut grbl = Self {
             link,
@@ -149,6 +149,11 @@ impl Grbl {
         }
         tracing::info!(identity = grbl.identity, port = %grbl.settings.port, "rotation axis opened");
         Ok(grbl)
+    }
+
+    /// Opens the port.
+    fn link(settings: &GrblSettings) -> Result<Link, DeviceError> {
+        Link::serial(DEVICE, &settings.port, settings.baud, Stop::of(STOP))
     }
 
     /// Reads the controller's version and compares its settings, once after the port was opened. Nothing moves.

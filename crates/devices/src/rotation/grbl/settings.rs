@@ -155,4 +155,4 @@ impl GrblSettings {
     }
 }
 
-serial_driver!(GrblSettings, |settings, translation| super::Grbl::with_translation(settings, translation));
+serial_driver!(GrblSettings, super::Grbl::link, |settings, translation| super::Grbl::with_translation(settings, translation));

@@ -70,9 +70,7 @@ impl Tmcl {
     /// A bad setting, a port that cannot be opened, a silent module, or one with other settings.
     pub fn open(settings: TmclSettings) -> Result<Self, DeviceError> {
         settings.check()?;
-        let stop = Stop { pieces: stop_pieces(settings.module_address, settings.motors), gap: settings.exchange_time() };
-        let link = Link::serial(DEVICE, &settings.port, settings.baud, stop)?;
-        let mut wire = Wire::new(link, &settings);
+        let mut wire = Wire::new(Self::link(&settings)?, &settings);
         let version = wire.flush().map_err(|error| wire.first_contact(error))?;
         let version = Version::of(version);
         let identity = format!("TMCM-{} {}", version.module, version.firmware());
@@ -82,6 +80,12 @@ impl Tmcl {
         tmcl.compare_settings()?;
         tracing::info!(identity = tmcl.identity, port = %tmcl.settings.port, "rotation axis opened");
         Ok(tmcl)
+    }
+
+    /// Opens the port.
+    fn link(settings: &TmclSettings) -> Result<Link, DeviceError> {
+        let stop = Stop { pieces: stop_pieces(settings.module_address, settings.motors), gap: settings.exchange_time() };
+        Link::serial(DEVICE, &settings.port, settings.baud, stop)
     }
 
     fn compare_settings(&mut self) -> Result<(), DeviceError> {

@@ -238,7 +238,7 @@ impl TmclSettings {
     }
 }
 
-serial_driver!(TmclSettings, |settings, _| super::Tmcl::open(settings));
+serial_driver!(TmclSettings, super::Tmcl::link, |settings, _| super::Tmcl::open(settings));
 
 #[cfg(test)]
 mod tests {

@@ -386,3 +386,11 @@ fn a_restart_at_rest_is_reported_once_by_a_check_or_by_the_next_reference() {
     assert!(is_told(&error), "{error}");
     controller.followed(zaber);
 }
+
+/// A controller that moves, or has other settings, may refuse to be opened.
+#[test]
+fn the_stop_is_written_without_a_question() {
+    let controller = Scripted::play(vec![(packet::stop(1, 1).into_bytes(), Vec::new())]);
+    crate::rotation::driver::Driver::stop(&settings(&controller.port())).unwrap();
+    controller.followed(());
+}

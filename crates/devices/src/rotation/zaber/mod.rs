@@ -76,9 +76,7 @@ impl Zaber {
     /// A bad setting, a port that cannot be opened, a silent controller, or one with other settings.
     pub fn open(settings: ZaberSettings) -> Result<Self, DeviceError> {
         settings.check()?;
-        let stop = packet::stop(settings.device, settings.axis);
-        let link = Link::serial(DEVICE, &settings.port, settings.baud, Stop::of(stop.as_bytes()))?;
-        let wire = Wire::new(link, &settings);
+        let wire = Wire::new(Self::link(&settings)?, &settings);
         let outputs = Bank::new(&settings.outputs);
         let mut zaber = Self {
             outputs,
@@ -103,6 +101,12 @@ impl Zaber {
         zaber.identity = format!("Zaber {serial}, firmware {version}");
         tracing::info!(identity = zaber.identity, port = %zaber.settings.port, "rotation axis opened");
         Ok(zaber)
+    }
+
+    /// Opens the port.
+    fn link(settings: &ZaberSettings) -> Result<Link, DeviceError> {
+        let stop = packet::stop(settings.device, settings.axis);
+        Link::serial(DEVICE, &settings.port, settings.baud, Stop::of(stop.as_bytes()))
     }
 
     fn compare_settings(&mut self) -> Result<(), DeviceError> {

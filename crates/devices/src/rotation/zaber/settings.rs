@@ -146,4 +146,4 @@ impl ZaberSettings {
     }
 }
 
-serial_driver!(ZaberSettings, |settings, _| super::Zaber::open(settings));
+serial_driver!(ZaberSettings, super::Zaber::link, |settings, _| super::Zaber::open(settings));

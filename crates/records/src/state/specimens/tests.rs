@@ -161,15 +161,13 @@ impl World {
         held
     }
 
-    /// A run of another plate is accepted, as `requests::begin`. A larva that is later than the sampler may be is not followed.
+    /// A run of another plate is accepted, as `requests::begin`.
     fn next_run(mut self) -> Option<Self> {
         let may_begin = self.run == Run::Over && self.messages.is_empty();
         let keeps_out = if self.is_driven() { self.believed.unknown() } else { self.believed.inside() };
         if !may_begin || keeps_out.is_some() {
             return None;
         }
-        let is_late = |well: &str| self.believed.of(well).state() == SpecimenState::Late;
-        self.coming = self.coming.filter(|larva| !is_late(WELLS[*larva]));
         self.is_of_last_plate = self.inside.is_some() || self.coming.is_some();
         self.believed = Specimens::of_new_run(self.believed.inside());
         (self.done, self.accepted, self.on_plate) = ([false; 2], [false; 2], [true; 2]);
