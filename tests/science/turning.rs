@@ -1,10 +1,13 @@
 //! Whether the views show one specimen that turns, on the emulated rig with frames that look like those of a VAST.
 
 use crate::closures;
-use crate::wrong_turns::{self, Turn};
+use crate::wrong_turns::{self, AS_TOLD, Shot, Turn};
 use carved::cli::emulated;
+use carved_core::flag::Flag;
 use carved_core::frame::{PixelFormat, RawFrame};
-use hardware_sim::scene::{Capillary, Exposure, Larva, Look, Scene, SceneSettings};
+use carved_core::geometry::GlassTube;
+use carved_core::pipeline::SpecimenRecord;
+use hardware_sim::scene::{Capillary, Contents, Exposure, Larva, Look, Placement, Scene, SceneSettings, Specimen};
 
 /// A larva in the middle of the capillary, and another one of the same age.
 fn turn(seed: u64, views: usize) -> Turn {
@@ -12,6 +15,14 @@ fn turn(seed: u64, views: usize) -> Turn {
 }
 
 fn of_age(dpf: u8, seed: u64, views: usize) -> Turn {
+    of_specimens(seed, views, |seed| {
+        let larva = Larva::new(dpf, seed).unwrap().with_look(Look::healthy(dpf, seed)).specimen().centred();
+        Contents::from(larva)
+    })
+}
+
+/// A turn of what is in the capillary for a seed, and of what is there for another one.
+fn of_specimens(seed: u64, views: usize, contents: impl Fn(u64) -> Contents) -> Turn {
     let mut settings = closures::settings();
     settings.planned_views = views as u32;
     let real = SceneSettings::real(1 + seed % 7);
@@ -19,7 +30,7 @@ fn of_age(dpf: u8, seed: u64, views: usize) -> Turn {
     let rig = SceneSettings { camera: emulated::scene_camera(&settings.camera), capillary, ..real };
     let of = |seed: u64| {
         let scene = Scene::new(rig.clone());
-        scene.load(Larva::new(dpf, seed).unwrap().with_look(Look::healthy(dpf, seed)).specimen().centred()).unwrap();
+        scene.load(contents(seed)).unwrap();
         scene
     };
     let (scene, other) = (of(seed), of(seed + 5000));
@@ -41,6 +52,29 @@ fn a_turn_that_is_none_is_named_on_the_emulated_rig() {
     wrong.extend(turn(7001, 12).judged("larva 7001", &["two larvae"]));
     wrong.extend(turn(9001, 6).judged("larva 9001", &["still"]));
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+fn as_told(turn: &Turn) -> SpecimenRecord {
+    turn.measured(|view| Shot { at: view as f64, ..AS_TOLD })
+}
+
+/// Pictures that were binned by two, with the scale of whole frames: the volume would be an eighth.
+#[test]
+fn a_scale_that_the_bore_contradicts_is_named() {
+    let mut binned = turn(1, 6);
+    let camera = &mut binned.settings.camera;
+    (camera.kx, camera.ky, camera.glass) = (2.0 * camera.kx, 2.0 * camera.ky, Some(GlassTube::THIN));
+    let found = as_told(&binned);
+    assert!(found.turn_findings.iter().any(|finding| finding.flag() == Flag::ScaleOffBore), "{:?}", found.turn_findings);
+    assert!(found.flags.iter().any(|flag| *flag == Flag::ScaleOffBore) && found.quality.is_some_and(|quality| !quality.passed));
+}
+
+#[test]
+fn a_turn_of_two_larvae_behind_each_other_is_flagged() {
+    let at = |x_um, seed| Specimen::larva(3, seed).unwrap().placed(Placement { x_um, ..Placement::default() });
+    let pair = |seed| Contents { specimens: vec![at(-1950.0, seed), at(1950.0, seed + 1)], clutter: Vec::new() };
+    let found = as_told(&of_specimens(1, 6, pair));
+    assert!(found.flags.iter().any(|flag| *flag == Flag::NotOneSpecimen), "{:?}", found.flags);
 }
 
 /// Copies of pictures in another format: `cargo test --test science turning::survey_of_copies -- --ignored --nocapture`

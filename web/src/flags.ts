@@ -57,7 +57,7 @@ export const FLAGS: Record<string, { meaning: string; whatToDo: string; isBound:
     isBound: false,
   },
   uncertain: {
-    meaning: "The standard deviation of the volume is unusually large.",
+    meaning: "The standard deviation of the volume is unusually large, or the outlines do not determine the volume.",
     whatToDo: "Look at the frames, or measure it again with more views.",
     isBound: false,
   },
@@ -130,6 +130,18 @@ export const FLAGS: Record<string, { meaning: string; whatToDo: string; isBound:
   axis_off_bore: {
     meaning: "The axis of the turn is not in the middle of the bore, so there is no volume.",
     whatToDo: "Check the coupling and how the glass is held, and take the turn again.",
+    isBound: false,
+  },
+  scale_off_bore: {
+    meaning:
+      "By the scale of the camera the bore of the capillary has another width than the glass, so there is no volume.",
+    whatToDo:
+      "Check the scale for these pictures (binning, lens) and the bore of the glass, and measure the pictures again.",
+    isBound: false,
+  },
+  not_one_specimen: {
+    meaning: "More than half of the views show nothing, a bubble, debris or several specimens.",
+    whatToDo: "Look at the frames.",
     isBound: false,
   },
   volume_off_references: {

@@ -147,7 +147,7 @@ flags! {
         "A view does not fit the model.",
         "Look at the frame of this view.";
     Uncertain = "uncertain", Turn, ["volume_sd_percent"],
-        "The standard deviation of the volume is unusually large.",
+        "The standard deviation of the volume is unusually large, or the outlines do not determine the volume.",
         "Look at the frames, or measure it again with more views.";
     Nonconvex = "nonconvex", Turn, [],
         "The body is bent or hollow in places, so the numbers are those of the voxels, which are less exact.",
@@ -191,6 +191,12 @@ flags! {
     AxisOffBore = "axis_off_bore", Turn, ["turn_findings"],
         "The axis of the turn is not in the middle of the bore, so there is no volume.",
         "Check the coupling and how the glass is held, and take the turn again.";
+    ScaleOffBore = "scale_off_bore", Turn, ["turn_findings"],
+        "By the scale of the camera the bore of the capillary has another width than the glass, so there is no volume.",
+        "Check the scale for these pictures (binning, lens) and the bore of the glass, and measure the pictures again.";
+    NotOneSpecimen = "not_one_specimen", Turn, [],
+        "More than half of the views show nothing, a bubble, debris or several specimens.",
+        "Look at the frames.";
     VolumeOffReferences = "volume_off_references", References, ["reference_z"],
         "The volume is far from that of reference larvae of this age.",
         "Look at the frames, and check the age in the plate map.";
@@ -237,6 +243,8 @@ impl Flag {
             | Self::SpecimenEndsDiffer
             | Self::ViewsDisagree
             | Self::AxisOffBore
+            | Self::ScaleOffBore
+            | Self::NotOneSpecimen
             | Self::Empty => Effect::Doubtful,
             Self::Excluded => Effect::Excluded,
             Self::BadView

@@ -25,8 +25,8 @@ use crate::profile::{
     Columns, Detection, EmptyCapillary, FinBorders, Mask, Picture, Polygon, Profile, ProfileError, SegmentSettings, Segmenters,
 };
 use crate::quality::{
-    CalibrationOff, Estimate, FlagFacts, Quality, QualitySettings, Spoiled, TurnFacts, TurnFinding, Turning, ViewStrip, flags, spoiled,
-    views_needed,
+    CalibrationOff, Estimate, FlagFacts, Quality, QualitySettings, Spoiled, TurnFacts, TurnFinding, Turning, ViewStrip, flags, off_scale,
+    spoiled, views_needed,
 };
 use crate::reconstruction::{
     Calibrated, CalibrationRecord, HullModel, Judged, LiveVolume, Model, NotCalibrated, Reconstruction, ReconstructionSettings, TurnModel,
@@ -362,6 +362,8 @@ impl Pipeline {
         // The cause before its consequences.
         let mut turn_findings = self.turning.findings();
         turn_findings.extend(of_calibration);
+        let bores_um = self.views.iter().filter_map(|v| v.walls.as_ref()).map(|walls| walls.bore_um).collect();
+        turn_findings.extend(off_scale(bores_um, &self.settings.camera));
         let TurnModel { model, fallback, hull, calibration, projections, reprojected_areas, closure: pose_offset, fins } = model?;
         if let Ok(found) = &calibration {
             self.judged(&found.calibration.views, &reprojected_areas);
@@ -451,6 +453,15 @@ impl Pipeline {
         Quality::of(&facts, &self.settings.quality)
     }
 
+    /// Whether more than half of the views that carved surely show something else than one specimen.
+    fn shows_not_one(&self) -> bool {
+        let others = self
+            .views
+            .iter()
+            .filter(|v| self.carved.contains(&v.index) && v.detection.as_ref().is_some_and(|found| found.skip_reason().is_some()));
+        2 * others.count() > self.carved.len()
+    }
+
     /// The flags of the specimen, by what is known of its turn.
     fn flags(
         &self,
@@ -467,10 +478,12 @@ impl Pipeline {
             has_bad_view: self.views.iter().any(|v| !v.used),
             is_clipped: [clipped(Detection::is_clipped_left), clipped(Detection::is_clipped_right)],
             touches_box: model.touches_box,
+            is_not_one: self.shows_not_one(),
             has_moved: calibration.is_some_and(|judged| judged.calibration.moved.is_some()),
             is_sphere: self.settings.sphere,
             has_closure,
             is_nonconvex: fallback.is_some_and(Fallback::is_nonconvex),
+            is_uncertain: fallback.is_some_and(|why| !why.is_nonconvex()),
             misses_fins: model.measurement.misses_fins(),
             vrv: calibration.map(|judged| judged.vrv.verdict),
         };

@@ -19,6 +19,8 @@ pub(crate) struct FlagFacts {
     pub is_clipped: [bool; 2],
     /// Whether the hull reaches the end of the voxel box.
     pub touches_box: bool,
+    /// Whether more than half of the views that carved show something else than one specimen.
+    pub is_not_one: bool,
     /// Whether the calibration found that the specimen moved during the turn.
     pub has_moved: bool,
     /// Whether the specimen is a sphere, whose turn the edges never show and whose numbers no turn changes.
@@ -27,6 +29,8 @@ pub(crate) struct FlagFacts {
     pub has_closure: bool,
     /// Whether the voxels' numbers are given because slices are not convex.
     pub is_nonconvex: bool,
+    /// Whether the voxels' numbers are given for another reason: the slices' outlines, or the standard deviation, could not be computed.
+    pub is_uncertain: bool,
     /// Whether the specimen may have fins, and the fins that the views show are shorter than half of it.
     pub misses_fins: bool,
     /// The VRV check of the turn's calibration. `None` where the turn is measured with the rig's camera.
@@ -45,12 +49,14 @@ pub(crate) fn flags(facts: &FlagFacts, quality: &Quality) -> Vec<StoredFlag> {
     raise(facts.is_clipped[0], Flag::ClippedLeft);
     raise(facts.is_clipped[1], Flag::ClippedRight);
     raise(facts.touches_box, Flag::OutsideBox);
+    raise(facts.is_not_one, Flag::NotOneSpecimen);
     raise(quality.raises(Flag::FewViews), Flag::FewViews);
     let moved = quality.raises(Flag::Moved) || facts.has_moved;
     raise(moved, Flag::Moved);
     raise(quality.is_undecided() && !moved && !facts.is_sphere, Flag::ClosureUndecided);
     raise(!facts.has_closure, Flag::NoClosure);
     raise(facts.is_nonconvex, Flag::Nonconvex);
+    raise(facts.is_uncertain, Flag::Uncertain);
     raise(facts.misses_fins, Flag::FinsUnseen);
     raise(facts.vrv.is_none(), Flag::Uncalibrated);
     raise(facts.vrv == Some(VrvVerdict::NotLargest), Flag::CalibrationGate);
@@ -83,10 +89,12 @@ mod tests {
         has_bad_view: false,
         is_clipped: [false; 2],
         touches_box: false,
+        is_not_one: false,
         has_moved: false,
         is_sphere: false,
         has_closure: true,
         is_nonconvex: false,
+        is_uncertain: false,
         misses_fins: false,
         vrv: Some(VrvVerdict::Passed),
     };
@@ -126,9 +134,11 @@ mod tests {
             (FlagFacts { is_clipped: [true, false], ..GOOD }, Flag::ClippedLeft),
             (FlagFacts { is_clipped: [false, true], ..GOOD }, Flag::ClippedRight),
             (FlagFacts { touches_box: true, ..GOOD }, Flag::OutsideBox),
+            (FlagFacts { is_not_one: true, ..GOOD }, Flag::NotOneSpecimen),
             (FlagFacts { has_moved: true, ..GOOD }, Flag::Moved),
             (FlagFacts { has_closure: false, ..GOOD }, Flag::NoClosure),
             (FlagFacts { is_nonconvex: true, ..GOOD }, Flag::Nonconvex),
+            (FlagFacts { is_uncertain: true, ..GOOD }, Flag::Uncertain),
             (FlagFacts { misses_fins: true, ..GOOD }, Flag::FinsUnseen),
             (FlagFacts { vrv: None, ..GOOD }, Flag::Uncalibrated),
             (FlagFacts { vrv: Some(VrvVerdict::NotLargest), ..GOOD }, Flag::CalibrationGate),

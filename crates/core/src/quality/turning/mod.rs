@@ -9,6 +9,7 @@
 //!                                             ├─ two views fit the others at each other's angle ────── exchanged
 //!                                             ├─ rays spread, or turn in the glass, the other way ──── reversed
 //!                                             └─ its axis is not in the middle of the bore ─────────── off the bore
+//!  the walls in the scale of the camera ───────── the bore has another width than the glass ──────────── off the scale
 //! ```
 //! The calibration alone cannot answer this. Views of a specimen that stands still fit a body of revolution, and mirrored views fit the part that
 //! both pictures have in common. So the views are compared with each other, before any model is made of them.
@@ -22,6 +23,7 @@ mod outlines;
 mod pixels;
 mod placing;
 
+use crate::geometry::Camera;
 use crate::parallel::prelude::*;
 use crate::profile::{Columns, Picture, Profile};
 use crate::quality::CoarseOutline;
@@ -32,6 +34,7 @@ use pixels::{BorePicture, Difference, Sampling, difference};
 pub(crate) use placing::{OFF_BORE_PX, Places, of_calibration};
 use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::TAU;
+use std::ops::RangeInclusive;
 
 /// Least views of a stretch that stands still.
 const STILL_VIEWS: usize = 3;
@@ -74,6 +77,16 @@ const NEIGHBOURS_DEG: f64 = 46.0;
 const COMMON: f64 = 0.75;
 /// Largest share of the profiles' area outside the common part, %.
 const ENDS_PERCENT: f64 = 6.0;
+/// Widths of the bore by the scale of the camera, as a share of that of the glass, at which the scale may be right. The glass is seldom measured:
+/// capillaries of 500 to 800 um are taken for one of 600. Pictures binned by two have 0.5, and the next objective has 0.5 or 2.
+const BORE_SHARE: RangeInclusive<f64> = 0.62..=1.6;
+
+/// Whether the bore has the width of the glass. `bores_um` is the bore in each view, um by the scale of this camera.
+pub(crate) fn off_scale(bores_um: Vec<f64>, camera: &Camera) -> Option<TurnFinding> {
+    let glass_um = 2.0 * camera.glass.as_ref()?.bore_radius_um;
+    let found_um = (!bores_um.is_empty()).then(|| upper_median(bores_um))?;
+    (!BORE_SHARE.contains(&(found_um / glass_um))).then_some(TurnFinding::OffScale { found_um, glass_um, ky_px_per_um: camera.ky })
+}
 
 /// A view of the turn.
 #[derive(Debug, Clone)]
@@ -201,9 +214,10 @@ impl Turning {
         if moved_px > allowed {
             return None;
         }
-        let pixels = || a.bore.as_ref().zip(b.bore.as_ref()).and_then(|(x, y)| difference((x, &a.body), (y, &b.body), Sampling::All));
-        let compared = (apart_deg < STILL_OUTLINES_DEG).then(pixels).flatten();
-        let change = compared.map_or(0.0, |found| found.change());
+        let change = match a.bore.as_ref().zip(b.bore.as_ref()).filter(|_| apart_deg < STILL_OUTLINES_DEG) {
+            Some((x, y)) => difference((x, &a.body), (y, &b.body), Sampling::All)?.change(),
+            None => 0.0,
+        };
         (change <= STILL_CHANGE).then_some(Unchanged { moved_px, change })
     }
 
