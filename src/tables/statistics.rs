@@ -485,24 +485,44 @@ fn group(q: usize, condition: WellCondition, members: &[Valued], left_out: usize
 
 /// The window of a run. `None` where its plate map marks no control.
 fn window(run: &str, valued: &[Valued]) -> Option<ControlWindow> {
-    let of = |control: &str| -> Vec<f64> {
-        valued.iter().filter(|(s, _)| s.run == run && s.condition.control.as_deref() == Some(control)).map(|v| v.1).collect()
+    let of = |control: &str| -> Vec<&Valued> {
+        valued.iter().filter(|(s, _)| s.run == run && s.condition.control.as_deref() == Some(control)).collect()
     };
     let (positive, negative) = (of("positive"), of("negative"));
     if positive.is_empty() && negative.is_empty() {
         return None;
     }
-    let found = Window::of(&positive, &negative);
+    let values = |controls: &[&Valued]| controls.iter().map(|(_, value)| *value).collect::<Vec<_>>();
+    let found = match unlike_controls(&positive, &negative) {
+        Some(why) => Err(why),
+        None => Window::of(&values(&positive), &values(&negative)).map_err(|why| why.to_string()),
+    };
     Some(ControlWindow {
         run: run.to_owned(),
         positive: positive.len(),
         negative: negative.len(),
         z_prime: found.as_ref().ok().map(|window| window.z_prime),
-        reason: found.err().map(|why| why.to_string()),
+        reason: found.err(),
     })
 }
 
-/// Compounds at two or more concentrations, controls left out, each with the negative controls of its specimen, age and strain at dose 0.
+/// Why the controls of a run have no common Z': they were not treated alike, so their spread is more than scatter.
+fn unlike_controls(positive: &[&Valued], negative: &[&Valued]) -> Option<String> {
+    for (kind, controls) in [("positive", positive), ("negative", negative)] {
+        let [first, others @ ..] = controls else { continue };
+        if let Some(other) = others.iter().find(|other| other.0.condition != first.0.condition) {
+            let [first, other] = [first, other].map(|well| format!("{} ({})", well.0.well, well.0.condition.words()));
+            return Some(format!("the {kind} controls are not treated alike: {first} and {other}"));
+        }
+    }
+    let (positive, negative) = (positive.first()?.0, negative.first()?.0);
+    let larvae = |s: &Sample| (s.condition.specimen.clone(), s.condition.dpf, s.condition.strain.clone());
+    let of = |s: &Sample| format!("{} ({})", s.well, s.condition.words());
+    (larvae(positive) != larvae(negative)).then(|| format!("the controls are other larvae: {} and {}", of(positive), of(negative)))
+}
+
+/// Compounds at two or more concentrations, controls left out, each with the negative controls of its specimen, age, strain and other
+/// treatment at dose 0.
 fn responses(valued: &[Valued]) -> Vec<DoseSeries> {
     let mut found: Vec<(WellCondition, String, Vec<DosePoint>)> = Vec::new();
     let point = |sample: &Sample, dose, value| DosePoint { run: sample.run.clone(), well: sample.well.clone(), dose, value };
@@ -517,8 +537,8 @@ fn responses(valued: &[Valued]) -> Vec<DoseSeries> {
     found.retain(|(.., points)| points.iter().any(|p| p.dose.total_cmp(&points[0].dose).is_ne()));
     found.sort_by(|a, b| a.0.compound.cmp(&b.0.compound));
     let untreated = |condition: &WellCondition, s: &Sample| {
-        s.condition.control.as_deref() == Some("negative")
-            && (&s.condition.specimen, s.condition.dpf, &s.condition.strain) == (&condition.specimen, condition.dpf, &condition.strain)
+        let with = |c: &WellCondition| (c.specimen.clone(), c.dpf, c.strain.clone(), c.treatment.clone());
+        s.condition.control.as_deref() == Some("negative") && with(&s.condition) == with(condition)
     };
     let response = |(condition, concentration_unit, mut points): (WellCondition, String, Vec<DosePoint>)| {
         points.extend(valued.iter().filter(|(s, _)| untreated(&condition, s)).map(|&(s, value)| point(s, 0.0, value)));

@@ -44,14 +44,14 @@ def bayer(given: Bayer | bool | None, first: Counts) -> Bayer | None:
 def eight_bits(pictures: Sequence[Counts]) -> list[Bytes]:
     """Frames of one camera in 8 bits, as the commands read files of 16 bits.
 
-    Cameras of 10, 12 and 14 bits store their counts unscaled in 16 bits: the largest count of all frames shows which it was.
+    Cameras of 8, 10, 12 and 14 bits store their counts unscaled in 16 bits: the largest count of all frames shows which it was.
     """
     if len({item.dtype for item in pictures}) > 1:
         raise TypeError("the dtypes are uint8 and uint16, expected the same for all frames, the closure and the empty capillary")
     if pictures[0].dtype == np.uint8:
         return [item.view(np.uint8) for item in pictures]
     largest = max(int(item.max()) for item in pictures)
-    bits = next((bits for bits in (10, 12, 14) if largest >> bits == 0), 16)
+    bits = next((bits for bits in (8, 10, 12, 14) if largest >> bits == 0), 16)
     return [(item >> (bits - 8)).astype(np.uint8) for item in pictures]
 
 

@@ -226,7 +226,7 @@ def measure(
     Args:
         views: frames, uint8 or uint16 `(views, height, width)` or `(views, height, width, 3)`; or silhouettes, bool or uint8 coverage
             `(views, height, width)` with 255 inside, or profiles of `segment`. A sequence of arrays will do, and so does all of which
-            numpy makes an array (xarray, pandas, lists). Counts of 10, 12 and 14 bits in uint16 are recognised by the largest one.
+            numpy makes an array (xarray, pandas, lists). Counts of 8, 10, 12 and 14 bits in uint16 are recognised by the largest one.
         angles: angle of the capillary in each view, rad, `(views,)`.
         camera: the camera of the rig.
         kind: `"frames"` or `"silhouettes"`. It must be given for grey uint8 pictures, which may be either.

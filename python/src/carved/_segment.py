@@ -78,7 +78,7 @@ def segment(
     """Find the outline of the specimen in a picture of its capillary. Both walls must be in view.
 
     Args:
-        image: uint8 or uint16, `(height, width)` for grey or `(height, width, 3)` for red, green, blue. Counts of 10, 12 and 14 bits
+        image: uint8 or uint16, `(height, width)` for grey or `(height, width, 3)` for red, green, blue. Counts of 8, 10, 12 and 14 bits
             in uint16 are recognised by the largest one.
         method: `"hybrid"` (default) or `"level-set"`.
         settings: keys of a method's `segment` table (docs/configuration.md), for example `{"edge": {"blur_px": 1.5}}`.

@@ -92,10 +92,10 @@ fn frame(image: DynamicImage, bytes: &[u8], mosaic: Option<PixelFormat>) -> anyh
     Ok(Input { frame: RawFrame::new(width, height, format, pixels)?, sha256: sha256_hex(bytes), bits })
 }
 
-/// Cameras with 10, 12 and 14 bits store their counts unscaled in 16 bits: the largest count shows which it was.
+/// Cameras with 8, 10, 12 and 14 bits store their counts unscaled in 16 bits: the largest count shows which it was.
 fn eight_bits(counts: &[u16]) -> (Vec<u8>, u32) {
     let largest = counts.iter().copied().max().unwrap_or(0);
-    let bits = [10, 12, 14].into_iter().find(|bits| largest >> bits == 0).unwrap_or(16);
+    let bits = [8, 10, 12, 14].into_iter().find(|bits| largest >> bits == 0).unwrap_or(16);
     (counts.iter().map(|c| (c >> (bits - 8)) as u8).collect(), bits)
 }
 
@@ -105,7 +105,7 @@ mod tests {
 
     #[test]
     fn the_largest_count_says_how_many_bits_the_camera_had() {
-        for (largest, bits) in [(1023, 10), (1024, 12), (4095, 12), (4096, 14), (16_384, 16), (65_535, 16)] {
+        for (largest, bits) in [(255, 8), (256, 10), (1023, 10), (1024, 12), (4095, 12), (4096, 14), (16_384, 16), (65_535, 16)] {
             let (pixels, found) = eight_bits(&[0, largest]);
             assert_eq!(found, bits, "{largest}");
             assert_eq!(pixels, [0, (u32::from(largest) >> (bits - 8)) as u8]);

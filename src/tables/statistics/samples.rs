@@ -2,7 +2,8 @@
 
 use super::{Flagged, GroupReference, QUANTITIES, SIGNAL, WellCondition};
 use carved_core::flag::{Effect, Flag, StoredFlag};
-use carved_store::{StoredRun, place_among_references};
+use carved_records::SpecimenOutcome;
+use carved_store::{Computation, StoredRun, StoredWell, place_among_references};
 use serde_json::Value;
 
 /// A measured well.
@@ -54,11 +55,18 @@ fn saturated(flags: &Value) -> bool {
     flags.as_array().is_some_and(|flags| flags.iter().any(|flag| flag == Flag::Saturated.code()))
 }
 
-/// The measured wells of runs, in the order of their plans. A well with a file that cannot be read, or was altered, is left out.
+/// Whether the run's own number of this well is not reported: the well did not succeed. A later computation judges its number anew.
+fn is_refused(well: &StoredWell) -> bool {
+    let outcome = well.status.as_ref().and_then(|status| status.outcome);
+    well.computation == Computation::OfRun && outcome.is_some_and(|outcome| outcome != SpecimenOutcome::Succeeded)
+}
+
+/// The measured wells of runs, in the order of their plans. A well that did not succeed is left out, and one with a file that cannot be
+/// read, or was altered.
 pub fn of(runs: &[StoredRun]) -> Vec<Sample> {
     let mut samples = Vec::new();
     for run in runs {
-        for well in run.wells() {
+        for well in run.wells().filter(|well| !is_refused(well)) {
             let Some(measurement) = well.measurement else { continue };
             let number = |(_, _, pointer): (&str, &str, &str)| measurement.pointer(pointer).and_then(Value::as_f64);
             samples.push(Sample {

@@ -77,6 +77,30 @@ fn z_prime_belongs_to_a_plate_and_a_plate_without_enough_controls_has_a_reason()
 }
 
 #[test]
+fn controls_that_were_not_treated_alike_have_no_z_prime_and_their_wells_are_named() {
+    let window = |change: &dyn Fn(&mut Sample)| {
+        let mut samples = plate();
+        samples.iter_mut().for_each(change);
+        of(&samples, Flagged::Included).quantities[0].windows[0].clone()
+    };
+    assert!(window(&|_| ()).z_prime.is_some());
+    let other_dose = window(&|s| {
+        if s.well == "A02" {
+            s.condition.concentration = Some(1.0);
+        }
+    });
+    let why = other_dose.reason.unwrap();
+    assert!(other_dose.z_prime.is_none() && why.contains("negative") && why.contains("A01") && why.contains("A02"), "{why}");
+    let other_age = window(&|s| {
+        if s.condition.control.as_deref() == Some("positive") {
+            s.condition.dpf = Some(5.0);
+        }
+    });
+    let why = other_age.reason.unwrap();
+    assert!(other_age.z_prime.is_none() && why.contains("other larvae") && why.contains("5 dpf"), "{why}");
+}
+
+#[test]
 fn a_response_starts_from_the_negative_controls_and_finds_the_ec50_of_its_wells() {
     let found = of(&plate(), Flagged::Included);
     let [response] = &found.quantities[0].responses[..] else { panic!("one compound has several doses") };
@@ -87,12 +111,13 @@ fn a_response_starts_from_the_negative_controls_and_finds_the_ec50_of_its_wells(
     assert!((near.value - 70.0).abs() < 2.0 && near.interval_95.contains(near.value) && curve.ec50_is_within_doses, "{curve:?}");
     let [least, most] = [&response.points[3], response.points.last().unwrap()].map(|p| p.dose);
     assert!(curve.line.len() == 61 && (curve.line[0].dose / least - 1.0).abs() + (curve.line[60].dose / most - 1.0).abs() < 1e-12);
-    // Larvae of another age are no zero dose of these.
-    let mut samples = plate();
-    for s in samples.iter_mut().filter(|s| s.condition.control.is_some()) {
-        s.condition.dpf = Some(5.0);
+    // Larvae of another age, or with another treatment, are no zero dose of these.
+    let changes: [fn(&mut Sample); 2] = [|s| s.condition.dpf = Some(5.0), |s| s.condition.treatment = Some("in the dark".into())];
+    for change in changes {
+        let mut samples = plate();
+        samples.iter_mut().filter(|s| s.condition.control.is_some()).for_each(change);
+        assert_eq!(of(&samples, Flagged::Included).quantities[0].responses[0].points.len(), 10);
     }
-    assert_eq!(of(&samples, Flagged::Included).quantities[0].responses[0].points.len(), 10);
 }
 
 #[test]
