@@ -16,7 +16,7 @@ from PIL import Image
 import carved
 
 
-@pytest.mark.parametrize("bits", [10, 12, 14, 16])
+@pytest.mark.parametrize("bits", [8, 10, 12, 14, 16])
 def test_frames_of_16_bits_are_read_as_the_program_reads_their_files(frames: Turn, bits: int, tmp_path: pathlib.Path) -> None:
     random = np.random.default_rng(bits)
     counts = frames.views.astype(np.uint16) << (bits - 8)

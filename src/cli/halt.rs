@@ -25,7 +25,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         return Ok(());
     }
     let _claim = Claim::on(&config.store.data_dir)?;
-    // Before any question: a controller that moves, or has other settings, refuses to be opened.
+    // Before any question: opening waits for a controller that moves, and refuses one with other settings.
     config.rotation.stop()?;
     let mut axis = open_axis(&config).context("the stop was written if the controller has one; its outputs may be on")?;
     // For the machines that only their open connection stops.

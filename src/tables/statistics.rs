@@ -155,6 +155,8 @@ pub struct LeftOutWell {
     pub run: String,
     pub well: String,
     pub value: f64,
+    /// Whether the well did not succeed. Its number is what was computed before it was refused.
+    pub failed: bool,
     /// The flags for which it does not count.
     pub flags: Vec<String>,
 }
@@ -332,13 +334,15 @@ impl WellCondition {
 
 impl QuantityStatistics {
     /// How many wells do not count, and why: `3 of 12 wells are left out: 1 by a person, 2 because their numbers are doubtful (moved)`.
-    /// Each well counts once: what a person said comes before a bound, and a bound before a doubtful number. `None` if all count.
+    /// Each well counts once: what a person said comes first, then a well that did not succeed, a bound, and a doubtful number. `None` if all
+    /// count.
     pub fn left_out_words(&self) -> Option<String> {
         let n = self.left_out.len();
         let all = n + self.groups.iter().map(|group| group.n).sum::<usize>();
         let mut by_reason: BTreeMap<Reason, (usize, BTreeSet<&str>)> = BTreeMap::new();
         for well in &self.left_out {
-            let reason = well.flags.iter().map(|flag| Reason::of(flag)).min().unwrap_or(Reason::Flag);
+            let failed = well.failed.then_some(Reason::Failed);
+            let reason = well.flags.iter().map(|flag| Reason::of(flag)).chain(failed).min().unwrap_or(Reason::Flag);
             let (wells, flags) = by_reason.entry(reason).or_default();
             *wells += 1;
             flags.extend(well.flags.iter().map(String::as_str).filter(|flag| Reason::of(flag) == reason));
@@ -352,6 +356,7 @@ impl QuantityStatistics {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Reason {
     Person,
+    Failed,
     Bound,
     Doubtful,
     /// A flag of a number that holds. Statistics leave it out on request.
@@ -371,6 +376,8 @@ impl Reason {
     fn words(self, wells: usize, flags: &BTreeSet<&str>) -> String {
         let why = match (self, wells) {
             (Self::Person, _) => return format!("{wells} by a person"),
+            (Self::Failed, 1) => return "1 because it did not succeed".to_owned(),
+            (Self::Failed, _) => return format!("{wells} because they did not succeed"),
             (Self::Bound, 1) => "its number is a bound",
             (Self::Bound, _) => "their numbers are bounds",
             (Self::Doubtful, 1) => "its number is doubtful",
@@ -415,7 +422,7 @@ type Valued<'s> = (&'s Sample, f64);
 fn quantity(q: usize, samples: &[Sample], flagged: Flagged, runs: &[String]) -> Option<QuantityStatistics> {
     let (name, unit, _) = QUANTITIES[q];
     let all = samples.iter().filter_map(|s| Some((s, s.numbers[q]?)));
-    let (valued, out): (Vec<Valued>, Vec<Valued>) = all.partition(|(s, _)| s.left_out(q, flagged).is_empty());
+    let (valued, out): (Vec<Valued>, Vec<Valued>) = all.partition(|(s, _)| s.counts(q, flagged));
     if valued.is_empty() && out.is_empty() {
         return None;
     }
@@ -424,6 +431,7 @@ fn quantity(q: usize, samples: &[Sample], flagged: Flagged, runs: &[String]) -> 
         run: sample.run.clone(),
         well: sample.well.clone(),
         value,
+        failed: sample.is_refused,
         flags: sample.left_out(q, flagged).iter().map(ToString::to_string).collect(),
     };
     Some(QuantityStatistics {

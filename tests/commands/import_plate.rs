@@ -314,6 +314,13 @@ fn a_turn_in_the_other_sense_gives_no_number() {
     assert!(reversed["reason"].as_str().unwrap().contains("a turn in the other sense"), "{reversed}");
     let stored = data.join("runs/P-6/A02");
     assert_eq!(json(&stored.join("measurement.json"))["quality"]["passed"], false);
+    // Its number is in no statistics, whatever flags count.
+    let statistics = dir.path().join("statistics.json");
+    let output = run(&["export", "statistics", text(&data.join("runs/P-6")), "--with-flagged", "--out", text(&statistics)]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let volume = &json(&statistics)["quantities"][0];
+    let left_out = &volume["left_out"][0];
+    assert_eq!((&left_out["well"], &left_out["failed"], &volume["groups"][0]["n"]), (&json!("A02"), &json!(true), &json!(1)), "{volume:#}");
     // The same pictures, measured again.
     let output = run(&["measure", text(&stored)]);
     let measured: Value = serde_json::from_slice(&output.stdout).unwrap();

@@ -5,7 +5,7 @@ use crate::wrong_turns::{self, AS_TOLD, Shot, Turn};
 use carved::cli::emulated;
 use carved_core::flag::Flag;
 use carved_core::frame::{PixelFormat, RawFrame};
-use carved_core::geometry::GlassTube;
+use carved_core::geometry::{Camera, GlassTube};
 use carved_core::pipeline::SpecimenRecord;
 use hardware_sim::scene::{Capillary, Contents, Exposure, Larva, Look, Placement, Scene, SceneSettings, Specimen};
 
@@ -58,15 +58,20 @@ fn as_told(turn: &Turn) -> SpecimenRecord {
     turn.measured(|view| Shot { at: view as f64, ..AS_TOLD })
 }
 
-/// Pictures that were binned by two, with the scale of whole frames: the volume would be an eighth.
+/// Pictures that were binned by two with the scale of whole frames have an eighth of the volume. The bore has 650 um, and 600 are assumed where
+/// none is stated.
 #[test]
-fn a_scale_that_the_bore_contradicts_is_named() {
-    let mut binned = turn(1, 6);
-    let camera = &mut binned.settings.camera;
-    (camera.kx, camera.ky, camera.glass) = (2.0 * camera.kx, 2.0 * camera.ky, Some(GlassTube::THIN));
-    let found = as_told(&binned);
-    assert!(found.turn_findings.iter().any(|finding| finding.flag() == Flag::ScaleOffBore), "{:?}", found.turn_findings);
-    assert!(found.flags.iter().any(|flag| *flag == Flag::ScaleOffBore) && found.quality.is_some_and(|quality| !quality.passed));
+fn a_scale_that_the_bore_contradicts_is_flagged() {
+    let mut turn = turn(1, 6);
+    let camera = turn.settings.camera.clone();
+    for (scale, glass, is_off) in
+        [(2.0, Some(GlassTube::THIN), true), (0.5, Some(GlassTube::THIN), true), (1.0, Some(GlassTube::THIN), false), (2.0, None, false)]
+    {
+        let (kx, ky) = (scale * camera.kx, scale * camera.ky);
+        turn.settings.camera = Camera { kx, ky, glass, ..camera.clone() };
+        let found = as_told(&turn).flags;
+        assert_eq!(found.iter().any(|flag| *flag == Flag::ScaleOffBore), is_off, "{scale} {found:?}");
+    }
 }
 
 #[test]

@@ -270,6 +270,7 @@ export interface LeaseStatus {
 }
 
 export interface LeftOutWell {
+  failed: boolean;
   flags: string[];
   run: string;
   value: number;
@@ -1455,8 +1456,7 @@ export type StoredTurnFinding =
   | { apart_deg: number; exchanged_px: number; finding: "exchanged"; other: number; own_px: number; view: number }
   | { finding: "reversed"; found_px: number; reversed_px: number }
   | { finding: "foreign"; of: number; view: number; views: number }
-  | { finding: "off_bore"; found_px: number; most_px: number }
-  | { finding: "off_scale"; found_um: number; glass_um: number; ky_px_per_um: number };
+  | { finding: "off_bore"; found_px: number; most_px: number };
 
 export interface StoredUsualOpacity {
   larvae: number;

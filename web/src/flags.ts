@@ -134,9 +134,9 @@ export const FLAGS: Record<string, { meaning: string; whatToDo: string; isBound:
   },
   scale_off_bore: {
     meaning:
-      "By the scale of the camera the bore of the capillary has another width than the glass, so there is no volume.",
+      "By the scale of the camera the bore of the capillary has another width than the glass, which has 600 um where none is stated.",
     whatToDo:
-      "Check the scale for these pictures (binning, lens) and the bore of the glass, and measure the pictures again.",
+      "Check the scale for these pictures (binning, lens), state the bore of the glass, and measure the pictures again.",
     isBound: false,
   },
   not_one_specimen: {

@@ -46,6 +46,7 @@ export function referenceWords(groups: readonly WellGroup[]): string {
 /** Why a well does not count. The first that holds is told. */
 const REASONS = [
   { holds: (flag: string) => flag === "excluded", one: "by a person", many: "by a person" },
+  { holds: () => false, one: "because it did not succeed", many: "because they did not succeed" },
   {
     holds: (flag: string) => FLAGS[flag]?.isBound === true,
     one: "because its number is a bound",
@@ -53,6 +54,9 @@ const REASONS = [
   },
   { holds: () => true, one: "because its number is doubtful", many: "because their numbers are doubtful" },
 ];
+
+/** The place of a well that did not succeed, whatever its flags are, in {@link REASONS}. */
+const FAILED = 1;
 
 /**
  * How many wells do not count, and why: `3 wells are left out: 1 by a person, 2 because their numbers are doubtful (moved).` Each counts once.
@@ -63,10 +67,12 @@ export function leftOutWords(found: Pick<QuantityStatistics, "left_out"> | undef
   if (wells.length === 0) return "";
   const reasonOf = (flag: string) => REASONS.findIndex(({ holds }) => holds(flag));
   const why = REASONS.flatMap(({ one, many }, reason) => {
-    const own = wells.filter(({ flags }) => Math.min(...flags.map(reasonOf)) === reason);
+    const own = wells.filter(
+      ({ flags, failed }) => Math.min(...flags.map(reasonOf), ...(failed ? [FAILED] : [])) === reason,
+    );
     if (own.length === 0) return [];
     const flags = new Set(own.flatMap(({ flags }) => flags.filter((flag) => reasonOf(flag) === reason)));
-    const named = reason === 0 ? "" : ` (${[...flags].sort().map(spaced).join(", ")})`;
+    const named = reason <= FAILED ? "" : ` (${[...flags].sort().map(spaced).join(", ")})`;
     return `${grouped(own.length)} ${own.length === 1 ? one : many}${named}`;
   });
   return `${counted(wells.length, "well")} ${wells.length === 1 ? "is" : "are"} left out: ${why.join(", ")}.`;

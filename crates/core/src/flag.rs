@@ -191,9 +191,9 @@ flags! {
     AxisOffBore = "axis_off_bore", Turn, ["turn_findings"],
         "The axis of the turn is not in the middle of the bore, so there is no volume.",
         "Check the coupling and how the glass is held, and take the turn again.";
-    ScaleOffBore = "scale_off_bore", Turn, ["turn_findings"],
-        "By the scale of the camera the bore of the capillary has another width than the glass, so there is no volume.",
-        "Check the scale for these pictures (binning, lens) and the bore of the glass, and measure the pictures again.";
+    ScaleOffBore = "scale_off_bore", Turn, [],
+        "By the scale of the camera the bore of the capillary has another width than the glass, which has 600 um where none is stated.",
+        "Check the scale for these pictures (binning, lens), state the bore of the glass, and measure the pictures again.";
     NotOneSpecimen = "not_one_specimen", Turn, [],
         "More than half of the views show nothing, a bubble, debris or several specimens.",
         "Look at the frames.";

@@ -22,21 +22,27 @@ use crate::measure::shape::{Body, Shape};
 use crate::measure::{Fallback, Measurement, extents};
 use crate::parallel::join;
 use crate::profile::{
-    Columns, Detection, EmptyCapillary, FinBorders, Mask, Picture, Polygon, Profile, ProfileError, SegmentSettings, Segmenters,
+    Columns, Detection, EmptyCapillary, FinBorders, Kind, Mask, Picture, Polygon, Profile, ProfileError, SegmentSettings, Segmenters,
 };
 use crate::quality::{
-    CalibrationOff, Estimate, FlagFacts, Quality, QualitySettings, Spoiled, TurnFacts, TurnFinding, Turning, ViewStrip, flags, off_scale,
-    spoiled, views_needed,
+    CalibrationOff, Estimate, FlagFacts, Quality, QualitySettings, Spoiled, TurnFacts, TurnFinding, Turning, ViewStrip, flags, spoiled,
+    views_needed,
 };
 use crate::reconstruction::{
     Calibrated, CalibrationRecord, HullModel, Judged, LiveVolume, Model, NotCalibrated, Reconstruction, ReconstructionSettings, TurnModel,
 };
+use crate::statistics::upper_median;
 use crate::surface::Mesh;
 pub use error::PipelineError;
 use record::compare_areas;
 pub use record::{ClosureRecord, SpecimenRecord, ViewRecord, WallRecord};
 use std::f64::consts::PI;
+use std::ops::RangeInclusive;
 use std::sync::Arc;
+
+/// Widths of the bore by the scale of the camera, as a share of that of the glass, at which the scale may be right. The glass is seldom measured:
+/// capillaries of 500 to 800 um are taken for one of 600. Pictures binned by two have 0.5, and the next objective has 0.5 or 2.
+const BORE_SHARE: RangeInclusive<f64> = 0.62..=1.6;
 
 /// Everything the numbers depend on beside the frames and their angles.
 #[derive(Debug, Clone, PartialEq)]
@@ -362,8 +368,6 @@ impl Pipeline {
         // The cause before its consequences.
         let mut turn_findings = self.turning.findings();
         turn_findings.extend(of_calibration);
-        let bores_um = self.views.iter().filter_map(|v| v.walls.as_ref()).map(|walls| walls.bore_um).collect();
-        turn_findings.extend(off_scale(bores_um, &self.settings.camera));
         let TurnModel { model, fallback, hull, calibration, projections, reprojected_areas, closure: pose_offset, fins } = model?;
         if let Ok(found) = &calibration {
             self.judged(&found.calibration.views, &reprojected_areas);
@@ -453,13 +457,19 @@ impl Pipeline {
         Quality::of(&facts, &self.settings.quality)
     }
 
-    /// Whether more than half of the views that carved surely show something else than one specimen.
+    /// Whether more than half of the views that carved surely show something else than one specimen. An opaque bead looks like a bubble.
     fn shows_not_one(&self) -> bool {
-        let others = self
-            .views
-            .iter()
-            .filter(|v| self.carved.contains(&v.index) && v.detection.as_ref().is_some_and(|found| found.skip_reason().is_some()));
-        2 * others.count() > self.carved.len()
+        let is_other =
+            |found: &Detection| found.skip_reason().is_some() && (!self.settings.sphere || matches!(found.kind, Kind::Empty | Kind::Two));
+        let carved = self.views.iter().filter(|v| self.carved.contains(&v.index));
+        2 * carved.filter_map(|v| v.detection.as_ref()).filter(|found| is_other(found)).count() > self.carved.len()
+    }
+
+    /// Whether the scale of the camera contradicts the bore of its glass. The bore is that of most views.
+    fn is_off_scale(&self) -> bool {
+        let bores_um: Vec<f64> = self.views.iter().filter_map(|v| Some(v.walls.as_ref()?.bore_um)).collect();
+        let glass = self.settings.camera.glass.as_ref().filter(|_| !bores_um.is_empty());
+        glass.is_some_and(|glass| !BORE_SHARE.contains(&(upper_median(bores_um) / (2.0 * glass.bore_radius_um))))
     }
 
     /// The flags of the specimen, by what is known of its turn.
@@ -479,6 +489,7 @@ impl Pipeline {
             is_clipped: [clipped(Detection::is_clipped_left), clipped(Detection::is_clipped_right)],
             touches_box: model.touches_box,
             is_not_one: self.shows_not_one(),
+            is_off_scale: self.is_off_scale(),
             has_moved: calibration.is_some_and(|judged| judged.calibration.moved.is_some()),
             is_sphere: self.settings.sphere,
             has_closure,

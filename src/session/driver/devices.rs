@@ -33,6 +33,8 @@ pub(super) struct Devices {
     camera: Link,
     /// As `camera`, of the axis that the worker took.
     rotation: Link,
+    /// The emergency stop was pressed while a background task used the instrument, which may have opened the axis again since.
+    is_stop_due: bool,
 }
 
 /// A plan to check on the instrument, and the channel for the answer.
@@ -77,6 +79,7 @@ impl Devices {
             instrument: Some(instrument),
             task: None,
             lost: Vec::new(),
+            is_stop_due: false,
         }
     }
 
@@ -167,11 +170,19 @@ impl Devices {
         Ok(())
     }
 
-    /// Aims the emergency stop at the axis at rest. A check may have opened its port anew.
-    pub fn aim(&self, halt: &Halt) {
-        if let Some(instrument) = &self.instrument {
-            halt.aim(instrument.rig.rotation.stop_handle(), CancelToken::default());
+    /// Aims the emergency stop at the axis at rest. A check may have opened its port anew, also after the stop was written to the old one:
+    /// then it is written again.
+    pub fn aim(&mut self, halt: &Halt) {
+        let Some(instrument) = &self.instrument else { return };
+        halt.aim(instrument.rig.rotation.stop_handle(), CancelToken::default());
+        if std::mem::take(&mut self.is_stop_due) {
+            halt.stop_motors();
         }
+    }
+
+    /// Takes an emergency stop that was pressed. It is repeated when a background task that runs now has ended.
+    pub fn note_stop(&mut self) {
+        self.is_stop_due = self.are_busy();
     }
 
     /// Takes the instrument for a task that the emergency stop ends.

@@ -59,7 +59,7 @@ impl DriverState {
     pub fn new(driver: Driver) -> Self {
         let Driver { config, mode, store, journal, publisher, instrument, identity, interlock, notices, heartbeat } = driver;
         let loader = Loader::new(interlock, instrument.sampler.as_ref());
-        let devices = Devices::new(instrument);
+        let mut devices = Devices::new(instrument);
         devices.aim(publisher.halt());
         // The tail of the journal is not enough: most events are views, and after some dozen wells it no longer names the plate.
         let remembered = store.remembered().unwrap_or_else(|error| {

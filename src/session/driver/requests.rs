@@ -39,6 +39,7 @@ pub(super) fn emergency_pressed(d: &mut DriverState) {
     if !d.publisher.halt().take() {
         return;
     }
+    d.devices.note_stop();
     if !faults::is_open(&d.state().faults, fault_table::EMERGENCY_STOP.code) {
         let (seq, since) = (d.state().faults.newest() + 1, jiff::Timestamp::now().to_string());
         let fault = Fault::new(seq, &fault_table::EMERGENCY_STOP, fault_table::EMERGENCY_STOP.meaning.into(), since);

@@ -8,7 +8,7 @@ use super::run::RunInProgress;
 use super::sealing::seal_run;
 use super::snapshot::{run_status, show_left};
 use super::{Life, course, missing, people, queue, resume, start};
-use carved_records::{DaemonStarted, EndRequest, EventData, RunInterrupted, RunState};
+use carved_records::{DaemonStarted, EndRequest, Event, EventData, RunInterrupted, RunState};
 use carved_store::RunRecord;
 
 /// Shows the devices, then the state that the previous process left. If the disk refuses writes, that is a fault and not the end of the
@@ -82,9 +82,11 @@ fn show_again(d: &mut DriverState, record: &RunRecord) {
     let events = start::events_of(d.outbox.store(), &d.publisher, &record.id);
     let run = start::run_after(&record.id, &events);
     let state = start::rests_in(record.outcome, run.end_request());
-    let is_told = events.iter().any(|event| matches!(event.body.data, EventData::RunEnded(_)));
+    let lacks_end = |events: &[Event]| !events.iter().any(|event| matches!(event.body.data, EventData::RunEnded(_)));
+    // Events that cannot be read may have it.
+    let lacks_end = lacks_end(&events) && d.outbox.store().events_of(&record.id).is_ok_and(|read| lacks_end(&read));
     d.outbox.recall(run);
-    if !is_told {
+    if lacks_end {
         // The process ended after it had written the outcome. What the end means for the specimens follows from the event.
         d.outbox.record(Some(&record.id), None, course::ended(d, record));
         d.write();

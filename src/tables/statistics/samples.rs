@@ -12,6 +12,8 @@ pub struct Sample {
     pub run: String,
     pub well: String,
     pub condition: WellCondition,
+    /// The well did not succeed: its number never counts.
+    pub is_refused: bool,
     /// The flags of the specimen.
     pub flags: Vec<StoredFlag>,
     /// Whether the second camera was saturated.
@@ -23,7 +25,12 @@ pub struct Sample {
 }
 
 impl Sample {
-    /// The flags for which the number at this place in [`QUANTITIES`] does not count. Empty if it counts.
+    /// Whether the number at this place in [`QUANTITIES`] counts.
+    pub fn counts(&self, q: usize, flagged: Flagged) -> bool {
+        !self.is_refused && self.left_out(q, flagged).is_empty()
+    }
+
+    /// The flags for which the number at this place in [`QUANTITIES`] does not count.
     pub fn left_out(&self, q: usize, flagged: Flagged) -> Vec<StoredFlag> {
         let is_signal = QUANTITIES[q].0 == SIGNAL;
         let own = self.flags.iter().filter(|flag| match flagged {
@@ -55,23 +62,24 @@ fn saturated(flags: &Value) -> bool {
     flags.as_array().is_some_and(|flags| flags.iter().any(|flag| flag == Flag::Saturated.code()))
 }
 
-/// Whether the run's own number of this well is not reported: the well did not succeed. A later computation judges its number anew.
-fn is_refused(well: &StoredWell) -> bool {
+/// Whether the number of this well is not reported: the well did not succeed. A later computation judges its number anew.
+fn is_refused(well: &StoredWell, measurement: &Value) -> bool {
     let outcome = well.status.as_ref().and_then(|status| status.outcome);
-    well.computation == Computation::OfRun && outcome.is_some_and(|outcome| outcome != SpecimenOutcome::Succeeded)
+    let has_findings = measurement["turn_findings"].as_array().is_some_and(|findings| !findings.is_empty());
+    has_findings || well.computation == Computation::OfRun && outcome.is_some_and(|outcome| outcome != SpecimenOutcome::Succeeded)
 }
 
-/// The measured wells of runs, in the order of their plans. A well that did not succeed is left out, and one with a file that cannot be
-/// read, or was altered.
+/// The measured wells of runs, in the order of their plans. A well with a file that cannot be read, or was altered, is left out.
 pub fn of(runs: &[StoredRun]) -> Vec<Sample> {
     let mut samples = Vec::new();
     for run in runs {
-        for well in run.wells().filter(|well| !is_refused(well)) {
-            let Some(measurement) = well.measurement else { continue };
+        for mut well in run.wells() {
+            let Some(measurement) = well.measurement.take() else { continue };
             let number = |(_, _, pointer): (&str, &str, &str)| measurement.pointer(pointer).and_then(Value::as_f64);
             samples.push(Sample {
                 run: run.record().id.clone(),
                 well: well.planned.well.clone(),
+                is_refused: is_refused(&well, &measurement),
                 condition: WellCondition::of(&well.planned),
                 flags: well.status.map(|status| status.flags).unwrap_or_default(),
                 saturated: measurement.pointer("/fluorescence/flags").is_some_and(saturated),

@@ -14,6 +14,7 @@ fn sample(run: &str, well: &str, planned: &serde_json::Value, volume: f64) -> Sa
         run: run.into(),
         well: well.into(),
         condition: WellCondition::of(&planned),
+        is_refused: false,
         flags: Vec::new(),
         saturated: false,
         numbers,
@@ -134,6 +135,9 @@ fn the_words_of_what_is_left_out_count_each_well_once_and_name_the_person_first(
          2 because their numbers are doubtful (moved, residual)"
     );
     assert_eq!(words(&samples, Flagged::Included).unwrap(), "1 of 15 wells is left out: 1 by a person");
+    samples[3].is_refused = true;
+    assert_eq!(words(&samples, Flagged::Included).unwrap(), "2 of 15 wells are left out: 1 by a person, 1 because it did not succeed");
+    samples[3].is_refused = false;
     samples[4].flags = vec![Flag::BeadGate.into()];
     let on_request = words(&samples, Flagged::Excluded).unwrap();
     assert!(on_request.starts_with("5 of 15") && on_request.ends_with(", 1 because it has a flag (bead_gate)"), "{on_request}");

@@ -22,7 +22,7 @@ test("groups are those of larvae, and each reference behind them is named once",
 });
 
 test("what does not count is said with its reasons", () => {
-  const out = (well: string, ...flags: string[]) => ({ run: "r", well, value: 1, flags });
+  const out = (well: string, ...flags: string[]) => ({ run: "r", well, value: 1, failed: false, flags });
   assert.equal(leftOutWords(undefined), "");
   assert.equal(leftOutWords({ left_out: [] }), "");
   assert.equal(
@@ -30,6 +30,14 @@ test("what does not count is said with its reasons", () => {
     "2 wells are left out: 1 because its number is a bound (clipped left), 1 because its number is doubtful (moved).",
   );
   assert.equal(leftOutWords({ left_out: [out("A01", "excluded")] }), "1 well is left out: 1 by a person.");
+  const failed = [
+    { ...out("A01"), failed: true },
+    { ...out("A02", "moved"), failed: true },
+  ];
+  assert.equal(
+    leftOutWords({ left_out: [out("A03", "excluded"), ...failed] }),
+    "3 wells are left out: 1 by a person, 2 because they did not succeed.",
+  );
   const bounds = [out("A02", "moved", "outside_box"), out("A03", "clipped_left", "outside_box")];
   const doubtful = [out("A04", "residual", "moved"), out("A05", "moved")];
   assert.equal(

@@ -20,6 +20,14 @@ pub enum Fallback {
         /// By how much the hull is smaller, %.
         percent: f64,
     },
+    /// Slices between the ends of the specimen have no outline.
+    #[error(
+        "slices are missing between the ends of the specimen, and {percent:.0} % of the volume lies beyond them. Look at the frames for what hides it"
+    )]
+    Cut {
+        /// Share of the volume beyond the missing slices, %.
+        percent: f64,
+    },
     /// Much of the volume is error of the profiles.
     #[error(
         "the views agree too badly for slices' outlines: their errors alone make {percent:.0} % of the volume. The turn has a gap, or the camera is off"
@@ -52,6 +60,9 @@ mod tests {
         assert_eq!(said(Fallback::Hollow { percent: 31.2 }), (true, hollow.into()));
         let small = "the hull is 12 % smaller than its slices filled to their convex outlines: they are not convex";
         assert_eq!(said(Fallback::SmallHull { percent: 12.4 }), (true, small.into()));
+        let cut = "slices are missing between the ends of the specimen, and 9 % of the volume lies beyond them. Look at the frames for \
+                   what hides it";
+        assert_eq!(said(Fallback::Cut { percent: 9.3 }), (false, cut.into()));
         let error = "the views agree too badly for slices' outlines: their errors alone make 4 % of the volume. The turn has a gap, \
                      or the camera is off";
         assert_eq!(said(Fallback::AllError { percent: 4.0 }), (false, error.into()));

@@ -21,6 +21,8 @@ pub(crate) struct FlagFacts {
     pub touches_box: bool,
     /// Whether more than half of the views that carved show something else than one specimen.
     pub is_not_one: bool,
+    /// Whether the scale of the camera contradicts the bore of its glass.
+    pub is_off_scale: bool,
     /// Whether the calibration found that the specimen moved during the turn.
     pub has_moved: bool,
     /// Whether the specimen is a sphere, whose turn the edges never show and whose numbers no turn changes.
@@ -50,6 +52,7 @@ pub(crate) fn flags(facts: &FlagFacts, quality: &Quality) -> Vec<StoredFlag> {
     raise(facts.is_clipped[1], Flag::ClippedRight);
     raise(facts.touches_box, Flag::OutsideBox);
     raise(facts.is_not_one, Flag::NotOneSpecimen);
+    raise(facts.is_off_scale, Flag::ScaleOffBore);
     raise(quality.raises(Flag::FewViews), Flag::FewViews);
     let moved = quality.raises(Flag::Moved) || facts.has_moved;
     raise(moved, Flag::Moved);
@@ -90,6 +93,7 @@ mod tests {
         is_clipped: [false; 2],
         touches_box: false,
         is_not_one: false,
+        is_off_scale: false,
         has_moved: false,
         is_sphere: false,
         has_closure: true,
@@ -135,6 +139,7 @@ mod tests {
             (FlagFacts { is_clipped: [false, true], ..GOOD }, Flag::ClippedRight),
             (FlagFacts { touches_box: true, ..GOOD }, Flag::OutsideBox),
             (FlagFacts { is_not_one: true, ..GOOD }, Flag::NotOneSpecimen),
+            (FlagFacts { is_off_scale: true, ..GOOD }, Flag::ScaleOffBore),
             (FlagFacts { has_moved: true, ..GOOD }, Flag::Moved),
             (FlagFacts { has_closure: false, ..GOOD }, Flag::NoClosure),
             (FlagFacts { is_nonconvex: true, ..GOOD }, Flag::Nonconvex),

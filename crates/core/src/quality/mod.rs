@@ -36,5 +36,5 @@ pub use strip::Spoiled;
 pub(crate) use strip::{ViewStrip, spoiled};
 pub use turn::tell_little;
 pub(crate) use turn::{CalibrationOff, ClosureOff, ClosureSd, TurnFacts};
-pub(crate) use turning::{OFF_BORE_PX, Places, of_calibration, off_scale};
+pub(crate) use turning::{OFF_BORE_PX, Places, of_calibration};
 pub use turning::{TurnFinding, Turning};

@@ -91,6 +91,21 @@ fn a_bead_has_its_size() {
     assert!(Topology::of(&mesh).is_closed());
 }
 
+/// Four columns in which no view shows the ball cut 9 % of it off. The voxels keep it.
+#[test]
+fn a_specimen_with_a_hole_in_its_slices_is_not_measured_by_one_side_of_it() {
+    let mut views = views(12);
+    let (uncut, u) = (made(&views), 60..64);
+    for (mask, _) in &mut views {
+        u.clone().for_each(|u| (0..144).for_each(|v| mask.set(u, v, false)));
+    }
+    let m = made(&views).measurement;
+    let why = m.fallback.unwrap();
+    assert!(m.estimator == Estimator::Voxel && why.contains("9 % of the volume lies beyond"), "{why}");
+    let lost = 1.0 - m.volume_um3 / uncut.measurement.estimators.voxel.volume_um3;
+    assert!((0.0..0.05).contains(&lost), "{lost}");
+}
+
 /// The ball reaches to 40 + 250 um along x.
 #[test]
 fn a_hull_that_reaches_the_end_of_its_box_is_named() {

@@ -93,6 +93,9 @@ const FINNED_AREA_SD_OF_A_VIEW: f64 = 0.18;
 /// ... and where the fins that were found are too short. It is half of what the fins of an emulated larva add.
 const UNSEEN_AREA_SD: f64 = 0.045;
 
+/// Largest share of the volume beyond a hole in the slices.
+const CUT_MOST: f64 = 0.005;
+
 /// A hull that allows misses contains its specimen. One that is smaller than this share has slices that are hollow, which no
 /// single view shows.
 pub(super) const HULL_LEAST: f64 = 0.95;
@@ -395,6 +398,8 @@ impl Reconstruction {
         // smaller one is nearer. The free tips of pectoral fins are hollow slices that add little.
         let fallback = if support.is_hollow() && voxel < support.volume_um3 {
             Some(Fallback::Hollow { percent: 100.0 * support.hollow_share })
+        } else if sections.cut_share > CUT_MOST {
+            Some(Fallback::Cut { percent: 100.0 * sections.cut_share })
         } else if support.is_all_error() {
             Some(Fallback::AllError { percent: 100.0 * support.volume_bias_um3 / support.volume_um3 })
         } else if is_calibrated && voxel < HULL_LEAST * support.volume_um3 {

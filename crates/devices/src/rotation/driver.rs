@@ -36,7 +36,7 @@ pub trait Driver: std::fmt::Debug + Send + Sync {
         per_revolution: StepsPerRevolution,
         translation: Option<TranslationSettings>,
     ) -> Result<Box<dyn RotationAxis>, DeviceError>;
-    /// Opens the port and writes the stop. Nothing is asked: a controller that moves, or has other settings, may refuse to be opened.
+    /// Opens the port and writes the stop. Nothing is asked: opening waits for a controller that moves, and refuses one with other settings.
     /// Nothing happens where no stop can be written.
     ///
     /// # Errors

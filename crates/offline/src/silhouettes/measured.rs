@@ -7,7 +7,7 @@ use carved_core::carver::Leaves;
 use carved_core::fins::Fin;
 use carved_core::flag::Flag;
 use carved_core::geometry::{Camera, Projection, VoxelGrid};
-use carved_core::measure::{Fallback, Measurement};
+use carved_core::measure::Measurement;
 use carved_core::quality::{QualitySettings, TurnFinding, Turning, tell_little};
 use carved_core::reconstruction::{HullModel, Model, NotCalibrated, Reconstruction, ReconstructionSettings, TurnModel};
 use carved_core::statistics::mean;
@@ -188,7 +188,7 @@ pub(super) fn turn(
     // A silhouette at a wrong angle makes the angles of the turn look wrong.
     let is_repeated = turn_findings.iter().any(|finding| matches!(finding, TurnFinding::Repeated { .. }));
     let mut raised = raised_by(&counted, &model);
-    raised.extend(fallback.as_ref().is_some_and(Fallback::is_nonconvex).then_some((Flag::Nonconvex, None)));
+    raised.extend(fallback.as_ref().map(|why| (if why.is_nonconvex() { Flag::Nonconvex } else { Flag::Uncertain }, None)));
     raised.extend(tell_little(&angles, &QualitySettings::default()).then(|| {
         let gap_deg = widest_gap(&angles).to_degrees();
         let why = format!(

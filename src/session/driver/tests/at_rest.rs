@@ -219,5 +219,15 @@ fn the_emergency_stop_reaches_the_axis_that_a_check_has_opened_again() {
         assert_eq!(log.stops(), 0);
         b.d.publisher.halt().stop().await;
         assert_eq!(log.stops(), 1);
+        // Pressed while a check opens the axis again, the stop goes to the old port first.
+        b.d.publisher.halt().take();
+        b.d.devices.begin_look();
+        b.d.publisher.halt().stop().await;
+        requests::emergency_pressed(&mut b.d);
+        let before = log.stops();
+        b.task_ends().await;
+        assert_eq!(log.stops(), before + 1);
+        b.beat().await;
+        assert_eq!(log.stops(), before + 1, "once");
     });
 }

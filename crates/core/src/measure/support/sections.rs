@@ -45,6 +45,8 @@ pub struct Sections {
     pub(super) area_bias_um2: f64,
     /// What leaving out each view changes.
     pub(super) without: Vec<Change>,
+    /// Share of the volume in slices beyond a hole, which do not count.
+    pub(crate) cut_share: f64,
 }
 
 /// Directions in which the outline of a slice with fins is taken.
@@ -188,6 +190,10 @@ impl Sections {
         if end - start < SLICES_LEAST {
             return Err(SectionsError::ShortStretch { longest: end - start, lost: SlicesLost::among(&found) });
         }
+        let areas = |slices: &[Result<(Slice, Fit), SliceError>]| -> f64 {
+            slices.iter().flatten().map(|(_, fit)| fit.support.coefficients[0].powi(2)).sum()
+        };
+        let cut_share = 1.0 - areas(&found[start..end]) / areas(&found);
         let found: Vec<(Slice, Fit)> = found.into_iter().skip(start).take(end - start).flatten().collect();
         let step_um = (found[found.len() - 1].0.x_um - found[0].0.x_um) / (found.len() - 1) as f64;
         let residuals: Vec<f64> = found.iter().flat_map(|(_, f)| f.residuals.iter().copied()).collect();
@@ -236,6 +242,7 @@ impl Sections {
             shift_variance_um2: shift_variance(pose, views, series),
             area_bias_um2: bias_um2,
             without,
+            cut_share,
         })
     }
 }

@@ -128,19 +128,6 @@ pub enum TurnFinding {
         /// Largest distance allowed, px.
         most_px: f64,
     },
-    /// The scale of the camera contradicts the bore of the glass.
-    #[error(
-        "the bore of the capillary measures {found_um:.0} um by the scale of the camera ({ky_px_per_um:.4} px per um across), and the glass is {glass_um:.0} um wide \
-         inside. Pictures that were binned or scaled need a scale of their own: check kx and ky for these pictures and the bore of the glass, and measure them again"
-    )]
-    OffScale {
-        /// Median distance of the inner walls over the views, um by the scale of the camera.
-        found_um: f64,
-        /// Inner diameter of the glass of the camera, um.
-        glass_um: f64,
-        /// Scale of the camera across the capillary, px per um.
-        ky_px_per_um: f64,
-    },
 }
 
 impl TurnFinding {
@@ -154,7 +141,6 @@ impl TurnFinding {
             Self::Elsewhere { .. } | Self::Exchanged { .. } | Self::Foreign { .. } => Flag::ViewsDisagree,
             Self::Reversed { .. } => Flag::WrongSense,
             Self::OffBore { .. } => Flag::AxisOffBore,
-            Self::OffScale { .. } => Flag::ScaleOffBore,
         }
     }
 }

@@ -9,7 +9,6 @@
 //!                                             ├─ two views fit the others at each other's angle ────── exchanged
 //!                                             ├─ rays spread, or turn in the glass, the other way ──── reversed
 //!                                             └─ its axis is not in the middle of the bore ─────────── off the bore
-//!  the walls in the scale of the camera ───────── the bore has another width than the glass ──────────── off the scale
 //! ```
 //! The calibration alone cannot answer this. Views of a specimen that stands still fit a body of revolution, and mirrored views fit the part that
 //! both pictures have in common. So the views are compared with each other, before any model is made of them.
@@ -23,7 +22,6 @@ mod outlines;
 mod pixels;
 mod placing;
 
-use crate::geometry::Camera;
 use crate::parallel::prelude::*;
 use crate::profile::{Columns, Picture, Profile};
 use crate::quality::CoarseOutline;
@@ -34,7 +32,6 @@ use pixels::{BorePicture, Difference, Sampling, difference};
 pub(crate) use placing::{OFF_BORE_PX, Places, of_calibration};
 use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::TAU;
-use std::ops::RangeInclusive;
 
 /// Least views of a stretch that stands still.
 const STILL_VIEWS: usize = 3;
@@ -77,16 +74,6 @@ const NEIGHBOURS_DEG: f64 = 46.0;
 const COMMON: f64 = 0.75;
 /// Largest share of the profiles' area outside the common part, %.
 const ENDS_PERCENT: f64 = 6.0;
-/// Widths of the bore by the scale of the camera, as a share of that of the glass, at which the scale may be right. The glass is seldom measured:
-/// capillaries of 500 to 800 um are taken for one of 600. Pictures binned by two have 0.5, and the next objective has 0.5 or 2.
-const BORE_SHARE: RangeInclusive<f64> = 0.62..=1.6;
-
-/// Whether the bore has the width of the glass. `bores_um` is the bore in each view, um by the scale of this camera.
-pub(crate) fn off_scale(bores_um: Vec<f64>, camera: &Camera) -> Option<TurnFinding> {
-    let glass_um = 2.0 * camera.glass.as_ref()?.bore_radius_um;
-    let found_um = (!bores_um.is_empty()).then(|| upper_median(bores_um))?;
-    (!BORE_SHARE.contains(&(found_um / glass_um))).then_some(TurnFinding::OffScale { found_um, glass_um, ky_px_per_um: camera.ky })
-}
 
 /// A view of the turn.
 #[derive(Debug, Clone)]
@@ -113,8 +100,10 @@ pub struct Turning {
 struct Unchanged {
     /// Distance of the outlines, px.
     moved_px: f64,
-    /// Change of the pixels, as [`Difference::change`]. 0 where they were not compared.
+    /// Change of the pixels, as [`Difference::change`]. 0 where they need not be compared.
     change: f64,
+    /// Whether the pixels tell, or need not.
+    is_told_by_pixels: bool,
 }
 
 impl Turning {
@@ -171,15 +160,15 @@ impl Turning {
                 let unchanged = (first..last).map(|at| self.unchanged(at, last)).collect::<Option<Vec<Unchanged>>>();
                 if let Some(unchanged) = unchanged {
                     let max = |of: fn(&Unchanged) -> f64| unchanged.iter().map(of).fold(0.0, f64::max);
-                    most = Unchanged { moved_px: max(|u| u.moved_px), change: max(|u| u.change) };
+                    let is_told_by_pixels = unchanged.iter().all(|u| u.is_told_by_pixels);
+                    most = Unchanged { moved_px: max(|u| u.moved_px), change: max(|u| u.change), is_told_by_pixels };
                     break;
                 }
                 first += 1;
             }
             let ledger_deg = self.apart_deg(first, last);
             let stretch = &self.views[first..=last];
-            let by_pixels = stretch.iter().all(|v| v.bore.is_some());
-            let needed_deg = match by_pixels {
+            let needed_deg = match most.is_told_by_pixels {
                 false => STILL_OUTLINES_DEG,
                 true if most.change <= STILL_SURE_CHANGE => STILL_SURE_DEG,
                 true => STILL_DEG,
@@ -214,11 +203,13 @@ impl Turning {
         if moved_px > allowed {
             return None;
         }
-        let change = match a.bore.as_ref().zip(b.bore.as_ref()).filter(|_| apart_deg < STILL_OUTLINES_DEG) {
-            Some((x, y)) => difference((x, &a.body), (y, &b.body), Sampling::All)?.change(),
-            None => 0.0,
-        };
-        (change <= STILL_CHANGE).then_some(Unchanged { moved_px, change })
+        let bores = a.bore.as_ref().zip(b.bore.as_ref());
+        let compared = bores.filter(|_| apart_deg < STILL_OUTLINES_DEG);
+        // Too few pixels tell as little as none.
+        let found = compared.and_then(|(x, y)| difference((x, &a.body), (y, &b.body), Sampling::All));
+        let change = found.as_ref().map_or(0.0, Difference::change);
+        let is_told_by_pixels = bores.is_some() && found.is_some() == compared.is_some();
+        (change <= STILL_CHANGE).then_some(Unchanged { moved_px, change, is_told_by_pixels })
     }
 
     fn apart_deg(&self, at: usize, other: usize) -> f64 {

@@ -977,7 +977,7 @@ proptest! {
     }
 }
 
-/// A controller that moves, or has other settings, may refuse to be opened.
+/// Opening waits for a controller that moves, and refuses one with other settings.
 #[test]
 fn the_stop_is_written_without_a_question() {
     let controller = Scripted::play(vec![(STOP.to_vec(), Vec::new())]);

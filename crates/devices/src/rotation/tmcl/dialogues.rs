@@ -583,7 +583,7 @@ fn between_runs_a_counter_is_asked_for_and_of_a_stopped_module_its_version() {
     module.followed(tmcl);
 }
 
-/// A controller that moves, or has other settings, may refuse to be opened.
+/// Opening waits for a controller that moves, and refuses one with other settings.
 #[test]
 fn the_stop_is_written_without_a_question() {
     let controller = Scripted::play(stop_pieces(1, [0, 1]).into_iter().map(|piece| (piece, Vec::new())).collect());

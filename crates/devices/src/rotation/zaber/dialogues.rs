@@ -387,7 +387,7 @@ fn a_restart_at_rest_is_reported_once_by_a_check_or_by_the_next_reference() {
     controller.followed(zaber);
 }
 
-/// A controller that moves, or has other settings, may refuse to be opened.
+/// Opening waits for a controller that moves, and refuses one with other settings.
 #[test]
 fn the_stop_is_written_without_a_question() {
     let controller = Scripted::play(vec![(packet::stop(1, 1).into_bytes(), Vec::new())]);
