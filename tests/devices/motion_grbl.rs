@@ -105,15 +105,16 @@ fn refuses_to_move(grbl: &mut Grbl) {
     assert!(grbl.move_to(Steps(48)).is_err());
 }
 
-/// Runs `case` for every byte of a reference and a move until it returns false, behind the last byte. Returns the number of bytes.
-fn for_each_byte(scale: f64, case: impl Fn(&Bench, usize) -> bool + Sync) -> usize {
-    let (scale, case) = (&scale, &case);
+/// Runs `case` for every byte of a reference and a move until it returns false, behind the last byte. Returns the number of bytes. A lost answer
+/// is waited for during `answer_timeout_ms`. A busy computer may pause for some 300 ms.
+fn for_each_byte(answer_timeout_ms: u32, case: impl Fn(&Bench, usize) -> bool + Sync) -> usize {
+    let case = &case;
     std::thread::scope(|scope| {
         let rigs: Vec<_> = (0..RIGS)
             .map(|first| {
                 scope.spawn(move || {
-                    let mut bench = Bench::new(*scale);
-                    bench.settings.answer_timeout_ms = 300;
+                    let mut bench = Bench::new(1000.0);
+                    bench.settings.answer_timeout_ms = answer_timeout_ms;
                     (first..).step_by(RIGS).take_while(|offset| case(&bench, *offset)).count()
                 })
             })
@@ -125,7 +126,7 @@ fn for_each_byte(scale: f64, case: impl Fn(&Bench, usize) -> bool + Sync) -> usi
 #[test]
 fn a_cable_pulled_at_any_byte_is_gone_and_nothing_moves_until_the_next_reference() {
     for (direction, least) in [("to the host", 400), ("to the controller", 40)] {
-        let bytes = for_each_byte(1000.0, |bench, offset| {
+        let bytes = for_each_byte(2000, |bench, offset| {
             let mut grbl = bench.open();
             match direction {
                 "to the host" => bench.rig.faults().serial().unplug_after(offset + 1),
@@ -150,7 +151,7 @@ fn a_cable_pulled_at_any_byte_is_gone_and_nothing_moves_until_the_next_reference
 #[test]
 fn a_bit_that_changes_in_any_byte_never_gives_a_wrong_place() {
     for direction in ["to the host", "to the controller"] {
-        let bytes = for_each_byte(1000.0, |bench, offset| {
+        let bytes = for_each_byte(1000, |bench, offset| {
             let mut grbl = bench.open();
             let bits = 1 << (offset * 5 % 8);
             match direction {
@@ -648,7 +649,7 @@ fn held_move(bench: &Bench, grbl: &mut Grbl, hold: impl FnOnce()) -> DeviceError
 /// One wrong character in any answer of a turn: the driver asks again, and the turn continues.
 #[test]
 fn a_character_that_changes_in_any_answer_of_a_turn_costs_neither_a_view_nor_an_epoch() {
-    let bytes = for_each_byte(1000.0, |bench, offset| {
+    let bytes = for_each_byte(1000, |bench, offset| {
         let mut grbl = bench.referenced();
         let epoch = |grbl: &Grbl| match grbl.position() {
             Position::Referenced { epoch, .. } => epoch,
