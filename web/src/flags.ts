@@ -134,7 +134,7 @@ export const FLAGS: Record<string, { meaning: string; whatToDo: string; isBound:
   },
   scale_off_bore: {
     meaning:
-      "By the scale of the camera the bore of the capillary has another width than the glass, which has 600 um where none is stated.",
+      "By the scale of the camera, the bore of the capillary is much wider or narrower than stated, or than 600 um where none is stated.",
     whatToDo:
       "Check the scale for these pictures (binning, lens), state the bore of the glass, and measure the pictures again.",
     isBound: false,

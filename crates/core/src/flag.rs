@@ -192,7 +192,7 @@ flags! {
         "The axis of the turn is not in the middle of the bore, so there is no volume.",
         "Check the coupling and how the glass is held, and take the turn again.";
     ScaleOffBore = "scale_off_bore", Turn, [],
-        "By the scale of the camera the bore of the capillary has another width than the glass, which has 600 um where none is stated.",
+        "By the scale of the camera, the bore of the capillary is much wider or narrower than stated, or than 600 um where none is stated.",
         "Check the scale for these pictures (binning, lens), state the bore of the glass, and measure the pictures again.";
     NotOneSpecimen = "not_one_specimen", Turn, [],
         "More than half of the views show nothing, a bubble, debris or several specimens.",

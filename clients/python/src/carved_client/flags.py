@@ -44,7 +44,7 @@ FLAGS = MappingProxyType({
     "specimen_ends_differ": Flag("The ends of the specimen are not at the same places in all views, so there is no volume.", "Look at the frames for another specimen, mirrored views or a slide, and take the turn again."),
     "views_disagree": Flag("Views fit the others at another angle, upside down or not at all, so there is no volume.", "Check the order and the number of the pictures and the steps per revolution."),
     "axis_off_bore": Flag("The axis of the turn is not in the middle of the bore, so there is no volume.", "Check the coupling and how the glass is held, and take the turn again."),
-    "scale_off_bore": Flag("By the scale of the camera the bore of the capillary has another width than the glass, which has 600 um where none is stated.", "Check the scale for these pictures (binning, lens), state the bore of the glass, and measure the pictures again."),
+    "scale_off_bore": Flag("By the scale of the camera, the bore of the capillary is much wider or narrower than stated, or than 600 um where none is stated.", "Check the scale for these pictures (binning, lens), state the bore of the glass, and measure the pictures again."),
     "not_one_specimen": Flag("More than half of the views show nothing, a bubble, debris or several specimens.", "Look at the frames."),
     "volume_off_references": Flag("The volume is far from that of reference larvae of this age.", "Look at the frames, and check the age in the plate map."),
     "area_off_references": Flag("The area is far from that of reference larvae of this age.", "Look at the frames, and check the age in the plate map."),
