@@ -30,7 +30,7 @@ pub(super) fn noted(app: &AppState) -> Json<Noted> {
 /// The stop is on the wire before anything is waited for, and is answered within a second; the run ends as aborted. It latches as the fault `emergency_stop`: nothing
 /// runs until that is acknowledged. A repeat stops again and answers 200.
 #[utoipa::path(
-    post, path = "/v1/emergency-stop", tag = "commands",
+    post, path = "/v1/emergency-stop", tag = "commands", params(By),
     responses(
         (status = 200, description = "The motors are stopped, and that is journalled", body = Noted),
         (status = 202, description = "The motors are stopped; the disk is slow, and it is journalled as soon as the disk takes it", body = Noted),
@@ -40,8 +40,12 @@ pub(super) fn noted(app: &AppState) -> Json<Noted> {
         (status = 507, description = "The disk is full; the motors were stopped all the same", body = Problem, content_type = "application/problem+json"),
     )
 )]
-pub(super) async fn emergency_stop(State(app): State<AppState>, headers: HeaderMap) -> Result<(StatusCode, Json<Noted>), Problem> {
-    app.session.emergency_stop().await;
+pub(super) async fn emergency_stop(
+    State(app): State<AppState>,
+    Asking(asked): Asking,
+    headers: HeaderMap,
+) -> Result<(StatusCode, Json<Noted>), Problem> {
+    app.session.emergency_stop(asked).await;
     let stopped = tokio::time::timeout(LATCHED, app.session.latch_emergency_stop()).await;
     body::within(&headers, body::SMALL)?;
     let Ok(latched) = stopped else { return Ok((StatusCode::ACCEPTED, noted(&app))) };

@@ -7,7 +7,7 @@
 use super::chart::{Bead, Series};
 use super::methods::Methods;
 use super::plots::{self, Names};
-use super::specimen::{MILLION, Specimen};
+use super::specimen::{MILLION, Specimen, note_words};
 use crate::tables::statistics::{Flagged, QuantityStatistics, Statistics, WellGroup};
 use base64::Engine;
 use carved_core::flag::StoredFlag;
@@ -428,6 +428,7 @@ impl Report<'_> {
                     @else { p { (outcome(s.outcome)) @if let Some(reason) = &s.reason { ": " (reason) } } }
                     @if let [Some(volume), sd] = s.eye_volume_um3 { p { "an eye " (with_sd(Some(volume), sd, MILLION)) " · 10⁶ µm³" } }
                     @if !s.flags.is_empty() { p.flags { (StoredFlag::joined(&s.flags, ", ")) } }
+                    @if let Some(note) = &s.note { p.flags { (note_words(note)) } }
                 }
             }
         };
@@ -480,7 +481,7 @@ impl Report<'_> {
                     td { (bladder(s)) }
                     @for z in s.z { td { (z.map_or_else(String::new, |z| format!("{z:+.1}"))) } }
                     td { (s.estimator.as_deref().unwrap_or_default()) }
-                    td.left { (StoredFlag::joined(&s.flags, ", ")) (s.reason.as_deref().unwrap_or_default()) }
+                    td.left { (s.remarks()) }
                     td.hash { (s.measurement_sha256.as_deref().and_then(|hash| hash.get(..12)).unwrap_or_default()) }
                 }
             }
@@ -496,7 +497,7 @@ impl Report<'_> {
                         @if several { th { "run" } }
                         th { "well" } th.left { "condition" } th { "outcome" } th { "volume, 10⁶ µm³" } th { "area, 10⁶ µm²" } th { "length, mm" }
                         th { "volume of an eye, 10⁶ µm³" } th { "distance of the eyes, µm" } th { "swim bladder, 10⁶ µm³" }
-                        th { "z volume" } th { "z area" } th { "z eye" } th { "z distance" } th { "estimator" } th.left.reasons { "flags, reason" } th { "numbers" }
+                        th { "z volume" } th { "z area" } th { "z eye" } th { "z distance" } th { "estimator" } th.left.reasons { "flags, reason, remark" } th { "numbers" }
                     } }
                     tbody { @for s in &self.specimens { (row(s)) } }
                 }

@@ -6,7 +6,7 @@ use crate::tables::statistics::WellCondition;
 use carved_core::flag::{Flag, StoredFlag};
 use carved_core::inside::EyesMissing;
 use carved_core::quality::Quality;
-use carved_records::{PlannedWell, SpecimenKind, SpecimenOutcome};
+use carved_records::{PlannedWell, SpecimenKind, SpecimenOutcome, WellNote};
 use carved_store::{Computation, StoredRun, place_among_references};
 use rayon::prelude::*;
 use serde::Deserialize;
@@ -27,6 +27,8 @@ pub struct Specimen {
     /// Why its files are not read.
     pub unreadable: Option<String>,
     pub flags: Vec<StoredFlag>,
+    /// What a person said about it.
+    pub note: Option<Box<WellNote>>,
     pub estimator: Option<String>,
     pub volume_um3: Option<f64>,
     pub volume_sd_um3: Option<f64>,
@@ -56,6 +58,14 @@ pub struct Specimen {
     pub pictures: Pictures,
 }
 
+/// `left out by Kim: twin (tags: twin, oedema)`.
+pub(super) fn note_words(note: &WellNote) -> String {
+    let said = if note.excluded { "left out by" } else { "remark of" };
+    let comment = if note.comment.is_empty() { String::new() } else { format!(": {}", note.comment) };
+    let tags = if note.tags.is_empty() { String::new() } else { format!(" (tags: {})", note.tags.join(", ")) };
+    format!("{said} {}{comment}{tags}", note.by)
+}
+
 impl Specimen {
     /// Every planned well of a run. The wells are read in parallel: nearly all of the time is their pictures.
     /// A well with a file that cannot be read, or was altered, has the reason and no numbers.
@@ -79,6 +89,7 @@ impl Specimen {
                 reason: unreadable.clone().or_else(|| status.and_then(|s| s.reason.clone())),
                 unreadable,
                 flags,
+                note: status.and_then(|s| s.note.clone()),
                 estimator: well.measurement.as_ref().and_then(|m| m["measurement"]["estimator"].as_str().map(str::to_owned)),
                 volume_um3: number("/measurement/volume_um3"),
                 volume_sd_um3: number("/measurement/volume_sd_um3"),
@@ -101,6 +112,13 @@ impl Specimen {
             }
         };
         run.record().plan.plate_map.par_iter().map(read).collect()
+    }
+
+    /// Flags, reason and remark in words; empty without any.
+    pub fn remarks(&self) -> String {
+        let note = self.note.as_deref().map(note_words);
+        let parts = [Some(StoredFlag::joined(&self.flags, ", ")), self.reason.clone(), note];
+        parts.into_iter().flatten().filter(|part| !part.is_empty()).collect::<Vec<_>>().join("; ")
     }
 
     /// Whether the true volume, area and length are larger than the numbers: part of the specimen was not measured.

@@ -131,6 +131,11 @@ pub fn lacking(newest: Option<&GateStatus>, method: &Method, mode: Mode) -> Opti
     match newest {
         _ if method.policy.bead_gate == BeadGate::Off => None,
         Some(gate) if gate.stands => None,
+        Some(gate) if gate.is_of_the_future(jiff::Timestamp::now()) => Some(format!(
+            "the newest bead gate is of {}, which is later than the computer's clock: set the clock, or take the file of gate {} out of the \
+             folder of calibrations and {WAY_OUT}",
+            gate.measured, gate.id
+        )),
         Some(gate) if gate.verdict == "passed" || gate.verdict == "no_history" => {
             let hours = gate.max_age_s / 3600.0;
             Some(format!("the newest bead gate is of {}, and stands for {hours:.0} h: {WAY_OUT}", gate.measured))
@@ -257,6 +262,8 @@ mod tests {
             assert_eq!((why(Some(&good), Mode::Hardware), why(None, Mode::Simulated)), (None, None));
             assert!(why(None, Mode::Hardware).unwrap().contains("no bead gate"));
             assert!(why(Some(&old), Mode::Simulated).unwrap().contains("stands for 24 h"));
+            let ahead = GateStatus { measured: "2999-01-01T00:00:00Z".into(), ..old.clone() };
+            assert!(why(Some(&ahead), Mode::Hardware).unwrap().contains("later than the computer's clock"));
             assert!(why(Some(&bad), Mode::Hardware).unwrap().contains("failed: 3 beads"));
         }
         assert_eq!(lacking(Some(&bad), &method(BeadGate::Off), Mode::Hardware), None);

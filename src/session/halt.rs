@@ -11,6 +11,7 @@
 
 use carved_devices::StopHandle;
 use carved_devices::cancel::CancelToken;
+use carved_records::Asked;
 use std::sync::mpsc;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
@@ -28,8 +29,8 @@ pub struct Halt {
 struct Aim {
     motors: Option<StopHandle>,
     work: CancelToken,
-    /// The stop was pressed, and the driver has not taken it yet.
-    pressed: bool,
+    /// Who pressed the stop, if the driver has not taken it yet. Of several presses the first.
+    pressed: Option<Asked>,
 }
 
 /// A stop that is to be written, and who waits until it is on the wire.
@@ -67,7 +68,7 @@ impl Halt {
     /// pressed while the work was prepared.
     pub fn aim(&self, motors: StopHandle, work: CancelToken) {
         self.with(|aim| {
-            if aim.pressed {
+            if aim.pressed.is_some() {
                 work.cancel();
             }
             (aim.motors, aim.work) = (Some(motors), work);
@@ -76,9 +77,9 @@ impl Halt {
 
     /// Cancels the work first, so that no move follows the stop, and has the stop written, whether or not the caller waits. What it returns
     /// resolves when the stop is on the wire.
-    pub fn stop(&self) -> impl Future<Output = ()> + use<> {
+    pub fn stop(&self, asked: Asked) -> impl Future<Output = ()> + use<> {
         let (is_on_wire, on_wire) = oneshot::channel();
-        if let Some(motors) = self.cancel(true) {
+        if let Some(motors) = self.cancel(Some(asked)) {
             let press = Press { motors, is_on_wire };
             match &self.wire {
                 Some(wire) => {
@@ -96,15 +97,15 @@ impl Halt {
 
     /// Stops the motors before the process ends at once. It is no emergency stop.
     pub fn stop_motors(&self) {
-        if let Some(motors) = self.cancel(false) {
+        if let Some(motors) = self.cancel(None) {
             motors.stop();
         }
     }
 
-    /// Cancels the work. Returns the motors that are to stop.
-    fn cancel(&self, pressed: bool) -> Option<StopHandle> {
+    /// Cancels the work. `pressed` is who pressed the emergency stop. Returns the motors that are to stop.
+    fn cancel(&self, pressed: Option<Asked>) -> Option<StopHandle> {
         self.with(|aim| {
-            aim.pressed |= pressed;
+            aim.pressed = aim.pressed.take().or(pressed);
             aim.work.cancel();
             aim.motors.clone()
         })
@@ -119,12 +120,12 @@ impl Halt {
 
     /// Whether the stop is pressed and not taken.
     pub fn is_pressed(&self) -> bool {
-        self.with(|aim| aim.pressed)
+        self.with(|aim| aim.pressed.is_some())
     }
 
-    /// Whether the stop was pressed since the last call. Clears it: new work is not cancelled any more.
-    pub fn take(&self) -> bool {
-        self.with(|aim| std::mem::take(&mut aim.pressed))
+    /// Who pressed the stop, if it was pressed since the last call. Clears it: new work is not cancelled any more.
+    pub fn take(&self) -> Option<Asked> {
+        self.with(|aim| aim.pressed.take())
     }
 }
 
@@ -149,7 +150,7 @@ mod tests {
                 written.store(in_time, Ordering::SeqCst);
             });
             halt.aim(controller, work.clone());
-            let mut answer = Box::pin(halt.stop());
+            let mut answer = Box::pin(halt.stop(Asked::default()));
             assert!(work.is_cancelled(), "no move may follow");
             halt.pressed().await;
             assert_eq!(answer.as_mut().now_or_never(), None, "answered before it was on the wire");
@@ -164,13 +165,15 @@ mod tests {
         let halt = Halt::default();
         let (before, during, after) = (CancelToken::new(), CancelToken::new(), CancelToken::new());
         halt.aim(StopHandle::new(|| ()), before.clone());
-        drop(halt.stop());
+        let by = |name: &str| Asked { by: Some(name.into()), from: None };
+        drop(halt.stop(by("first")));
+        drop(halt.stop(by("second")));
         halt.aim(StopHandle::new(|| ()), during.clone());
         assert!(before.is_cancelled() && during.is_cancelled());
-        assert!(halt.take() && !halt.take());
+        assert_eq!([halt.take(), halt.take()], [Some(by("first")), None]);
         halt.aim(StopHandle::new(|| ()), after.clone());
         assert!(!after.is_cancelled());
         halt.stop_motors();
-        assert!(after.is_cancelled() && !halt.take(), "no emergency stop is left for the driver");
+        assert!(after.is_cancelled() && halt.take().is_none(), "no emergency stop is left for the driver");
     }
 }

@@ -383,8 +383,8 @@ impl SessionHandle {
     }
 
     /// Stops the motors, whether or not the caller waits, and returns once the stop is on the wire.
-    pub async fn emergency_stop(&self) {
-        self.halt.stop().await;
+    pub async fn emergency_stop(&self, asked: Asked) {
+        self.halt.stop(asked).await;
     }
 
     /// Asks the driver to journal an emergency stop. It takes the stop in any case.

@@ -159,7 +159,7 @@ impl Blurs {
         let newest_px = *self.0.back()?;
         let (usual_px, whose) = match self.usual_px() {
             Some(usual_px) => (usual_px, "that of the specimens before it"),
-            None => (configured_px, "the setting (segment.edge.blur_px)"),
+            None => (configured_px, "that of the method"),
         };
         let is_usual = (newest_px - usual_px).abs() <= FOCUS_OFF_PX;
         let is = if is_usual { "is" } else { "differs from" };

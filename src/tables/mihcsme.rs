@@ -18,7 +18,7 @@ use std::collections::BTreeSet;
 const PREFIX: &str = "carved_";
 
 /// The columns of the table of specimens that become conditions.
-const RESULTS: [&str; 27] = [
+const RESULTS: [&str; 28] = [
     "run",
     "mode",
     "outcome",
@@ -31,6 +31,7 @@ const RESULTS: [&str; 27] = [
     "area_um2",
     "area_sd_um2",
     "body_length_um",
+    "shape_estimator",
     "eye_volume_um3",
     "eye_volume_sd_um3",
     "bladder_state",

@@ -274,6 +274,13 @@ fn what_cannot_be_measured_is_reported_and_the_rest_is_measured() {
     let (code, _, said) = bench.measure("twins", &[text(&twin.join("H12"))]);
     assert_eq!((code, bench.path("twins").exists()), (Some(1), false));
     assert!(said.contains("are two runs of the name P-2"), "{said}");
+    // The same run in a folder of another name.
+    let renamed = bench.path("copy/P-2-again");
+    fs::create_dir_all(renamed.join("A01")).unwrap();
+    fs::copy(Path::new(&bench.runs[1]).join("run.json"), renamed.join("run.json")).unwrap();
+    let (code, _, said) = bench.measure("renamed", &[text(&renamed.join("A01"))]);
+    assert_eq!((code, bench.path("renamed").exists()), (Some(1), false));
+    assert!(said.contains("P-2-again are two runs of the name P-2"), "{said}");
     fs::write(bench.path("file"), "").unwrap();
     let (code, _, said) = bench.measure("file", &[]);
     assert_eq!(code, Some(1), "{said}");

@@ -322,6 +322,8 @@ fn the_list_for_cellprofiler_names_each_frame_with_its_well_and_view() {
         let of_larva =
             if row["Metadata_Well"] == "B03" { ["larva", "5.0", "DMSO <\u{b5}> & co", "negative"] } else { ["bead", "5.0", "", ""] };
         assert_eq!(["Specimen", "Dpf", "Compound", "Control"].map(|name| row[&format!("Metadata_{name}")].as_str()), of_larva);
+        // The lab's own column.
+        assert_eq!(row["Metadata_Clutch"], if row["Metadata_Well"] == "B03" { "c \"7\"" } else { "" });
     }
     // CellProfiler cannot read inside a pack.
     let copies = dir.path().join("copies");

@@ -484,7 +484,12 @@ fn statistics_in_which_no_specimen_counts_are_refused() {
     }
     let report = dir.path().join("report.html");
     done(&carved().arg("report").arg(&run).arg("--without-flagged").arg("--out").arg(&report).output().unwrap());
-    assert!(std::fs::read_to_string(&report).unwrap().contains("No specimen counts: all 2 have flags"));
+    let page = std::fs::read_to_string(&report).unwrap();
+    assert!(page.contains("No specimen counts: all 2 have flags"));
+    // On the card and in the table, also of a well without numbers.
+    let remark = "left out by kim: an air bubble, &quot;large&quot; (tags: bubble, again)";
+    assert_eq!(page.matches(remark).count(), 2, "{page}");
+    assert!(page.contains("<td class=\"left\">excluded; empty; left out by kim"), "{page}");
     // A run without any number has no statistics, which is no mistake.
     let empty = plate(dir.path(), "r2", "P-2", 4);
     for well in ["A01", "A02"] {

@@ -149,14 +149,14 @@ fn a_specimen_that_is_gone_gets_its_numbers_from_its_frames_bit_for_bit() {
     assert_eq!((count(&data, "specimen.recovered", "A01"), count(&data, "specimen.interrupted", "A01")), (0, 1));
     sums_hold(&well);
 
-    // After three crashes during the computation the numbers are given up. SHA256SUMS still protects what is kept of the larva.
+    // After two crashes during the computation the numbers are given up. SHA256SUMS still protects what is kept of the larva.
     let data = taken_back("given up", Some("run.stop_requested"));
     let well = data.join("runs/r1/A01");
     crash::without_results(&well);
-    crash::happened(&data, "r1", &["specimen.recovering"; 3], "A01");
+    crash::happened(&data, "r1", &["specimen.recovering"; 2], "A01");
     let status = taken_up(&data, "the stop", "Stopped");
     let found = &status["run"]["results"][0];
-    assert!(found["outcome"] == "failed" && found["reason"].as_str().unwrap().contains("3 attempts"), "{found}");
+    assert!(found["outcome"] == "failed" && found["reason"].as_str().unwrap().contains("2 attempts"), "{found}");
     sums_hold(&well);
     let sums = std::fs::read_to_string(well.join("SHA256SUMS")).unwrap();
     assert!(sums.contains("  frames/view_020.png\n") && sums.contains("  recording.json\n"), "{sums}");

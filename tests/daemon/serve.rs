@@ -318,6 +318,35 @@ fn a_slow_disk_keeps_no_motor_turning_at_a_signal_and_the_daemon_ends_in_order_h
     assert!(events.iter().any(|event| event["kind"] == "run.ended"));
 }
 
+/// The stop goes past the driver, which waits for the disk. That the disk was slow is a fault until writes have been fast for a minute.
+#[test]
+fn an_emergency_stop_while_the_disk_hangs_is_answered_and_the_slow_disk_becomes_a_fault_for_a_while() {
+    let (disk, mut instrument) = (HeldDisk::new(), start(&SLOW, POLICY));
+    instrument.daemon.kill();
+    let [shim, held] = disk.paths();
+    instrument.daemon = Daemon::serve_in(&instrument.config, &instrument.data, &[("LD_PRELOAD", &*shim), ("SHIM_HELD", &held)]);
+    instrument.awaited("r1");
+    instrument.load("r1", "A01", Specimen::larva(4, 1).unwrap());
+    disk.hold("events.jsonl");
+    let way = instrument.moving();
+    disk.wait_for("events.jsonl");
+    let daemon = &instrument.daemon;
+    // Each is answered after a second at the latest, so the write takes longer than the two seconds from which a disk is slow.
+    for _ in 0..3 {
+        assert_eq!(daemon.post("/v1/emergency-stop?by=Kim"), 202, "stopped, and not in the record yet");
+    }
+    instrument.short_of(way);
+    let status = daemon.wait("the words", |s| s["doing"].as_str().is_some_and(|doing| doing.contains("emergency stop was pressed")));
+    assert_eq!((&status["ready"], &status["faults"]), (&json!(false), &json!([])), "{status}");
+    disk.let_go("events.jsonl");
+    let has = |status: &Value, code: &str| status["faults"].as_array().unwrap().iter().any(|fault| fault["code"] == code);
+    let status = daemon.wait("the record", |s| has(s, "emergency_stop") && has(s, "disk_slow"));
+    assert_eq!(status["run"]["outcome"], "aborted", "{status}");
+    assert!(events(&instrument.data).iter().any(|e| e["kind"] == "run.abort_requested" && e["data"]["by"] == "Kim"));
+    let status = daemon.wait("the disk to be fast", |s| !has(s, "disk_slow"));
+    assert!(has(&status, "emergency_stop"), "{status}");
+}
+
 /// `systemctl reload` and an upgrade of the package: the next daemon continues the run by itself.
 #[test]
 fn a_daemon_that_leaves_for_a_restart_leaves_its_run_to_the_next_one() {

@@ -1,7 +1,7 @@
 //! Quality control on turns with a known truth: the pose of a specimen at the closure view, views that spoil the model and are taken again,
 //! and a turn that ends early.
 
-use crate::closures::{ASD, Done, even, finished, readings, rendered, settings};
+use crate::closures::{ASD, Done, even, finished, readings, rendered, settings, shown};
 use carved::cli::emulated;
 use carved_core::calibration::PoseOffset;
 use carved_core::carver::Leaves;
@@ -86,6 +86,7 @@ fn larva(seed: u64) -> Contents {
 fn spoiled_views_are_named_taken_again_and_leave_no_trace() {
     let omegas = even();
     let seen = rendered(larva(5), &omegas);
+    let closure = shown(larva(5), &[TAU], u64::from(ASD)).remove(0);
     // One frame of an empty capillary and one of another larva.
     let wrong = [(4u32, rendered(Contents::default(), &omegas[4..5]).remove(0)), (11, rendered(larva(77), &omegas[2..3]).remove(0))];
     let taken = |spoiled: bool| {
@@ -98,7 +99,7 @@ fn spoiled_views_are_named_taken_again_and_leave_no_trace() {
     };
     let mut whole = taken(false);
     assert_eq!(whole.judge().spoiled, []);
-    let whole = finished(whole, &seen[0]);
+    let whole = finished(whole, &closure);
     let quality = whole.quality.as_ref().unwrap();
     println!("{}", serde_json::to_string_pretty(quality).unwrap());
     assert!(quality.passed && quality.checks.iter().all(|c| c.found.is_some()) && whole.flags.is_empty(), "{:?} {quality:?}", whole.flags);
@@ -107,14 +108,14 @@ fn spoiled_views_are_named_taken_again_and_leave_no_trace() {
     let named = pipeline.judge().spoiled;
     assert_eq!(named.iter().map(|s| s.view).collect::<Vec<_>>(), [4, 11], "{named:?}");
     assert!(named[0].reason.contains("no specimen"), "{named:?}");
-    let left_out = finished(taken(true), &seen[0]);
+    let left_out = finished(taken(true), &closure);
     assert!(left_out.flags.iter().any(|f| *f == Flag::BadView) && !left_out.views[11].used && left_out.views[11].vrv_area_um2.is_none());
     for spoiled in named {
         let at = spoiled.view as usize;
         pipeline.replace(spoiled.view, omegas[at], &seen[at]).unwrap();
     }
     assert_eq!(pipeline.judge().spoiled, []);
-    let again = finished(pipeline, &seen[0]);
+    let again = finished(pipeline, &closure);
     assert_eq!(serde_json::to_string(&again).unwrap(), serde_json::to_string(&whole).unwrap());
 }
 
@@ -255,6 +256,18 @@ fn a_first_view_that_is_bad_when_taken_again_is_compared_with_nothing() {
     assert_eq!(live, offline(&steps));
     let record: SpecimenRecord = serde_json::from_str(&live).unwrap();
     assert!(record.closure.is_none() && record.flags.iter().any(|f| *f == Flag::NoClosure), "{:?} {:?}", record.closure, record.flags);
+}
+
+/// A picture of view 0 that was stored once more as that of 360 deg agrees with it perfectly, wherever the specimen was at the end.
+#[test]
+fn a_closure_view_that_is_a_copy_of_view_0_is_compared_with_nothing() {
+    let judged = |picture: usize| {
+        let steps: Vec<Step> = turn(CLOSURE, picture);
+        let record: SpecimenRecord = serde_json::from_str(&live(&steps)).unwrap();
+        (record.closure.is_some(), record.flags.iter().any(|flag| *flag == Flag::NoClosure))
+    };
+    assert_eq!(judged(CLOSURE as usize), (true, false));
+    assert_eq!(judged(0), (false, true));
 }
 
 /// The live numbers equal the offline ones, whatever is taken again, how often and in which order, and whatever the live run computes

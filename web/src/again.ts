@@ -8,6 +8,7 @@ import { counted, grouped, significant, UM3_PER_NL } from "./format.ts";
 import { flagWords } from "./reasons.ts";
 import type { ReplayProgress, RunReplays, RunStatus, WellStatus } from "./status.ts";
 import { runKey } from "./stored.ts";
+import { isBound } from "./wells.ts";
 
 /** Time between two reads while wells are being measured, ms. */
 const EVERY_MS = 1000;
@@ -212,16 +213,23 @@ export class AgainView {
 function row(name: string, method: string, well: WellStatus, first: WellStatus | null): HTMLElement {
   const number = (value: number | null, unit: number, digits: number) =>
     value === null ? "–" : significant(value / unit, digits);
+  // An interval around a bound would not contain the true number, nor would a change mean anything.
+  const bound = isBound(well);
+  const size = (value: number | null, unit: number) =>
+    `${bound && value !== null ? "≥ " : ""}${number(value, unit, 4)}`;
+  const sd = (value: number | null, unit: number) => number(bound ? null : value, unit, 2);
+  const change = (before: number | null, after: number | null) =>
+    bound || (first !== null && isBound(first)) ? "–" : difference(before, after);
   const cells = [
     name,
     method,
     well.views === null ? "–" : String(well.views),
-    number(well.volume_um3, UM3_PER_NL, 4),
-    number(well.volume_sd_um3, UM3_PER_NL, 2),
-    first ? difference(first.volume_um3, well.volume_um3) : "",
-    number(well.area_um2, 1e6, 4),
-    number(well.area_sd_um2, 1e6, 2),
-    first ? difference(first.area_um2, well.area_um2) : "",
+    size(well.volume_um3, UM3_PER_NL),
+    sd(well.volume_sd_um3, UM3_PER_NL),
+    first ? change(first.volume_um3, well.volume_um3) : "",
+    size(well.area_um2, 1e6),
+    sd(well.area_sd_um2, 1e6),
+    first ? change(first.area_um2, well.area_um2) : "",
     well.flags.map(flagWords).join("; "),
   ];
   const made = element("tr", first ? "" : "first", ...cells.map((text) => element("td", "", text)));

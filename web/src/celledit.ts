@@ -1,4 +1,4 @@
-// One cell of a plate map that was read: its specimen, age and treatment are corrected before the run, or the well is left out. The file on
+// One cell of a plate map that was read: its specimen, age, strain and treatment are corrected before the run, or the well is left out. The file on
 // the computer stays as it is.
 
 import { setText, show } from "./dom.ts";
@@ -11,6 +11,10 @@ export interface Cell {
   compound: string;
   concentration: string;
   unit: string;
+  strain: string;
+  control: string;
+  treatment: string;
+  replicate: string;
   out: boolean;
 }
 
@@ -19,20 +23,27 @@ export function corrected(wells: readonly PlannedWell[], name: string, cell: Cel
   if (cell.out) return wells.filter((well) => well.well !== name);
   // "1,000" may be one or a thousand.
   const ambiguous = /^\s*\d{1,3}(,\d{3})+\s*$/;
-  const numbers = [cell.dpf, cell.concentration].map((text) => {
+  const numbers = [cell.dpf, cell.concentration, cell.replicate].map((text) => {
     if (text.trim() === "") return null;
     return ambiguous.test(text) ? Number.NaN : Number(text.replace(",", "."));
   });
   if (numbers.some((value) => value !== null && !Number.isFinite(value))) return null;
-  const [dpf = null, concentration = null] = numbers;
+  const [dpf = null, concentration = null, replicate = null] = numbers;
+  if (replicate !== null && !(Number.isInteger(replicate) && replicate > 0)) return null;
   return wells.map((well) => {
     if (well.well !== name) return well;
     const changed: PlannedWell = { ...well, specimen: cell.specimen === "bead" ? "bead" : "larva", dpf };
-    for (const key of ["compound", "concentration", "concentration_unit"] as const) delete changed[key];
-    // What the map said of another compound.
-    if (cell.compound.trim() !== (well.compound ?? ""))
-      for (const key of ["control", "treatment", "replicate"] as const) delete changed[key];
-    if (cell.compound.trim() !== "") changed.compound = cell.compound.trim();
+    for (const key of ["compound", "concentration", "concentration_unit", "strain"] as const) delete changed[key];
+    for (const key of ["control", "treatment", "replicate"] as const) delete changed[key];
+    const [compound, strain, treatment] = [cell.compound, cell.strain, cell.treatment].map((text) => text.trim());
+    if (compound) changed.compound = compound;
+    if (strain) changed.strain = strain;
+    // What the map said of another compound does not hold of this one.
+    const holds = (typed: unknown, said: unknown) => compound === (well.compound ?? "") || typed !== said;
+    const control = cell.control === "negative" || cell.control === "positive" ? cell.control : null;
+    if (control !== null && holds(control, well.control)) changed.control = control;
+    if (treatment && holds(treatment, well.treatment)) changed.treatment = treatment;
+    if (replicate !== null && holds(replicate, well.replicate)) changed.replicate = replicate;
     if (concentration !== null) changed.concentration = concentration;
     if (concentration !== null && cell.unit !== "")
       changed.concentration_unit = cell.unit as NonNullable<PlannedWell["concentration_unit"]>;
@@ -78,6 +89,10 @@ export class CellEdit {
       compound: well.compound ?? "",
       concentration: String(well.concentration ?? ""),
       unit: well.concentration_unit ?? "",
+      strain: well.strain ?? "",
+      control: well.control ?? "",
+      treatment: well.treatment ?? "",
+      replicate: String(well.replicate ?? ""),
     };
     for (const [key, value] of Object.entries(values)) this.#field(key).value = value;
     this.#find<HTMLInputElement>("cell-out").checked = false;
@@ -104,9 +119,17 @@ export class CellEdit {
       compound: value("compound"),
       concentration: value("concentration"),
       unit: value("unit"),
+      strain: value("strain"),
+      control: value("control"),
+      treatment: value("treatment"),
+      replicate: value("replicate"),
       out: this.#find<HTMLInputElement>("cell-out").checked,
     });
-    if (wells === null) return setText(this.#find("cell-words"), "Age and concentration are numbers.");
+    if (wells === null)
+      return setText(
+        this.#find("cell-words"),
+        "Age and concentration are numbers, and a replicate is a whole number from 1.",
+      );
     this.#changed(wells);
     this.close();
   }

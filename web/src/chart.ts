@@ -4,9 +4,10 @@
 import { element, setText, svg } from "./dom.ts";
 import { counted, grouped, nanolitres, UM3_PER_NL } from "./format.ts";
 import type { Volumes } from "./history.ts";
-import type { VolumeWait } from "./status.ts";
+import type { VolumeWait, WellStatus } from "./status.ts";
 import { levelDigits, linearTicks, viewTicks } from "./ticks.ts";
 import { NOT_YET } from "./wellcard.ts";
+import { isBound } from "./wells.ts";
 
 const MARGIN = { left: 62, right: 18, top: 14, bottom: 42 };
 
@@ -17,7 +18,26 @@ export interface Curve extends Volumes {
   /** Why there is no estimate yet of the specimen under way. */
   wait: VolumeWait | null;
   /** The reported volume, if the specimen is done. */
-  measured: { volume_um3: number; sd_um3: number | null } | null;
+  measured: Reported | null;
+}
+
+interface Reported {
+  volume_um3: number;
+  /** `null` also where the volume is a bound: an interval around it would not contain the true one. */
+  sd_um3: number | null;
+  isBound: boolean;
+}
+
+/** The reported volume of a well, if it has one. Pure. */
+export function reported(well: WellStatus): Reported | null {
+  const bound = isBound(well);
+  if (well.volume_um3 === null) return null;
+  return { volume_um3: well.volume_um3, sd_um3: bound ? null : well.volume_sd_um3, isBound: bound };
+}
+
+/** `reported 243 ± 1 nL (± 1 SD)`, `reported at least 65 nL`. Pure. */
+export function reportedWords({ volume_um3, sd_um3, isBound: bound }: Reported): string {
+  return `reported ${bound ? "at least " : ""}${nanolitres(volume_um3, sd_um3)}${sd_um3 === null ? "" : " (± 1 SD)"}`;
 }
 
 export class VolumeChart {
@@ -70,7 +90,7 @@ function nothing(curve: Curve | null): string {
 function caption({ well, estimates, hulls_um3: hulls, measured }: Curve, hasHull: boolean): string {
   const said = [];
   const last = estimates.at(-1);
-  if (measured) said.push(`reported ${nanolitres(measured.volume_um3, measured.sd_um3)} (± 1 SD)`);
+  if (measured) said.push(reportedWords(measured));
   else if (last) {
     said.push(`${nanolitres(last.volume_um3, last.volume_sd_um3 ?? null)} (± 1 SD) of ${counted(last.views, "view")}`);
   }
@@ -144,7 +164,11 @@ function picture(curve: Curve, hasHull: boolean, width: number, height: number):
       svg("line", { class: "measured", x1: MARGIN.left, x2: right, y1: y(measured.nl), y2: y(measured.nl) }),
     );
     chart.append(
-      svg("text", { class: "measured-label", x: right, y: y(measured.nl) - 8, "text-anchor": "end" }, "reported"),
+      svg(
+        "text",
+        { class: "measured-label", x: right, y: y(measured.nl) - 8, "text-anchor": "end" },
+        curve.measured?.isBound ? "at least" : "reported",
+      ),
     );
   }
   const at = (p: Point, nl = p.nl) => `${x(p.view).toFixed(1)},${y(nl).toFixed(1)}`;

@@ -68,7 +68,10 @@ export class PlateColouring {
       const ends: [string, string] = [valueWords(range.least, by), valueWords(range.most, by)];
       const beyond = [...values.values()].some((value) => isBeyond(value, range));
       const marked = beyond ? " A double edge marks a number beyond the scale." : "";
-      this.#explain(by, `${without} without this number have no colour.${marked}`, ends);
+      const left = controls?.leftOut ?? [];
+      const of = left.length + (controls?.n ?? 0);
+      const out = left.length === 0 ? "" : ` ${left.length} of ${of} controls are left out: ${left.join(", ")}.`;
+      this.#explain(by, `${without} without this number have no colour.${out}${marked}`, ends);
     }
     if (range === null) return new Map();
     const coloured = (value: number): Coloured => {

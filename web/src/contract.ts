@@ -1282,6 +1282,7 @@ export interface StoredSecondOptics {
 }
 
 export interface StoredSecondRecord {
+  camera_features?: Record<string, string>;
   identity: string;
   optics: StoredSecondOptics;
 }

@@ -9,6 +9,7 @@
 
 import { post, Refused } from "./api.ts";
 import { setText, show } from "./dom.ts";
+import { byPerson } from "./person.ts";
 import type { Status } from "./status.ts";
 
 /** Works wherever the focus is. No browser uses it. */
@@ -114,7 +115,7 @@ export class EmergencyStop {
 /** Sends the stop once. Returns why it was not confirmed, or null. */
 async function send(): Promise<string | null> {
   try {
-    await post("/v1/emergency-stop", ATTEMPT_MS);
+    await post(`/v1/emergency-stop${byPerson()}`, ATTEMPT_MS);
     return null;
   } catch (error) {
     return error instanceof Refused ? error.message : String(error);

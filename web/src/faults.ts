@@ -3,6 +3,7 @@
 import { post, Refused } from "./api.ts";
 import { element, setText, show } from "./dom.ts";
 import { clockTime, words } from "./format.ts";
+import { byPerson } from "./person.ts";
 import type { NextStep } from "./plain.ts";
 import type { Fault } from "./status.ts";
 
@@ -58,7 +59,7 @@ function actions(fault: Fault): HTMLElement {
 async function acknowledge(fault: Fault, button: HTMLButtonElement, answer: HTMLElement): Promise<void> {
   button.disabled = true;
   try {
-    await post(`/v1/faults/${fault.seq}/acknowledge`);
+    await post(`/v1/faults/${fault.seq}/acknowledge${byPerson()}`);
   } catch (error) {
     button.disabled = false;
     setText(answer, `Not acknowledged: ${error instanceof Refused ? error.message : String(error)}`);

@@ -48,7 +48,7 @@ const REASONS = [
   { holds: (flag: string) => flag === "excluded", one: "by a person", many: "by a person" },
   { holds: () => false, one: "because it did not succeed", many: "because they did not succeed" },
   {
-    holds: (flag: string) => FLAGS[flag]?.isBound === true,
+    holds: (flag: string) => FLAGS[flag]?.effect === "bound",
     one: "because its number is a bound",
     many: "because their numbers are bounds",
   },
@@ -78,12 +78,12 @@ export function leftOutWords(found: Pick<QuantityStatistics, "left_out"> | undef
   return `${counted(wells.length, "well")} ${wells.length === 1 ? "is" : "are"} left out: ${why.join(", ")}.`;
 }
 
-/** The wells with a number, and these numbers: when they change, the statistics are read again. Pure. */
-function measuredOf(run: RunStatus): string {
-  return JSON.stringify([
-    runKey(run),
-    run.results.flatMap((w) => (w.volume_um3 === null ? [] : [[w.well, w.volume_um3]])),
-  ]);
+/** What the statistics follow from: the wells with a number, and their flags. When it changes, they are read again. Pure. */
+export function measuredOf(run: RunStatus): string {
+  const numbers = run.results.map(
+    ({ well, volume_um3, outcome, flags }) => [well, volume_um3, outcome, flags] as const,
+  );
+  return JSON.stringify([runKey(run), numbers.filter(([, volume_um3]) => volume_um3 !== null)]);
 }
 
 export class GroupsView {

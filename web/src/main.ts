@@ -9,7 +9,7 @@ import { fetchRest, fetchRun } from "./api.ts";
 import { LiveAtRest } from "./atrest.ts";
 import { AttentionList } from "./attention.ts";
 import { BeadCharts } from "./beads.ts";
-import { VolumeChart } from "./chart.ts";
+import { reported, VolumeChart } from "./chart.ts";
 import { PlateColouring } from "./colouring.ts";
 import { CommandRow } from "./commands.ts";
 import { keepLive } from "./connection.ts";
@@ -99,7 +99,11 @@ const groups = new GroupsView(byId, lookAt);
 const again = new AgainView(byId);
 const sheet = new ContactSheet(byId("sheet"), byId("sheet-list"), byId("sheet-aspect"), lookAt);
 const lastDone = new LastDone(byId("last-done"), choose);
-const remark = new Remark(byId, async (run, well) => newRun.offer(await fetchRest(run, [well]), run));
+const remark = new Remark(
+  byId,
+  async (run, well) => newRun.offer(await fetchRest(run, [well]), run),
+  (run) => void opened.readAgain(run),
+);
 const files = new WellFiles(byId("well-files"));
 const frameParts = {
   heading: byId("frame-heading"),
@@ -331,7 +335,7 @@ function run(status: Status, detail: RunDetail | null): void {
       viewsPlanned: status.specimen?.views_planned ?? 0,
       hasEnded: well.outcome !== null,
       wait: specimen?.well === well.well ? specimen.volume_wait : null,
-      measured: well.volume_um3 === null ? null : { volume_um3: well.volume_um3, sd_um3: well.volume_sd_um3 },
+      measured: reported(well),
     },
   );
   if (status.run && well && isStored(well)) void recall(history, status.run, well.well);

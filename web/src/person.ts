@@ -6,13 +6,21 @@ const OPERATOR = "carved.operator";
 /** Set once the person did not want to give a name. */
 const NO_NAME = "carved.operator.none";
 
-/** The name, or an empty text if nobody gave one. */
+/** The name, or an empty text if nobody gave one, or the browser keeps nothing. */
 export function person(): string {
-  return localStorage.getItem(OPERATOR) ?? "";
+  try {
+    return localStorage.getItem(OPERATOR) ?? "";
+  } catch {
+    return "";
+  }
 }
 
 export function keepPerson(name: string): void {
-  localStorage.setItem(OPERATOR, name.trim());
+  try {
+    localStorage.setItem(OPERATOR, name.trim());
+  } catch {
+    // It is asked for again.
+  }
 }
 
 /** The name as the query of a command; empty without one. */

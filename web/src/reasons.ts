@@ -15,7 +15,12 @@ const REASONS: Record<string, string> = {
 
 /** Whether a number with these flags is a bound: part of the specimen was not measured. */
 export function isBoundBy(flags: readonly string[]): boolean {
-  return flags.some((flag) => FLAGS[flag]?.isBound === true);
+  return flags.some((flag) => FLAGS[flag]?.effect === "bound");
+}
+
+/** Whether statistics use a number with these flags, as the daemon does. A flag of another version lets it count. */
+export function countsWith(flags: readonly string[]): boolean {
+  return flags.every((flag) => (FLAGS[flag]?.effect ?? "counts") === "counts");
 }
 
 /** What a flag means. A run of another version may have a flag that this page does not know. */

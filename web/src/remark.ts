@@ -51,6 +51,7 @@ export class Remark {
   readonly #redo: HTMLButtonElement;
   readonly #words: HTMLElement;
   readonly #planAgain: (run: string, well: string) => Promise<void>;
+  readonly #said: (run: string) => void;
   #run: RunStatus | null = null;
   #well: WellStatus | null = null;
   /** The well that the fields are about, the time of its remark, and what the fields were filled with. */
@@ -60,10 +61,11 @@ export class Remark {
   /** What was typed about other wells and not saved. */
   readonly #unsaved = new Map<string, Typed>();
 
-  /** `planAgain` makes a new run of one well of a run that has ended. */
+  /** `planAgain` makes a new run of one well of a run that has ended. `said` hears that a remark about a well of a run is kept. */
   constructor(
     find: <T extends Element = HTMLElement>(id: string) => T,
     planAgain: (run: string, well: string) => Promise<void>,
+    said: (run: string) => void,
   ) {
     this.#panel = find("remark");
     this.#by = find("remark-by");
@@ -74,9 +76,10 @@ export class Remark {
     this.#redo = find("redo-well");
     this.#words = find("remark-words");
     this.#planAgain = planAgain;
+    this.#said = said;
     find<HTMLFormElement>("remark-form").addEventListener("submit", (event) => {
       event.preventDefault();
-      void this.#ask((run, well) => noteWell(run, well, this.#note()), "The remark is kept");
+      void this.#ask((run, well) => this.#keep(run, well), "The remark is kept");
     });
     const says = () => ({ by: this.#by.value.trim(), reason: this.#comment.value.trim() });
     this.#skip.addEventListener("click", () => {
@@ -138,6 +141,14 @@ export class Remark {
       comment: this.#comment.value.trim(),
       tags: typedTags(this.#tags.value),
     };
+  }
+
+  async #keep(run: string, well: string): Promise<void> {
+    const [typed, of] = [this.#typed(), this.#of];
+    await noteWell(run, well, this.#note());
+    // The status of a stored run does not bring it.
+    if (this.#of === of) this.#filled = typed;
+    this.#said(run);
   }
 
   async #ask(send: (run: string, well: string) => Promise<void>, done: string): Promise<void> {

@@ -108,10 +108,11 @@ function trouble(words: string): Entry {
   return { weight: "trouble", words };
 }
 
-/** Who asked for something. Without a name: what is known of the client. */
+/** Who asked for something, and from where. Without a name: what is known of the client. */
 function asked(data: Data, field: "by" | "name" = "by"): string {
-  const from = text(data["from"]);
-  return text(data[field]) || (from ? `A client at ${from} (no name given)` : "A command without a known source");
+  const [by, from] = [text(data[field]), text(data["from"])];
+  if (by) return from ? `${by} (${from})` : by;
+  return from ? `A client at ${from} (no name given)` : "A command without a known source";
 }
 
 function heldBy(data: Data): string {

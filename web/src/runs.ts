@@ -225,8 +225,15 @@ export class OpenedRun {
     if (detail === null || status === null || !mayHaveEnded(detail, status.run)) return;
     const now = `${status.boot_id} ${status.revision}`;
     if (now === this.#readAt) return;
-    const read = await fetchRun(detail.id);
+    await this.readAgain(detail.id);
     this.#readAt = now;
+  }
+
+  /** Reads the opened run again, if it is this one. */
+  async readAgain(run: string): Promise<void> {
+    const detail = this.#detail;
+    if (detail?.id !== run) return;
+    const read = await fetchRun(run);
     // Another run was opened meanwhile.
     if (this.#detail !== detail) return;
     this.#detail = read;

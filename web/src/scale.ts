@@ -7,6 +7,7 @@
 // number that is a bound has no colour.
 
 import { counted, grouped, significant, UM3_PER_NL } from "./format.ts";
+import { countsWith } from "./reasons.ts";
 import type { PlannedWell, WellStatus } from "./status.ts";
 import { isBound } from "./wells.ts";
 
@@ -38,18 +39,23 @@ export interface Spread {
   mean: number;
   sd: number;
   n: number;
+  /** The controls with a number that does not count: a bound, a doubtful one, or one that a person has left out. */
+  leftOut: readonly string[];
 }
 
-/** Mean and standard deviation of the volumes of the negative controls; null if they are too few or all alike. */
+/**
+ * Mean and standard deviation of the volumes of the negative controls that count, as in the statistics; null if they are too few or all
+ * alike.
+ */
 export function controlsOf(wells: readonly WellStatus[], plan: readonly PlannedWell[]): Spread | null {
   const controls = new Set(plan.filter((w) => w.control === "negative").map((w) => w.well));
-  const volumes = wells.flatMap((w) =>
-    controls.has(w.well) && w.volume_um3 !== null && !isBound(w) ? [w.volume_um3] : [],
-  );
+  const measured = wells.filter((w) => controls.has(w.well) && w.volume_um3 !== null);
+  const volumes = measured.flatMap((w) => (countsWith(w.flags) && w.volume_um3 !== null ? [w.volume_um3] : []));
+  const leftOut = measured.flatMap((w) => (countsWith(w.flags) ? [] : [w.well]));
   if (volumes.length < LEAST_CONTROLS) return null;
   const mean = volumes.reduce((sum, v) => sum + v, 0) / volumes.length;
   const sd = Math.sqrt(volumes.reduce((sum, v) => sum + (v - mean) ** 2, 0) / (volumes.length - 1));
-  return sd > 0 ? { mean, sd, n: volumes.length } : null;
+  return sd > 0 ? { mean, sd, n: volumes.length, leftOut } : null;
 }
 
 /** The wells that have a colour. A bead among larvae has none: it would make their differences invisible. */
@@ -64,7 +70,7 @@ export function whyNone(wells: readonly WellStatus[], by: Colouring): string {
   const measured = wells.filter((w) => w.volume_um3 !== null);
   if (measured.length === 0) return "No colours yet: no well is measured.";
   if (by === "controls") {
-    return `No colours: fewer than ${LEAST_CONTROLS} negative controls of this plate are measured, or they are all alike.`;
+    return `No colours: fewer than ${LEAST_CONTROLS} negative controls of this plate count, or they are all alike.`;
   }
   if (by !== "z_volume" && by !== "z_area") return "No colours yet: no well has this number.";
   const places = measured.flatMap((w) => w.reference?.[by === "z_volume" ? "volume" : "area"] ?? []);

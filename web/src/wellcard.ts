@@ -144,7 +144,7 @@ function otherNumbers(well: WellStatus, hull_um3: number | null): HTMLElement[] 
     shown.push(small("field-area", squareMillimetres(area), squareMicrometres(area), "The area of that surface."));
   }
   if (hull_um3 !== null) {
-    const what = "The live hull after the last view: the largest body that fits the outlines, made of voxels.";
+    const what = "The rough live volume after the last view: the largest body that fits the outlines, made of voxels.";
     shown.push(small("hull-volume", nanolitres(hull_um3), cubicMicrometres(hull_um3), what));
   }
   return shown;

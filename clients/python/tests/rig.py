@@ -66,9 +66,15 @@ class Daemon:
                 self.process.wait()
 
     def ready(self) -> CarvedClient:
-        """A client, once the instrument is ready for a run."""
+        """A client, once the instrument is ready for a run.
+
+        A specimen that an aborted run has left, or that was being brought, is reported as out first.
+        """
         client = CarvedClient(self.url)
-        client.wait_for(lambda status: status.ready, "readiness", PATIENCE_S)
+        status = client.wait_for(lambda s: s.ready or s.plate.take_out is not None, "readiness", PATIENCE_S)
+        if status.plate.take_out is not None and status.run is not None and status.run.outcome is not None:
+            client.unloaded(status.run.id, status.plate.take_out)
+        client.wait_for(lambda s: s.ready, "readiness", PATIENCE_S)
         return client
 
 

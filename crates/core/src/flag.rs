@@ -123,7 +123,7 @@ flags! {
         "The specimen extends beyond the right side of the picture, so the volume is a lower bound.",
         "Measure it again, further to the left.";
     OutsideBox = "outside_box", Turn, [],
-        "The specimen extends beyond the box that is measured, so the volume is a lower bound.",
+        "Part of the specimen lies outside of the box that is measured, so the volume is a lower bound.",
         "Widen the `box_um` of the method, and measure the stored views again.";
     FewViews = "few_views", Turn, ["views_least", "gap_deg"],
         "Too few views count, or no view sees an edge over a wide angle.",
@@ -150,7 +150,7 @@ flags! {
         "The standard deviation of the volume is unusually large, or the outlines do not determine the volume.",
         "Look at the frames, or measure it again with more views.";
     Nonconvex = "nonconvex", Turn, [],
-        "The body is bent or hollow in places, so the numbers are those of the voxels, which are less exact.",
+        "The body is bent or hollow in places, so a less exact method was used: the voxels were counted.",
         "Look at the frames for a strongly bent larva, debris or a second specimen.";
     FinsUnseen = "fins_unseen", Turn, [],
         "The views do not show all fins, so the volume may be up to 5 % too small.",

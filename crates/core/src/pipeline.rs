@@ -71,12 +71,13 @@ struct ClosureProfile {
     edge: Vec<Polygon>,
     /// The edges without fins: a fin that only one of the two frames shows is no movement.
     body: Columns,
+    picture: Picture,
 }
 
 impl ClosureProfile {
-    fn of(profile: &Profile) -> Self {
+    fn of(profile: &Profile, picture: &Picture) -> Self {
         let body = Columns::from_outlines(&profile.body, profile.mask.width(), profile.mask.height());
-        Self { mask: profile.mask.clone(), edge: profile.edge.clone(), body }
+        Self { mask: profile.mask.clone(), edge: profile.edge.clone(), body, picture: picture.clone() }
     }
 }
 
@@ -210,7 +211,7 @@ impl Pipeline {
             ..ViewRecord::default()
         };
         if index == 0 {
-            self.first = frame.profile.as_ref().ok().filter(|p| p.mask.area_px() > 0).map(ClosureProfile::of);
+            self.first = frame.profile.as_ref().ok().filter(|p| p.mask.area_px() > 0).map(|p| ClosureProfile::of(p, &frame.picture));
         }
         match &frame.profile {
             Ok(p) if p.mask.area_px() == 0 => record.reason = Some("no specimen in the frame".into()),
@@ -236,12 +237,19 @@ impl Pipeline {
     /// Takes the view at 360 deg. It is compared with view 0 and never carved. A newer take replaces an older one, also when
     /// the newer one has no profile.
     pub fn observe_closure(&mut self, frame: &SegmentedFrame) {
-        self.closure = frame.profile.as_ref().ok().map(ClosureProfile::of);
+        self.closure = frame.profile.as_ref().ok().map(|p| ClosureProfile::of(p, &frame.picture));
+    }
+
+    /// The profile of the closure view. `None` also if its picture is that of view 0 again: a copy shows nothing of the end of the turn,
+    /// and no camera takes the same noise twice.
+    fn last(&self) -> Option<&ClosureProfile> {
+        let is_copy = |last: &ClosureProfile| self.first.as_ref().is_some_and(|first| first.picture == last.picture);
+        self.closure.as_ref().filter(|last| !is_copy(last))
     }
 
     /// The closure view against view 0. `None` when either has no profile.
     fn closure(&self) -> Option<ClosureRecord> {
-        let (first, last) = (self.first.as_ref()?, self.closure.as_ref()?);
+        let (first, last) = (self.first.as_ref()?, self.last()?);
         let shift_px = first.mask.centroid().zip(last.mask.centroid()).map_or([0.0; 2], |(a, b)| [b[0] - a[0], b[1] - a[1]]);
         Some(ClosureRecord { iou: first.body.iou(&last.body), shift_px, pose_offset: None })
     }
@@ -355,6 +363,9 @@ impl Pipeline {
             return Err(PipelineError::TooFewViews { used, planned: self.settings.planned_views, needed, reason });
         }
         let mut closure = self.closure();
+        if closure.is_none() {
+            self.closure = None;
+        }
         if let (Some(last), Some(first)) = (&self.closure, self.carved.iter().position(|view| *view == 0)) {
             self.reconstruction.observe_closure(&last.mask, &last.edge, first);
         }

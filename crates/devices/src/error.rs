@@ -11,9 +11,9 @@ pub enum DeviceError {
     /// A connection could not be opened.
     #[error("{device}: cannot open {address}: {why}. {remedy}")]
     Open { device: &'static str, address: String, why: String, remedy: &'static str },
-    /// The thread that watches a deadline could not be started.
+    /// A thread that the phase needs could not be started.
     #[error(
-        "the watch over the phase {phase} could not be started: {why}. Nothing was begun. Look which program uses all threads or all memory of this computer"
+        "a thread for the phase {phase} could not be started: {why}. Nothing was begun. Look which program uses all threads or all memory of this computer"
     )]
     Unwatched { phase: &'static str, why: String },
     /// The driver was left out of this build.

@@ -2,6 +2,14 @@
 
 use serde::{Deserialize, Serialize};
 
+/// How far a clock may be ahead of the one that dated a measurement, s. A clock that is synchronised again may step back by so much.
+const AHEAD_S: f64 = 300.0;
+
+/// Whether a measurement of this age still counts. One of the future does not: the clock was set back, and nobody knows how old it is.
+pub fn is_fresh(age_s: f64, max_age_s: f64) -> bool {
+    (-AHEAD_S..max_age_s).contains(&age_s)
+}
+
 /// The newest calibration of this rig, from beads or from a scale. It is looked up at the start of the daemon and of each run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
@@ -32,7 +40,7 @@ impl CalibrationStatus {
     pub fn grows_too_old(&mut self, now: jiff::Timestamp) -> bool {
         let passes = |good: &mut bool, measured: &str, max_age_s: f64| {
             *good && {
-                *good = age_s(measured, now).is_some_and(|age_s| age_s < max_age_s);
+                *good = age_s(measured, now).is_some_and(|age_s| is_fresh(age_s, max_age_s));
                 !*good
             }
         };
@@ -45,6 +53,13 @@ impl CalibrationStatus {
 /// Seconds from `measured` (RFC 3339) to `now`. `None` if `measured` is not a time.
 fn age_s(measured: &str, now: jiff::Timestamp) -> Option<f64> {
     Some(now.duration_since(measured.parse().ok()?).as_secs_f64())
+}
+
+impl GateStatus {
+    /// Whether it was measured after the time `now`: the clock was set back.
+    pub fn is_of_the_future(&self, now: jiff::Timestamp) -> bool {
+        age_s(&self.measured, now).is_some_and(|age_s| age_s < -AHEAD_S)
+    }
 }
 
 /// The newest bead gate of this rig.
@@ -65,4 +80,45 @@ pub struct GateStatus {
     pub summary: String,
     /// All results, with what to do.
     pub words: Vec<String>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A clock that was set back makes yesterday's beads as young as one likes.
+    #[test]
+    fn what_was_measured_in_the_future_does_not_count() {
+        let now: jiff::Timestamp = "2026-11-20T09:00:00Z".parse().unwrap();
+        for (measured, counts) in [
+            ("2026-11-20T09:04:00Z", true),
+            ("2026-11-20T08:00:00Z", true),
+            ("2026-11-19T08:59:00Z", false),
+            ("2026-11-20T10:00:00Z", false),
+            ("2027-01-01T00:00:00Z", false),
+            ("yesterday", false),
+        ] {
+            let gate = GateStatus {
+                id: "g".into(),
+                verdict: "passed".into(),
+                measured: measured.into(),
+                max_age_s: 86400.0,
+                stands: true,
+                summary: String::new(),
+                words: Vec::new(),
+            };
+            let mut calibration = CalibrationStatus {
+                id: "c".into(),
+                kind: "scale".into(),
+                measured: measured.into(),
+                age_s: 0.0,
+                max_age_s: 86400.0,
+                bead_bias_percent: None,
+                valid: true,
+                gate: Some(gate),
+            };
+            assert_eq!(calibration.grows_too_old(now), !counts, "{measured}");
+            assert_eq!((calibration.valid, calibration.gate.unwrap().stands), (counts, counts), "{measured}");
+        }
+    }
 }

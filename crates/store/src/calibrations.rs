@@ -7,7 +7,7 @@
 //! ```
 
 use super::{StoreError, durable};
-use carved_records::{CalibrationStatus, Mode};
+use carved_records::{CalibrationStatus, Mode, is_fresh};
 use serde::Deserialize;
 use std::path::Path;
 
@@ -68,7 +68,7 @@ impl RigCalibration {
             age_s,
             max_age_s,
             bead_bias_percent: self.bead_bias_percent,
-            valid: age_s < max_age_s,
+            valid: is_fresh(age_s, max_age_s),
             gate: None,
         }
     }

@@ -9,7 +9,7 @@
 use super::{RecordingReader, Software, StoreError, durable};
 use carved_core::quality::gate::{BeadGate, BeadMeasured, GateNumbers, GateSettings, GateVerdict};
 use carved_core::statistics::upper_median;
-use carved_records::{Mode, SpecimenKind, sha256_hex};
+use carved_records::{Mode, SpecimenKind, is_fresh, sha256_hex};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -50,7 +50,7 @@ pub struct MeasuredGate {
 impl GateFile {
     /// Whether specimens may be measured with this gate at the time `now`.
     pub fn stands(&self, now: jiff::Timestamp) -> bool {
-        self.found.gate.verdict.passes() && self.age_h(now) < self.found.settings.max_age_h
+        self.found.gate.verdict.passes() && is_fresh(self.age_h(now) * 3600.0, self.found.settings.max_age_h * 3600.0)
     }
 
     pub fn age_h(&self, now: jiff::Timestamp) -> f64 {

@@ -1,7 +1,8 @@
 //! `instrument.json`: the uuid by which the runs of a data folder belong to one instrument, whatever its name is later.
 
-use super::{StoreError, durable, schema};
+use super::{RunRecord, StoreError, durable, is_own_folder, schema};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 use std::io::ErrorKind;
 use std::path::Path;
 
@@ -30,15 +31,36 @@ pub fn instrument_uuid(root: &Path) -> Result<Option<String>, StoreError> {
     }
 }
 
-/// Reads the uuid of the folder. Makes and stores one if there is none.
+/// Reads the uuid of the folder. Makes and stores one if there is none. That of a damaged file is taken from the runs of the folder, if they
+/// agree, and the damaged file is kept beside the new one.
 pub(super) fn found_or_made(root: &Path) -> Result<String, StoreError> {
-    if let Some(uuid) = instrument_uuid(root)? {
-        return Ok(uuid);
-    }
-    let uuid = random()?;
-    durable::write_json(&root.join(FILE), &InstrumentFile { schema: SCHEMA.into(), uuid: uuid.clone() })?;
-    tracing::info!(uuid, "the instrument got a uuid");
+    let path = root.join(FILE);
+    let uuid = match instrument_uuid(root) {
+        Ok(Some(uuid)) => return Ok(uuid),
+        Ok(None) => {
+            let uuid = random()?;
+            tracing::info!(uuid, "the instrument got a uuid");
+            uuid
+        }
+        Err(error @ StoreError::Identity { .. }) => {
+            let Some(uuid) = of_runs(root) else { return Err(error) };
+            let kept = root.join(format!("{FILE}.damaged"));
+            durable::rename(&path, &kept)?;
+            tracing::error!(%error, uuid, kept = %kept.display(), "the uuid of the instrument was taken from the records of its runs");
+            uuid
+        }
+        Err(error) => return Err(error),
+    };
+    durable::write_json(&path, &InstrumentFile { schema: SCHEMA.into(), uuid: uuid.clone() })?;
     Ok(uuid)
+}
+
+/// The uuid that all runs of the folder name which name any. `None` if there is none, or several.
+fn of_runs(root: &Path) -> Option<String> {
+    let folders = std::fs::read_dir(root.join("runs")).ok()?.filter_map(|entry| Some(entry.ok()?.path()));
+    let records = folders.filter(|folder| is_own_folder(folder)).filter_map(|folder| RunRecord::of_folder(&folder).ok());
+    let named: BTreeSet<String> = records.filter_map(|run| Some(run.instrument?.uuid)).filter(|uuid| is_uuid(uuid)).collect();
+    named.first().filter(|_| named.len() == 1).cloned()
 }
 
 fn read(path: &Path, text: &[u8]) -> Result<String, StoreError> {
@@ -77,6 +99,35 @@ mod tests {
         assert!(is_uuid(&first), "{first}");
         assert_eq!(Claim::on(one.path()).unwrap().instrument_uuid().unwrap(), first);
         assert_ne!(Claim::on(other.path()).unwrap().instrument_uuid().unwrap(), first);
+    }
+
+    #[test]
+    fn a_damaged_file_is_written_again_from_the_records_of_the_runs_that_agree() {
+        use carved_records::{InstrumentIdentity, Method, Mode, PlannedWell, RunPlan, SpecimenKind};
+        let dir = tempfile::tempdir().unwrap();
+        let uuids = ["0fb2c0de-93b2-4ed9-8f27-0a4f3f2a9c11", "1fb2c0de-93b2-4ed9-8f27-0a4f3f2a9c11"];
+        let run = |id: &str, uuid: Option<&str>| {
+            let plan = RunPlan::new("P-1", "standard", "kim", vec![PlannedWell::new("A01", SpecimenKind::Bead, None)]);
+            let method: Method = serde_json::from_str(r#"{"asd": 21, "order": "sequential", "epsilon": 0.05, "voxel_um": 6.93}"#).unwrap();
+            let instrument = uuid.map(|uuid| InstrumentIdentity { uuid: uuid.into(), ..InstrumentIdentity::default() });
+            let record = RunRecord { instrument, ..RunRecord::new(id, plan, method, Mode::Simulated, None) };
+            let folder = dir.path().join("runs").join(id);
+            std::fs::create_dir(&folder).unwrap();
+            durable::write_json(&folder.join("run.json"), &record).unwrap();
+        };
+        let claim = Claim::on(dir.path()).unwrap();
+        let path = dir.path().join(FILE);
+        std::fs::write(&path, "{\"schema\": \"carved.instrumenu/1\"}").unwrap();
+        run("imported", None);
+        assert!(claim.instrument_uuid().is_err(), "no run names one");
+        run("r1", Some(uuids[0]));
+        run("r2", Some(uuids[0]));
+        assert_eq!(claim.instrument_uuid().unwrap(), uuids[0]);
+        assert_eq!(instrument_uuid(dir.path()).unwrap().as_deref(), Some(uuids[0]), "it is written again");
+        assert!(std::fs::read_to_string(dir.path().join("instrument.json.damaged")).unwrap().contains("instrumenu"));
+        std::fs::write(&path, "").unwrap();
+        run("r3", Some(uuids[1]));
+        assert!(claim.instrument_uuid().is_err(), "two instruments");
     }
 
     #[test]

@@ -130,7 +130,7 @@ impl Claim {
     /// The uuid of the instrument that has this folder. The first call makes it.
     ///
     /// # Errors
-    /// The file of the uuid is damaged, or it cannot be read or written. A damaged file is not changed.
+    /// The file of the uuid is damaged and the runs of the folder do not name one uuid, or it cannot be read or written.
     pub fn instrument_uuid(&self) -> Result<String, StoreError> {
         instrument::found_or_made(&self.root)
     }
@@ -216,6 +216,10 @@ impl Store {
 
     /// All events of a run except its views.
     pub fn events_of(&self, run: &str) -> Result<Vec<Event>, StoreError> {
+        self.long_work(|| self.read_events_of(run))
+    }
+
+    fn read_events_of(&self, run: &str) -> Result<Vec<Event>, StoreError> {
         let own = self.run_folder(run).join(lines::EVENTS);
         let mut events = Vec::new();
         // Early versions wrote no file per run.
@@ -246,7 +250,7 @@ impl Store {
         self.root.join("runs").join(run)
     }
 
-    /// Work that reads and writes many files: the thread that does it does not hang.
+    /// Work that reads, or writes many files: a thread that waits for it does not hang.
     pub fn long_work<T>(&self, work: impl FnOnce() -> T) -> T {
         disk::watched(false, work)
     }
@@ -274,7 +278,7 @@ impl Store {
 
     /// The run of this name. `None` if there is none.
     pub fn run(&self, id: &str) -> Result<Option<RunRecord>, StoreError> {
-        self.reader().run(id)
+        self.long_work(|| self.reader().run(id))
     }
 
     /// The runs without an outcome after a crash, oldest first.
@@ -288,13 +292,15 @@ impl Store {
 
     /// The newest run of this mode.
     pub fn newest_run(&self, mode: Mode) -> Result<Option<RunRecord>, StoreError> {
-        let newest = self.reader().runs(&RunsQuery { limit: 1, mode: index::word(&mode), ..RunsQuery::default() })?;
+        let query = RunsQuery { limit: 1, mode: index::word(&mode), ..RunsQuery::default() };
+        let newest = self.long_work(|| self.reader().runs(&query))?;
         newest.first().map_or(Ok(None), |row| self.run(&row.id))
     }
 
     /// Free space on the disk of the data folder, bytes.
     pub fn free_bytes(&self) -> Option<u64> {
-        let s = nix::sys::statvfs::statvfs(&self.root).ok()?;
+        // A mount that hangs answers late.
+        let s = self.long_work(|| nix::sys::statvfs::statvfs(&self.root)).ok()?;
         Some(s.blocks_available() * s.fragment_size())
     }
 }
@@ -313,6 +319,30 @@ mod tests {
         drop(claim);
         assert!(Claim::on(dir.path()).is_ok());
         drop(inherited);
+    }
+
+    /// A thread that waits for a read does not hang.
+    #[test]
+    fn what_the_driver_reads_is_watched() {
+        let dir = tempfile::tempdir().unwrap();
+        let (store, _journal, _events) = Claim::on(dir.path()).and_then(Store::open).unwrap();
+        let reads: [(&str, &(dyn Fn() + Sync)); 4] = [
+            ("free_bytes", &|| assert!(store.free_bytes().is_some())),
+            ("run", &|| drop(store.run("r1").unwrap())),
+            ("events_of", &|| drop(store.events_of("r1"))),
+            ("newest_run", &|| drop(store.newest_run(Mode::Hardware).unwrap())),
+        ];
+        for (name, read) in reads {
+            std::thread::scope(|scope| {
+                scope.spawn(|| {
+                    let watch = DiskWatch::default();
+                    watch.of_this_thread();
+                    assert!(watch.idle().is_none());
+                    read();
+                    assert!(watch.idle().is_some(), "{name}");
+                });
+            });
+        }
     }
 
     #[test]

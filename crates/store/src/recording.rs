@@ -148,6 +148,9 @@ pub struct RigRecord {
 pub struct SecondRecord {
     pub optics: SecondOptics,
     pub identity: String,
+    /// As [`RigRecord::camera_features`], of this camera.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub camera_features: BTreeMap<String, String>,
 }
 
 /// Content of `recording.json`.

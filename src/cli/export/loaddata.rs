@@ -2,6 +2,8 @@
 
 use super::{ome_zarr::recorded, read, views, write};
 use anyhow::{Context, ensure};
+use carved_records::RunPlan;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Args)]
@@ -47,14 +49,18 @@ const PLATE_MAP: [&str; 9] =
 pub fn run(args: &Args) -> anyhow::Result<()> {
     super::model::ends_in(&args.out, "csv")?;
     let mut table = csv::Writer::from_writer(Vec::new());
-    table.write_record(COLUMNS)?;
+    let runs = read(&args.runs)?;
+    let own = own_columns(runs.iter().map(|run| &run.record().plan));
+    table.write_record(COLUMNS.into_iter().chain(own.keys().map(String::as_str)))?;
     let mut rows = 0;
-    for run in read(&args.runs)? {
+    for run in runs {
         let record = run.record();
         for planned in &record.plan.plate_map {
             let Some(reader) = recorded(&run, planned)? else { continue };
-            let facts = views::plate_map_facts(&reader.recording().specimen, None)?;
-            let of_map = PLATE_MAP.map(|name| facts.iter().find(|(key, _)| key == name).map_or("", |(_, value)| value.as_str()));
+            let facts = views::plate_map_facts(&reader.recording().specimen, Some(&record.plan))?;
+            let fact = |name: &str| facts.iter().find(|(key, _)| key == name).map_or("", |(_, value)| value.as_str());
+            let cell = |names: &Vec<String>| names.iter().map(|name| fact(name)).find(|cell| !cell.is_empty()).unwrap_or_default();
+            let of_map: Vec<&str> = PLATE_MAP.into_iter().map(fact).chain(own.values().map(cell)).collect();
             for entry in views::by_number(&reader) {
                 let [frame, in_folder] = place(&reader.frame_path(entry))?.with_context(|| {
                     format!(
@@ -68,8 +74,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
                 let [profile, of_profile] = place(&profile)?.unwrap_or_default();
                 let (view, angle) = (entry.view.to_string(), entry.omega.to_degrees().to_string());
                 let facts = [&record.plan.plate_barcode, &record.id, &planned.well, &view, &angle].map(String::as_str);
-                table
-                    .write_record([&frame, &in_folder, &profile, &of_profile].map(String::as_str).into_iter().chain(facts).chain(of_map))?;
+                table.write_record(
+                    [&frame, &in_folder, &profile, &of_profile].map(String::as_str).into_iter().chain(facts).chain(of_map.iter().copied()),
+                )?;
                 rows += 1;
             }
         }
@@ -78,6 +85,23 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     write(&args.out, &table.into_inner()?)?;
     note!("carved: {}: {rows} view(s)", args.out.display());
     Ok(())
+}
+
+/// The lab's own columns of all runs by their names in the list, which has letters, digits and `_` only, with their names in the plate maps.
+fn own_columns<'p>(plans: impl Iterator<Item = &'p RunPlan>) -> BTreeMap<String, Vec<String>> {
+    let mut found = BTreeMap::<String, Vec<String>>::new();
+    for name in plans.filter_map(|plan| plan.metadata.get("columns")?.as_object()).flat_map(|columns| columns.keys()) {
+        let plain: String = name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
+        let mut key = format!("Metadata_{plain}");
+        if COLUMNS.contains(&key.as_str()) {
+            key.push_str("_own");
+        }
+        let names = found.entry(key).or_default();
+        if !names.contains(name) {
+            names.push(name.clone());
+        }
+    }
+    found
 }
 
 /// Name and folder of a file. `None` if it is not there.

@@ -7,6 +7,7 @@ use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::pipeline::SegmentedFrame;
 use carved_core::profile::{Picture, Polygon};
 use carved_records::{LedgerEntry, PlannedWell, PlateFormat, RunPlan, well_place};
+use carved_store::columns::shape_estimator;
 use carved_store::{MEASUREMENT, RecordingReader, StoreError, frames};
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -69,7 +70,8 @@ pub(super) fn measured_facts(reader: &RecordingReader) -> anyhow::Result<Vec<(St
         ("area_sd_um2", "/measurement/area_sd_um2"),
         ("flags", "/flags"),
     ];
-    Ok(of_quantities.chain(others.into_iter().filter_map(|(key, pointer)| text(key, pointer))).collect())
+    let of_shape = shape_estimator(&found).map(|estimator| ("shape_estimator".to_owned(), estimator.to_owned()));
+    Ok(of_quantities.chain(others.into_iter().filter_map(|(key, pointer)| text(key, pointer))).chain(of_shape).collect())
 }
 
 /// The file of a view's profile in a recording.

@@ -15,7 +15,7 @@ use super::source::{self, Source};
 use super::{compute_with, each, outside};
 use anyhow::{Context, ensure};
 use carved_records::{Method, sha256_hex};
-use carved_store::{MEASUREMENT, ReplayWriter, StoreError, durable};
+use carved_store::{MEASUREMENT, ReplayWriter, RunRecord, StoreError, durable};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use nix::sys::resource::{UsageWho, getrusage};
 use nix::sys::time::TimeVal;
@@ -184,7 +184,8 @@ struct NotWritten(#[from] StoreError);
 /// The recordings by their names `RUN/WELL`, and the names on the command line that have none.
 fn named(paths: &[PathBuf]) -> anyhow::Result<(BTreeMap<String, PathBuf>, Vec<String>)> {
     let (mut named, mut failures) = (BTreeMap::<String, PathBuf>::new(), Vec::new());
-    let mut runs = BTreeMap::<String, PathBuf>::new();
+    // The folders by their names, which the numbers go to, and by the run that they hold, which a table names.
+    let (mut runs, mut ids) = (BTreeMap::<String, PathBuf>::new(), BTreeMap::<String, PathBuf>::new());
     for (path, found) in each(paths) {
         let whole = found.and_then(|()| match source::address(&path) {
             Some(_) => Ok(path.clone()),
@@ -204,17 +205,12 @@ fn named(paths: &[PathBuf]) -> anyhow::Result<(BTreeMap<String, PathBuf>, Vec<St
         let folder = if whole.extension().is_some_and(|e| e == "tar") { whole.with_extension("") } else { whole.clone() };
         let run = part(folder.parent());
         let name = format!("{run}/{}", part(Some(&folder)));
-        // A table has each run once.
-        if let Some((parent, known)) = folder.parent().zip(runs.get(&run))
-            && parent != known
-        {
-            anyhow::bail!(
-                "{} and {parent} are two runs of the name {run}; measure them into two folders",
-                known.display(),
-                parent = parent.display()
-            );
+        if let Some(parent) = folder.parent().filter(|parent| !runs.values().any(|known| known == parent)) {
+            once(&mut runs, run.clone(), parent)?;
+            if let Ok(record) = RunRecord::of_folder(parent) {
+                once(&mut ids, record.id, parent)?;
+            }
         }
-        runs.extend(folder.parent().map(|parent| (run, parent.to_owned())));
         if let Some(other) = named.insert(name.clone(), whole.clone()) {
             ensure!(
                 other == whole,
@@ -225,6 +221,15 @@ fn named(paths: &[PathBuf]) -> anyhow::Result<(BTreeMap<String, PathBuf>, Vec<St
         }
     }
     Ok((named, failures))
+}
+
+/// Notes the folder of a run. A table has each run once.
+fn once(known: &mut BTreeMap<String, PathBuf>, run: String, folder: &Path) -> anyhow::Result<()> {
+    if let Some(other) = known.get(&run) {
+        anyhow::bail!("{} and {} are two runs of the name {run}; measure them into two folders", other.display(), folder.display());
+    }
+    known.insert(run, folder.to_owned());
+    Ok(())
 }
 
 /// Measures a recording, unless its numbers are there.

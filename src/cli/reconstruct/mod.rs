@@ -112,6 +112,10 @@ pub fn run(args: &Args) -> ExitCode {
             note!("carved: nothing was reconstructed, the volume is 0: `views` says which silhouettes are blank or fit no other");
             say(&report, ExitCode::from(REFUSED))
         }
+        Ok(report) if report["turn_findings"].as_array().is_some_and(|findings| !findings.is_empty()) => {
+            note!("carved: the silhouettes do not show one specimen that turns, so no volume is given: `turn_findings` says why");
+            say(&report, ExitCode::from(REFUSED))
+        }
         Ok(report) => say(&report, ExitCode::SUCCESS),
         Err(error) => {
             let flags: Vec<Flag> = refusal(&error).map(Refusal::flag).into_iter().collect();

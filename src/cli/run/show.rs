@@ -26,8 +26,11 @@ pub fn well(well: &WellStatus, mode: Mode) -> String {
         line += &format!(", {reason}");
     }
     if let Some(volume) = well.volume_um3 {
-        let sd = well.volume_sd_um3.map_or_else(String::new, |sd| format!(" ± {:.2} (1 SD)", sd / 1e6));
-        line += &format!(", {:.2}{sd} nl{}", volume / 1e6, made(mode));
+        // An interval around a bound would not contain the true volume.
+        let is_bound = StoredFlag::is_bound(&well.flags);
+        let sd = well.volume_sd_um3.filter(|_| !is_bound).map_or_else(String::new, |sd| format!(" ± {:.2} (1 SD)", sd / 1e6));
+        let at_least = if is_bound { "at least " } else { "" };
+        line += &format!(", {at_least}{:.2}{sd} nl{}", volume / 1e6, made(mode));
     }
     if !well.flags.is_empty() {
         line += &format!(" ({})", StoredFlag::joined(&well.flags, ", "));

@@ -4,7 +4,7 @@
 //! ```text
 //! take_up, proceed, end_run ──► recover ──► frames ─ numbers ─ files ──► recovered ──► the well's outcome ──┬─► the next such well
 //!                                 │ none       │                                                          └─► finish or end_run, if
-//!                                 │            └─ too slow, or 3 attempts failed: the well fails                one of them waits
+//!                                 │            └─ too slow, or 2 attempts failed: the well fails                one of them waits
 //!                                 └─► nothing to wait for
 //! ```
 //! Each attempt is written to the journal before it begins, if the disk accepts it. This limits the number of attempts if the daemon
@@ -23,7 +23,7 @@ use tokio::sync::oneshot;
 use tokio::time::{Instant, timeout_at};
 
 /// Maximum number of attempts for one specimen. The daemon crashed in each of them.
-const ATTEMPTS: u32 = 3;
+const ATTEMPTS: u32 = 2;
 
 /// How the computation of a well's numbers ended.
 pub(super) enum Made {
@@ -197,11 +197,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_well_on_which_the_daemon_ended_three_times_is_given_up() {
+    fn a_well_on_which_the_daemon_ended_twice_is_given_up() {
         let planned = PlannedWell::new("A01", carved_records::SpecimenKind::Larva, None);
         let next = |tried| attempt(Path::new("/data/runs/r1"), &planned, tried);
-        assert!(matches!(next(0), Attempt::Begin(1)) && matches!(next(2), Attempt::Begin(3)));
-        let Attempt::GiveUp(given_up) = next(3) else { panic!("it is tried for ever") };
+        assert!(matches!(next(0), Attempt::Begin(1)) && matches!(next(1), Attempt::Begin(2)));
+        let Attempt::GiveUp(given_up) = next(2) else { panic!("it is tried for ever") };
         assert!(given_up.result.outcome == Some(SpecimenOutcome::Failed), "{:?}", given_up.result);
         assert!(given_up.result.reason.unwrap().contains("carved measure /data/runs/r1/A01"));
     }

@@ -36,9 +36,7 @@ pub(super) fn emergency_stopped(d: &mut DriverState) -> Result<(), Refusal> {
 
 /// Handles the emergency stop once, however often it was pressed.
 pub(super) fn emergency_pressed(d: &mut DriverState) {
-    if !d.publisher.halt().take() {
-        return;
-    }
+    let Some(asked) = d.publisher.halt().take() else { return };
     d.devices.note_stop();
     if !faults::is_open(&d.state().faults, fault_table::EMERGENCY_STOP.code) {
         let (seq, since) = (d.state().faults.newest() + 1, jiff::Timestamp::now().to_string());
@@ -47,7 +45,7 @@ pub(super) fn emergency_pressed(d: &mut DriverState) {
     }
     let state = d.machine();
     if d.run.is_some() && state != State::Aborting {
-        course::abort(d, Asked::default());
+        course::abort(d, asked);
     } else if d.run.is_none() && state != State::Aborted {
         d.abort_left_run();
         d.transition(Trigger::Abort);
@@ -131,7 +129,8 @@ fn known(d: &mut DriverState, id: &str) -> Result<Known, Refusal> {
             return Ok(Known::Not);
         }
     }
-    let was_accepted = || d.outbox.store().reader().was_accepted(id).unwrap_or(false);
+    let store = d.outbox.store();
+    let was_accepted = || store.long_work(|| store.reader().was_accepted(id)).unwrap_or(false);
     Ok(match known {
         Some(known) => Known::Run(Box::new(known)),
         None if was_accepted() => Known::Pruned,

@@ -440,8 +440,11 @@ impl RunContext {
             rotation_identity: instrument.rig.rotation.identity().to_owned(),
             camera_identity: instrument.rig.camera.identity().to_owned(),
             camera_features: instrument.rig.camera.features(),
-            second: second
-                .map(|(camera, configured)| SecondRecord { optics: configured.optics.clone(), identity: camera.identity().to_owned() }),
+            second: second.map(|(camera, configured)| SecondRecord {
+                optics: configured.optics.clone(),
+                identity: camera.identity().to_owned(),
+                camera_features: camera.features(),
+            }),
         };
         let recording = Recording::new(&self.run, planned.clone(), self.mode, rig, &self.method_name, self.method.clone());
         let usual_opacity = self.opacities.lock().unwrap_or_else(PoisonError::into_inner).usual();

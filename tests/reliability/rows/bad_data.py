@@ -194,6 +194,8 @@ def damages() -> dict[str, Damage]:
         "index: a folder": lambda data: None,
         "index: its log is junk": _write("index.sqlite-wal", bytes(range(256)) * 160),
         "index: tables dropped": _sql("DROP TABLE events", "DROP TABLE specimens"),
+        "instrument: damaged": _write("instrument.json", b'{"schema": "carved.instrumenu/1"}'),
+        "queue: damaged": _write("queue.json", b"{"),
         "lock: a folder": _folder_instead("lock"),
         "lock: junk": _write("lock", b"\0" * 9999),
     }

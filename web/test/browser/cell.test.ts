@@ -65,11 +65,15 @@ test(
     await until(page, "cell-heading", /^Well A01$/);
     await page.getByLabel("Age, dpf").fill("old");
     await page.getByRole("button", { name: "Use it" }).click();
-    await until(page, "cell-words", /^Age and concentration are numbers\.$/);
+    await until(page, "cell-words", /^Age and concentration are numbers, and a replicate is a whole number from 1\.$/);
     await page.getByLabel("Age, dpf").fill("5");
     await page.locator("#cell-compound").fill("Valproic acid");
     await page.locator("#cell-concentration").fill("1,5");
     await page.locator("#cell-unit").selectOption("mM");
+    await page.getByLabel("Strain").fill("casper");
+    await page.locator("#cell-control").selectOption("positive");
+    await page.locator("#cell-treatment").fill("24 h");
+    await page.locator("#cell-replicate").fill("2");
     await shoot(page, "cell");
     await page.getByRole("button", { name: "Use it" }).click();
     await page.locator('#plan-plate [data-planned="A02"]').click();
@@ -90,9 +94,13 @@ test(
           well: "A01",
           specimen: "larva",
           dpf: 5,
+          strain: "casper",
+          treatment: "24 h",
           compound: "Valproic acid",
           concentration: 1.5,
           concentration_unit: "mM",
+          control: "positive",
+          replicate: 2,
         },
       ],
       JSON.stringify(ended.run),

@@ -88,7 +88,7 @@ async function axisLostInATurn(t: Ends): Promise<void> {
   await until(page, "log-list", /A01 was interrupted .*: it is measured again from the start\./);
   await until(page, "log-list", /The run is held: The axis' controller does not answer/);
   await until(page, "log-list", /A client at the instrument's computer \(no name given\) acknowledged the fault/);
-  await until(page, "log-list", /Kim lets the run go on\./);
+  await until(page, "log-list", /Kim \(the instrument's computer\) lets the run go on\./);
   const stored = (await (await fetch(`${daemon.url}/v1/runs/lost/specimens/A01`)).json()) as {
     earlier_attempts: number[];
   };

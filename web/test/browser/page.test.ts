@@ -853,10 +853,13 @@ test("an emergency stop that is not confirmed is sent until it is, also by a pag
   server.refusal = { detail: "the daemon is busy" };
   await page.keyboard.press("F8");
   await until("emergency-words", /was not confirmed: the daemon is busy\. Use the instrument's own emergency stop/);
-  const box = await bar.evaluate(
-    (one) => one.ownerDocument.elementFromPoint(2, one.getBoundingClientRect().top + 5)?.id,
-  );
-  assert.notEqual(box, undefined);
+  // Over the full width, and over everything else.
+  const covered = await bar.evaluate((one) => {
+    const { left, right, top } = one.getBoundingClientRect();
+    const at = (x: number) => one.ownerDocument.elementFromPoint(x, top + 5)?.closest("#emergency-bar") === one;
+    return { left, right, ends: [at(left + 2), at(right - 2)] };
+  });
+  assert.deepEqual(covered, { left: 0, right: page.viewportSize()!.width, ends: [true, true] });
   await shoot(page, "stop-unconfirmed");
   await page.reload();
   await until("emergency-words", /was not confirmed: the daemon is busy/);
@@ -885,8 +888,19 @@ test("the page is live only while answers come: after two seconds it says for ho
   server.publish(running(9));
   await page.goto(server.url);
   await until("link", /^Live$/);
+  // What the page says of the connection, also in passing.
+  await page.evaluate(() => {
+    const heard: string[] = [];
+    Object.assign(window, { heard });
+    const link = document.getElementById("link")!;
+    new MutationObserver(() => heard.push(link.textContent ?? "")).observe(link, {
+      ...{ childList: true, characterData: true, subtree: true },
+    });
+  });
   server.isFrozen = true;
-  await until("link", /^No answer for [2-9] s$/);
+  await until("link", /^No answer for \d+ s$/);
+  const first = await page.evaluate(() => (window as unknown as { heard: string[] }).heard[0] ?? "");
+  assert.match(first, /^No answer for [2-4] s$/, "live for too long");
   assert.equal(await page.locator("#lost").isVisible(), false);
   await until("link", /^Connection lost$/);
   server.isFrozen = false;

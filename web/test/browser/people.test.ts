@@ -60,12 +60,15 @@ test(
     await until(page, "last-done", /^Finished last: A01 [\d.,]+/);
     await page.locator("#last-done").getByRole("button", { name: "A01" }).click();
     await about(page, "A01");
+    await page.locator("#groups summary").click();
+    await until(page, "groups-words", /^A dot is a larva/);
     await page.getByLabel("Remark or reason").fill("two larvae");
     await page.getByLabel("Tags").fill("twin, big");
     await page.getByLabel("Leave it out of statistics").check();
     await page.getByRole("button", { name: "Save remark" }).click();
     await until(page, "remark-words", /^The remark is kept\.$/);
     await until(page, "well-body", /Left out of statistics by Kim Ö\.: two larvae\. Tags: twin, big\./);
+    await until(page, "groups-words", /1 well is left out: 1 by a person\./);
     await shoot(page, "people-remark");
 
     await page.getByRole("button", { name: "Abort run" }).click();
@@ -86,10 +89,10 @@ test(
     assert.match(table, /Kim Ö\.,two larvae,twin;big/);
     await page.getByText("What happened in this run").click();
     for (const said of [
-      /Kim Ö\. asked to hold the run\./,
+      /Kim Ö\. \(the instrument's computer\) asked to hold the run\./,
       /Kim Ö\. skips A02: no larva in it\./,
       /Kim Ö\. has A01 measured again: a bubble\./,
-      /Kim Ö\. asked to abort the run\./,
+      /Kim Ö\. \(the instrument's computer\) asked to abort the run\./,
     ])
       await until(page, "log-list", said);
 
@@ -161,6 +164,17 @@ test(
     await shoot(page, "people-sheet-dorsal");
     await page.locator(`#sheet-list li[data-well="${done}"] button`).click();
     await until(page, "well-heading", new RegExp(`^Well ${done}$`));
+
+    // A remark about a well of a stored run, which no status brings.
+    await page.goto(`${daemon.url}/?run=people`);
+    await until(page, "opened-words", /^Stored run people/);
+    await about(page, "A01");
+    await page.getByLabel("Remark or reason").fill("three larvae");
+    await page.getByRole("button", { name: "Save remark" }).click();
+    await until(page, "well-body", /Left out of statistics by Kim Ö\.: three larvae\./);
+    await about(page, "A06");
+    await about(page, "A01");
+    assert.equal(await page.locator("#remark-words").innerText(), "", "it is saved");
     // The record and pictures of a well that is measured again are moved away, maybe while the page reads them.
     const moved = /404 .*\/specimens\/A01(\/|$)/;
     assert.deepEqual(

@@ -7,7 +7,16 @@ test("one cell of a plate map is corrected, and every other one stays", () => {
     { well: "A01", dpf: 3, strain: "ABxTL", compound: "DMSO", concentration: 1, concentration_unit: "%" as const },
     { well: "A02", dpf: 3 },
   ];
-  const cell = { specimen: "larva", dpf: "5", compound: " VPA ", concentration: "1,5", unit: "mM", out: false };
+  const said = { strain: "ABxTL", control: "", treatment: "", replicate: "" };
+  const cell = {
+    specimen: "larva",
+    dpf: "5",
+    compound: " VPA ",
+    concentration: "1,5",
+    unit: "mM",
+    ...said,
+    out: false,
+  };
   assert.deepEqual(corrected(wells, "A01", cell), [
     {
       well: "A01",
@@ -25,7 +34,14 @@ test("one cell of a plate map is corrected, and every other one stays", () => {
   assert.deepEqual(corrected(wells, "A02", { ...cell, out: true }), [wells[0]]);
   assert.equal(corrected(wells, "A01", { ...cell, dpf: "old" }), null);
   assert.equal(corrected(wells, "A01", { ...cell, concentration: "1,000" }), null, "one or a thousand");
-  const control = [{ ...wells[0]!, control: "negative" as const }];
-  assert.equal("control" in corrected(control, "A01", cell)![0]!, false, "another compound is no control");
-  assert.equal(corrected(control, "A01", { ...cell, compound: "DMSO" })![0]!.control, "negative");
+  const control = [{ ...wells[0]!, control: "negative" as const, treatment: "vehicle", replicate: 2 }];
+  const asBefore = { ...cell, control: "negative", treatment: "vehicle", replicate: "2" };
+  const other = corrected(control, "A01", asBefore)![0]!;
+  assert.deepEqual([other.control, other.treatment, other.replicate], [undefined, undefined, undefined], "of DMSO");
+  assert.deepEqual(corrected(control, "A01", { ...asBefore, compound: "DMSO" })![0]!.control, "negative");
+  const typed = { ...cell, strain: "casper", control: "positive", treatment: "1 h", replicate: "3" };
+  const made = corrected(control, "A01", typed)![0]!;
+  assert.deepEqual([made.strain, made.control, made.treatment, made.replicate], ["casper", "positive", "1 h", 3]);
+  assert.equal("strain" in corrected(control, "A01", { ...cell, strain: " " })![0]!, false);
+  for (const replicate of ["0", "1,5", "two"]) assert.equal(corrected(wells, "A01", { ...cell, replicate }), null);
 });

@@ -124,7 +124,7 @@ const EVENTS: [kind: string, data: unknown, words: string][] = [
   ],
   ["run.started", null, "news: The instrument is ready; the wells follow."],
   ["run.hold_requested", null, "news: A command without a known source asked to hold the run."],
-  ["run.hold_requested", { by: "Kim", from: "10.0.0.7" }, "news: Kim asked to hold the run."],
+  ["run.hold_requested", { by: "Kim", from: "10.0.0.7" }, "news: Kim (10.0.0.7) asked to hold the run."],
   [
     "run.hold_requested",
     { from: "10.0.0.7, with the lease of loader 1" },

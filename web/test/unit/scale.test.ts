@@ -20,9 +20,17 @@ test("the distance from a plate's controls is in their standard deviations", () 
   const wells = [measured("A01", 240e6), measured("A02", 250e6), measured("A03", 260e6), measured("B01", 270e6)];
   const plan = ["A01", "A02", "A03"].map((name) => ({ well: name, control: "negative" as const }));
   const controls = controlsOf(wells, plan);
-  assert.deepEqual(controls, { mean: 250e6, sd: 10e6, n: 3 });
+  assert.deepEqual(controls, { mean: 250e6, sd: 10e6, n: 3, leftOut: [] });
   assert.equal(valueOf(wells[3]!, "controls", controls), 2);
   assert.equal(valueWords(2, "controls"), "+2.0 SD");
+  // As in the statistics of the daemon: what is doubtful, a bound or left out by a person does not count. A remark does.
+  for (const flag of ["moved", "clipped_left", "excluded"]) {
+    const doubted = [...wells, well("B02", { outcome: "succeeded", volume_um3: 900e6, flags: [flag] })];
+    const withDoubted = [...plan, { well: "B02", control: "negative" as const }];
+    assert.deepEqual(controlsOf(doubted, withDoubted), { mean: 250e6, sd: 10e6, n: 3, leftOut: ["B02"] }, flag);
+  }
+  const looks = [...wells, well("B02", { outcome: "succeeded", volume_um3: 250e6, flags: ["dead_looking"] })];
+  assert.equal(controlsOf(looks, [...plan, { well: "B02", control: "negative" }])?.n, 4);
   assert.equal(controlsOf(wells, plan.slice(1)), null, "two are too few");
   const positive = plan.map((w) => ({ ...w, control: "positive" as const }));
   assert.equal(controlsOf(wells, positive), null);
@@ -54,7 +62,7 @@ test("the ends of a scale: the least and the most volume, or three standard devi
 test("a number that is a bound has no colour and is no control", () => {
   const cut = well("A01", { outcome: "succeeded", volume_um3: 65e6, area_um2: 1e6, flags: ["clipped_left"] });
   for (const by of ["volume", "area", "z_volume", "controls"] as const)
-    assert.equal(valueOf(cut, by, { mean: 70e6, sd: 1e6, n: 3 }), null, by);
+    assert.equal(valueOf(cut, by, { mean: 70e6, sd: 1e6, n: 3, leftOut: [] }), null, by);
   assert.equal(valueOf(cut, "flags", null), 1);
   const plan = ["A01", "A02", "A03", "A04"].map((name) => ({ well: name, control: "negative" as const }));
   const wells = [cut, measured("A02", 240e6), measured("A03", 250e6), measured("A04", 260e6)];

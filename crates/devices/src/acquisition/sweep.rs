@@ -275,12 +275,12 @@ pub fn sweep(
     let clock = rig.camera.clock().map_err(failed)?.ok_or(SweepError::NoClock)?;
     let Rig { rotation, camera } = rig;
     let has_failed = &AtomicBool::new(false);
-    let (moved, mut taker) = std::thread::scope(|scope| {
+    let (moved, mut taker) = std::thread::scope(|scope| -> Result<_, AcquisitionError> {
         // The scope waits for the axis, so a motion that is not wanted any more ends within it, also in a panic.
         let moving = StopUnlessDone::of(stop.clone());
         let (go, may_go) = mpsc::channel::<f64>();
         let (tell, begun) = mpsc::channel::<Begun>();
-        let axis = scope.spawn(move || {
+        let turns = std::thread::Builder::new().name("carved-sweep".into()).spawn_scoped(scope, move || {
             // Without frames nothing turns.
             let Ok(steps_per_s) = may_go.recv() else { return Ok(None) };
             let moved = rotation.move_evenly(way.to, steps_per_s, &mut |at| {
@@ -289,6 +289,7 @@ pub fn sweep(
             has_failed.store(moved.is_err(), Ordering::Release);
             moved.map(|arrived| Some((arrived, Instant::now())))
         });
+        let axis = turns.map_err(|why| failed(DeviceError::Unwatched { phase: "revolve", why: why.to_string() }))?;
         let frames = Frames::Before { first: None, go, begun };
         let mut taker = Taker {
             plan,
@@ -329,8 +330,8 @@ pub fn sweep(
         }
         // An axis that waits for its speed ends here.
         taker.frames = Frames::Over;
-        (axis.join(), taker)
-    });
+        Ok((axis.join(), taker))
+    })?;
     let moved = moved.unwrap_or_else(|panic| std::panic::resume_unwind(panic));
     match (taker.ended.take(), moved) {
         (Some(Ok(())), Ok(None)) => {}

@@ -217,12 +217,12 @@ fn the_emergency_stop_reaches_the_axis_that_a_check_has_opened_again() {
         b.d.devices.instrument_mut().rig.rotation = Box::new(reopened);
         b.beat().await;
         assert_eq!(log.stops(), 0);
-        b.d.publisher.halt().stop().await;
+        b.d.publisher.halt().stop(Asked::default()).await;
         assert_eq!(log.stops(), 1);
         // Pressed while a check opens the axis again, the stop goes to the old port first.
         b.d.publisher.halt().take();
         b.d.devices.begin_look();
-        b.d.publisher.halt().stop().await;
+        b.d.publisher.halt().stop(Asked::default()).await;
         requests::emergency_pressed(&mut b.d);
         let before = log.stops();
         b.task_ends().await;

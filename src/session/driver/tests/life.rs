@@ -280,7 +280,7 @@ fn an_emergency_stop_that_comes_while_a_run_is_launched_ends_it_and_latches() {
         let dir = scratch();
         let mut b = bench(dir.path(), false);
         // The client disconnected before its command was in the mailbox.
-        drop(b.d.publisher.halt().stop());
+        drop(b.d.publisher.halt().stop(Asked::default()));
         b.put_run(&plan(&["A01"])).unwrap();
         assert!(!b.report(Progress::Ready), "a worker that was launched under the stop is not cancelled");
         b.d.publisher.halt().pressed().await;
@@ -303,7 +303,7 @@ fn an_emergency_stop_that_never_got_into_the_mailbox_latches() {
         let dir = scratch();
         let (driver, handle, mailbox) = driver(dir.path(), false);
         while handle.acknowledge(99, Asked::default()).now_or_never().is_none() && mailbox.len() < mailbox.max_capacity() {}
-        handle.emergency_stop().await;
+        handle.emergency_stop(Asked::default()).await;
         assert_eq!(handle.latch_emergency_stop().now_or_never(), None, "it found room in the mailbox");
         let latched = async {
             let mut status = handle.status();
@@ -350,7 +350,7 @@ fn an_emergency_stop_while_the_daemon_ends_is_known_to_the_next_one() {
         started(dir.path(), true, &["A01"]).steer(Towards::Hold).unwrap();
         let (driver, handle, mailbox) = driver(dir.path(), true);
         let shutdown = poll_fn(|_| {
-            let _pressed = handle.emergency_stop().now_or_never();
+            let _pressed = handle.emergency_stop(Asked::default()).now_or_never();
             Poll::Ready(Departure::LeavesRun)
         });
         driver.run(mailbox, shutdown, || ready(())).await.unwrap();
@@ -376,7 +376,7 @@ fn an_emergency_stop_at_a_daemon_that_has_nothing_left_to_do_is_journalled_befor
             let at_rest = || async {
                 assert_eq!(count(&journalled(dir.path()), "daemon.stopped"), 1, "it has nothing left to do");
                 assert_eq!(handle.acknowledge(1, Asked::default()).await, Err(Refusal::ShuttingDown));
-                handle.emergency_stop().await;
+                handle.emergency_stop(Asked::default()).await;
                 assert_eq!(handle.latch_emergency_stop().await, Ok(()));
                 assert_eq!(count(&journalled(dir.path()), "fault.raised"), 1, "answered before it was on disk");
             };
@@ -396,7 +396,7 @@ fn an_emergency_stop_while_the_work_of_a_daemon_that_ends_is_stopped_aborts_the_
         let dir = scratch();
         let mut b = started(dir.path(), true, &["A01"]);
         course::shut_down(&mut b.d, Departure::LeavesRun);
-        drop(b.d.publisher.halt().stop());
+        drop(b.d.publisher.halt().stop(Asked::default()));
         requests::emergency_pressed(&mut b.d);
         b.ends(RunEnd::Cancelled).await;
         assert_eq!((b.status().state, count(&journalled(dir.path()), "run.ended")), (State::Aborted, 1));

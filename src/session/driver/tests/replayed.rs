@@ -207,7 +207,7 @@ pub(super) async fn takes(b: &mut Bench, axis_answers: &AtomicBool, step: &Step)
         Step::DiskHasRoom => disk_trace::make_room(),
         Step::Beat => b.beat().await,
         Step::EmergencyStop => {
-            b.handle.emergency_stop().await;
+            b.handle.emergency_stop(Asked::default()).await;
             requests::emergency_pressed(&mut b.d);
         }
         Step::ShutDown(leaves_run) => {
