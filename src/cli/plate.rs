@@ -56,7 +56,8 @@ pub fn read(
     ensure!(!json, "--columns names the columns of a CSV, and {} is JSON; leave it out", file.display());
     let name = || format!("--columns {}: expected the corrected output of `carved plate columns`", columns.display());
     let text = carved_files::read(columns).with_context(name)?;
-    let columns: Vec<MappedColumn> = serde_json::from_slice(&text).with_context(name)?;
+    let columns: Vec<MappedColumn> =
+        serde_json::from_slice(text.strip_prefix("\u{feff}".as_bytes()).unwrap_or(&text)).with_context(name)?;
     Ok(plate_map::read_mapped(&bytes, chosen, &columns))
 }
 

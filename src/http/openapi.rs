@@ -64,6 +64,7 @@ pub(super) fn routes() -> OpenApiRouter<AppState> {
         .routes(routes!(results::profile))
         .routes(routes!(results::tables::of_run))
         .routes(routes!(results::tables::shape_of_run))
+        .routes(routes!(results::tables::groups_of_run))
         .routes(routes!(results::tables::of_runs))
         .routes(routes!(results::statistics::of_run))
         .routes(routes!(live::frame))

@@ -29,7 +29,7 @@ pub struct Halt {
 struct Aim {
     motors: Option<StopHandle>,
     work: CancelToken,
-    /// Who pressed the stop, if the driver has not taken it yet. Of several presses the first.
+    /// Who pressed the stop, if the driver has not taken it yet.
     pressed: Option<Asked>,
 }
 
@@ -105,7 +105,11 @@ impl Halt {
     /// Cancels the work. `pressed` is who pressed the emergency stop. Returns the motors that are to stop.
     fn cancel(&self, pressed: Option<Asked>) -> Option<StopHandle> {
         self.with(|aim| {
-            aim.pressed = aim.pressed.take().or(pressed);
+            // Of several presses the first one, or the first with a name.
+            aim.pressed = match (aim.pressed.take(), pressed) {
+                (Some(Asked { by: None, .. }), Some(named @ Asked { by: Some(_), .. })) => Some(named),
+                (first, later) => first.or(later),
+            };
             aim.work.cancel();
             aim.motors.clone()
         })
@@ -166,6 +170,7 @@ mod tests {
         let (before, during, after) = (CancelToken::new(), CancelToken::new(), CancelToken::new());
         halt.aim(StopHandle::new(|| ()), before.clone());
         let by = |name: &str| Asked { by: Some(name.into()), from: None };
+        drop(halt.stop(Asked::default()));
         drop(halt.stop(by("first")));
         drop(halt.stop(by("second")));
         halt.aim(StopHandle::new(|| ()), during.clone());

@@ -25,7 +25,7 @@ enum Wait {
 impl Wait {
     fn reason(self) -> &'static str {
         match self {
-            Self::Disk => "a write to the data folder has not ended after 2 s; milliseconds are usual",
+            Self::Disk => "an operation on the data folder has not ended after 2 s; milliseconds are usual",
             Self::EmergencyStop => "the emergency stop was pressed, and is not in the record yet",
         }
     }

@@ -159,7 +159,8 @@ fn a_beads_frames_become_a_recording_that_measures() {
     // The emulated rig has no glass. Without these words a thin wall would be assumed.
     psi["glass"] = serde_json::json!({"bore_radius_um": 325, "outer_radius_um": 325, "inside": 1.333, "glass": 1.474, "outside": 1.333});
     let camera = dir.path().join("camera.json");
-    std::fs::write(&camera, psi.to_string()).unwrap();
+    // As an editor of Windows stores it.
+    std::fs::write(&camera, format!("\u{feff}{psi}")).unwrap();
     let again = dir.path().join("again");
     let named: Vec<&str> = views.iter().map(|p| text(p)).collect();
     let closure = out.join("frames/closure.png");

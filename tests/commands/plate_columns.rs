@@ -34,7 +34,8 @@ fn the_columns_of_a_foreign_table_are_proposed_corrected_and_read() {
         ])
     );
     named[3]["column"] = "treatment".into();
-    std::fs::write(&columns, named.to_string()).unwrap();
+    // As an editor of Windows stores it.
+    std::fs::write(&columns, format!("\u{feff}{named}")).unwrap();
     let read = run(&["plate", "check", text(&file), "--columns", text(&columns), "--json"]);
     let map: Value = serde_json::from_slice(&read.stdout).unwrap_or_else(|e| panic!("{e}: {}", stderr(&read)));
     assert_eq!(map["plate_map"][0]["concentration"], 1.5);

@@ -329,6 +329,14 @@ fn each_controller_is_set_up() {
     }
 }
 
+/// A busy computer loses frames, most of all the first of an acquisition.
+#[test]
+fn a_frame_that_is_lost_is_taken_again() {
+    let bench = Bench::new();
+    bench.rig.faults().camera().drop_frames(1);
+    bench.done(&[]);
+}
+
 #[test]
 fn a_wrong_number_of_steps_is_found_and_the_right_one_proposed() {
     Bench::new().refused(&[("steps", "400")], &["The steps per turn are wrong", "400 are configured", "500 is likely"]);

@@ -136,6 +136,18 @@ fn a_file_for_a_spreadsheet_has_no_formula_and_one_for_programs_has_every_text_a
     assert!(spreadsheet.starts_with('\u{feff}') && spreadsheet.contains(marked), "{spreadsheet}");
     let output = carved().args(["export", "table"]).arg(&run).arg("--spreadsheet").output().unwrap();
     assert!(String::from_utf8(output.stdout).unwrap().contains(marked), "standard output too");
+    // Statistics have the texts of the plate map too.
+    let mut record = json(&run.join("run.json"));
+    record["plan"]["plate_map"][0]["compound"] = "=1+1".into();
+    std::fs::write(run.join("run.json"), record.to_string()).unwrap();
+    let statistics = |name: &str| {
+        let file = dir.path().join(name);
+        let output = carved().args(["export", "statistics", "--spreadsheet"]).arg(&run).arg("--out").arg(&file).output().unwrap();
+        (output.status.success(), std::fs::read_to_string(file).unwrap_or_default())
+    };
+    let (is_written, text) = statistics("s.csv");
+    assert!(is_written && text.starts_with('\u{feff}') && text.contains(",'=1+1,") && !text.contains(",=1+1,"), "{text}");
+    assert_eq!(statistics("s.json"), (false, String::new()));
 }
 
 #[test]

@@ -49,6 +49,7 @@ fn the_contract_names_every_route_and_leads_nowhere_into_the_void() {
         "get /v1/runs/{run_id}",
         "get /v1/runs/{run_id}/events",
         "get /v1/runs/{run_id}/files.tar",
+        "get /v1/runs/{run_id}/groups.csv",
         "get /v1/runs/{run_id}/replays",
         "get /v1/runs/{run_id}/report.html",
         "get /v1/runs/{run_id}/shape.csv",

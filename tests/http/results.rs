@@ -403,6 +403,10 @@ fn tables_and_statistics_of_runs_are_read_as_csv_and_json() {
     assert_eq!((one[1]["outcome"].as_str(), one[1]["volume_um3"].as_str()), ("skipped", ""));
     let spreadsheet = rig.get("/v1/runs/r1/table.csv?spreadsheet=true");
     assert!(spreadsheet.status == 200 && spreadsheet.body.starts_with("\u{feff}run,".as_bytes()));
+    let groups = rows("/v1/runs/r1/groups.csv");
+    assert!(groups.iter().all(|row| row["n"] == "0" || row["wells"].is_empty() || row["wells"].contains("r1/")), "{groups:?}");
+    let several = rig.get("/v1/table.csv?runs=r2,r1&spreadsheet=true");
+    assert!(several.status == 200 && several.body.starts_with("\u{feff}run,".as_bytes()));
     let both = rows("/v1/table.csv?runs=r2,r1");
     assert_eq!(both.iter().map(|row| row["plate_barcode"].as_str()).collect::<Vec<_>>(), ["P-2", "P-2", "P-1", "P-1"]);
     assert_eq!(rows("/v1/runs/r1/shape.csv"), [], "the larva of this test has no slices");

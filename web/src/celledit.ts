@@ -38,12 +38,9 @@ export function corrected(wells: readonly PlannedWell[], name: string, cell: Cel
     const [compound, strain, treatment] = [cell.compound, cell.strain, cell.treatment].map((text) => text.trim());
     if (compound) changed.compound = compound;
     if (strain) changed.strain = strain;
-    // What the map said of another compound does not hold of this one.
-    const holds = (typed: unknown, said: unknown) => compound === (well.compound ?? "") || typed !== said;
-    const control = cell.control === "negative" || cell.control === "positive" ? cell.control : null;
-    if (control !== null && holds(control, well.control)) changed.control = control;
-    if (treatment && holds(treatment, well.treatment)) changed.treatment = treatment;
-    if (replicate !== null && holds(replicate, well.replicate)) changed.replicate = replicate;
+    if (cell.control === "negative" || cell.control === "positive") changed.control = cell.control;
+    if (treatment) changed.treatment = treatment;
+    if (replicate !== null) changed.replicate = replicate;
     if (concentration !== null) changed.concentration = concentration;
     if (concentration !== null && cell.unit !== "")
       changed.concentration_unit = cell.unit as NonNullable<PlannedWell["concentration_unit"]>;
@@ -76,6 +73,13 @@ export class CellEdit {
       this.#apply();
     });
     find("cell-cancel").addEventListener("click", () => this.close());
+    // What the map says of one compound does not hold of another.
+    find("cell-compound").addEventListener("change", () => {
+      const cleared = ["control", "treatment", "replicate"].filter((key) => this.#field(key).value !== "");
+      for (const key of cleared) this.#field(key).value = "";
+      const words = `Another compound: ${cleared.join(", ")} of the map were cleared. Set them if they hold for it.`;
+      setText(this.#find("cell-words"), cleared.length === 0 ? "" : words);
+    });
   }
 
   open(name: string): void {

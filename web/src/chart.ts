@@ -92,7 +92,8 @@ function caption({ well, estimates, hulls_um3: hulls, measured }: Curve, hasHull
   const last = estimates.at(-1);
   if (measured) said.push(reportedWords(measured));
   else if (last) {
-    said.push(`${nanolitres(last.volume_um3, last.volume_sd_um3 ?? null)} (± 1 SD) of ${counted(last.views, "view")}`);
+    const sd = last.volume_sd_um3 ?? null;
+    said.push(`${nanolitres(last.volume_um3, sd)}${sd === null ? "" : " (± 1 SD)"} of ${counted(last.views, "view")}`);
   }
   const hull = hulls.at(-1);
   if (hasHull && hull !== undefined) {

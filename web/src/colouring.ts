@@ -15,6 +15,7 @@ import {
   type Colour,
   type Colouring,
 } from "./scale.ts";
+import { remember, remembered } from "./remembered.ts";
 import type { PlannedWell, WellStatus } from "./status.ts";
 
 /** The colour of a well, and its number in words. */
@@ -36,7 +37,7 @@ export class PlateColouring {
   constructor(choice: HTMLSelectElement, legend: HTMLElement, changed: () => void) {
     this.#choice = choice;
     this.#legend = legend;
-    const kept = localStorage.getItem(KEY);
+    const kept = remembered(KEY);
     choice.replaceChildren(
       ...Object.entries(COLOURINGS).map(([value, words]) => {
         const option = element("option", "", words);
@@ -46,7 +47,7 @@ export class PlateColouring {
       }),
     );
     choice.addEventListener("change", () => {
-      localStorage.setItem(KEY, choice.value);
+      remember(KEY, choice.value);
       changed();
     });
   }
@@ -62,7 +63,7 @@ export class PlateColouring {
       if (value !== null) values.set(well.well, value);
     }
     const range = rangeOf([...values.values()], by);
-    if (range === null) this.#explain(by, whyNone(wells, by), null);
+    if (range === null) this.#explain(by, whyNone(wells, by, plan), null);
     else {
       const without = scaled.length < wells.length ? "Beads and wells" : "Wells";
       const ends: [string, string] = [valueWords(range.least, by), valueWords(range.most, by)];
@@ -70,7 +71,8 @@ export class PlateColouring {
       const marked = beyond ? " A double edge marks a number beyond the scale." : "";
       const left = controls?.leftOut ?? [];
       const of = left.length + (controls?.n ?? 0);
-      const out = left.length === 0 ? "" : ` ${left.length} of ${of} controls are left out: ${left.join(", ")}.`;
+      const are = left.length === 1 ? "is" : "are";
+      const out = left.length === 0 ? "" : ` ${left.length} of ${of} controls ${are} left out: ${left.join(", ")}.`;
       this.#explain(by, `${without} without this number have no colour.${out}${marked}`, ends);
     }
     if (range === null) return new Map();

@@ -5,6 +5,7 @@
 
 import { byId, setText, show } from "./dom.ts";
 import { callFor, type Call } from "./calls.ts";
+import { remember, remembered } from "./remembered.ts";
 import type { Status } from "./status.ts";
 
 type Theme = "system" | "light" | "dark";
@@ -37,20 +38,20 @@ export class Display {
     const paint = () => {
       dark.media.mediaText = WHEN_DARK[choice.value as Theme];
     };
-    choice.value = localStorage.getItem(THEME) ?? "system";
+    choice.value = remembered(THEME) ?? "system";
     choice.addEventListener("change", () => {
-      localStorage.setItem(THEME, choice.value);
+      remember(THEME, choice.value);
       paint();
     });
     paint();
     document.body.classList.toggle("wall", new URL(location.href).searchParams.has("wall"));
 
-    this.#notices.checked = localStorage.getItem(NOTICES) === "on" && mayNotify() === "granted";
-    this.#sound.checked = localStorage.getItem(SOUND) === "on";
+    this.#notices.checked = remembered(NOTICES) === "on" && mayNotify() === "granted";
+    this.#sound.checked = remembered(SOUND) === "on";
     if (this.#sound.checked) this.#player.on();
     this.#notices.addEventListener("change", () => void this.#allow());
     this.#sound.addEventListener("change", () => {
-      localStorage.setItem(SOUND, this.#sound.checked ? "on" : "off");
+      remember(SOUND, this.#sound.checked ? "on" : "off");
       if (this.#sound.checked) this.#player.on(() => this.#player.beep());
       else this.#player.off();
     });
@@ -68,7 +69,7 @@ export class Display {
   /** Notices are offered and permitted, but this browser shows none of a page, as Chrome on Android. */
   #refuse(): void {
     this.#notices.checked = false;
-    localStorage.setItem(NOTICES, "off");
+    remember(NOTICES, "off");
     setText(this.#words, "This browser shows no notices of a page. Use the sound, or another browser.");
   }
 
@@ -86,7 +87,7 @@ export class Display {
     } else {
       setText(this.#words, "");
     }
-    localStorage.setItem(NOTICES, this.#notices.checked ? "on" : "off");
+    remember(NOTICES, this.#notices.checked ? "on" : "off");
   }
 }
 

@@ -20,9 +20,12 @@ export async function saveTable(run: string): Promise<void> {
   save(await fetchFile(`/v1/runs/${encodeURIComponent(run)}/table.csv?spreadsheet=true`), `${run}.csv`);
 }
 
-/** Offers the report of a run, or its shape table, in a file named after the run. */
-export async function saveOfRun(run: string, what: "report.html" | "shape.csv"): Promise<void> {
-  save(await fetchFile(`/v1/runs/${encodeURIComponent(run)}/${what}`), `${run}-${what}`);
+/** What else of a run is saved as a file: its report, its shapes, and its statistics for a spreadsheet. */
+type OfRun = "report.html" | "shape.csv" | "groups.csv?spreadsheet=true";
+
+/** Offers it in a file named after the run. */
+export async function saveOfRun(run: string, what: OfRun): Promise<void> {
+  save(await fetchFile(`/v1/runs/${encodeURIComponent(run)}/${what}`), `${run}-${what.split("?")[0]}`);
 }
 
 /** A link that offers a file under a name. */

@@ -10,6 +10,7 @@
 import { post, Refused } from "./api.ts";
 import { setText, show } from "./dom.ts";
 import { byPerson } from "./person.ts";
+import { remember, remembered } from "./remembered.ts";
 import type { Status } from "./status.ts";
 
 /** Works wherever the focus is. No browser uses it. */
@@ -122,22 +123,13 @@ async function send(): Promise<string | null> {
   }
 }
 
-/** Keeps the time of a stop that is not confirmed. A browser without storage keeps nothing. */
+/** Keeps the time of a stop that is not confirmed. */
 function keep(since: number | null): void {
-  try {
-    if (since === null) sessionStorage.removeItem(KEPT);
-    else sessionStorage.setItem(KEPT, String(since));
-  } catch {
-    // The stop is sent all the same.
-  }
+  remember(KEPT, since === null ? null : String(since), "the tab");
 }
 
 /** The time of a stop that the page before this one could not confirm, ms since 1970. */
 function keptSince(): number | null {
-  try {
-    const since = Number(sessionStorage.getItem(KEPT) ?? "0");
-    return Date.now() - since < KEPT_MS ? since : null;
-  } catch {
-    return null;
-  }
+  const since = Number(remembered(KEPT, "the tab") ?? "0");
+  return Date.now() - since < KEPT_MS ? since : null;
 }

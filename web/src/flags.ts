@@ -46,7 +46,8 @@ export const FLAGS: Record<string, { meaning: string; whatToDo: string; effect: 
   },
   no_closure: {
     meaning: "No view at 360 deg shows whether the specimen moved.",
-    whatToDo: "Let the program that takes the views add one at 360 deg, or look why that view has no outline.",
+    whatToDo:
+      "Let the program that takes the views add one at 360 deg, or look why that view has no outline or is the picture at 0 deg again.",
     effect: "counts",
   },
   residual: {

@@ -102,7 +102,7 @@ const lastDone = new LastDone(byId("last-done"), choose);
 const remark = new Remark(
   byId,
   async (run, well) => newRun.offer(await fetchRest(run, [well]), run),
-  (run) => void opened.readAgain(run),
+  (run) => opened.said(run),
 );
 const files = new WellFiles(byId("well-files"));
 const frameParts = {
@@ -243,6 +243,7 @@ byId("save-table").addEventListener("click", () => {
 for (const [id, what] of [
   ["save-report", "report.html"],
   ["save-shape", "shape.csv"],
+  ["save-groups", "groups.csv?spreadsheet=true"],
 ] as const) {
   byId(id).addEventListener("click", () => {
     const run = newest && shown(newest).run?.id;
@@ -321,7 +322,7 @@ function run(status: Status, detail: RunDetail | null): void {
   groups.update(status.run);
   again.update(status.run, newest !== null && runsNow(newest));
   const isEmpty = wells.every((w) => w.outcome === null);
-  for (const id of ["save-table", "save-report", "save-shape"]) byId(id).hidden = isEmpty;
+  for (const id of ["save-table", "save-report", "save-shape", "save-groups"]) byId(id).hidden = isEmpty;
   showRest(status.run);
   sheet.update(status.run);
   lastDone.update(status.run, chosen);

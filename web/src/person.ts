@@ -1,26 +1,19 @@
 // The name of the person at the page, kept in this browser. Events of a run name who asked for something.
 
+import { remember, remembered } from "./remembered.ts";
 import { show } from "./dom.ts";
 
 const OPERATOR = "carved.operator";
 /** Set once the person did not want to give a name. */
 const NO_NAME = "carved.operator.none";
 
-/** The name, or an empty text if nobody gave one, or the browser keeps nothing. */
+/** The name, or an empty text if nobody gave one. */
 export function person(): string {
-  try {
-    return localStorage.getItem(OPERATOR) ?? "";
-  } catch {
-    return "";
-  }
+  return remembered(OPERATOR) ?? "";
 }
 
 export function keepPerson(name: string): void {
-  try {
-    localStorage.setItem(OPERATOR, name.trim());
-  } catch {
-    // It is asked for again.
-  }
+  remember(OPERATOR, name.trim());
 }
 
 /** The name as the query of a command; empty without one. */
@@ -49,13 +42,13 @@ export class NameRequest {
       show(this.#form, false);
     });
     find("who-not").addEventListener("click", () => {
-      localStorage.setItem(NO_NAME, "1");
+      remember(NO_NAME, "1");
       show(this.#form, false);
     });
   }
 
   /** A command was given. */
   commanded(): void {
-    if (person() === "" && localStorage.getItem(NO_NAME) === null) show(this.#form, true);
+    if (person() === "" && remembered(NO_NAME) === null) show(this.#form, true);
   }
 }

@@ -148,6 +148,8 @@ export class Remark {
     await noteWell(run, well, this.#note());
     // The status of a stored run does not bring it.
     if (this.#of === of) this.#filled = typed;
+    const kept = this.#unsaved.get(of);
+    if (kept !== undefined && isSame(kept, typed)) this.#unsaved.delete(of);
     this.#said(run);
   }
 
@@ -155,9 +157,10 @@ export class Remark {
     const [run, well] = [this.#run?.id, this.#well?.well];
     if (run === undefined || well === undefined) return;
     keepPerson(this.#by.value);
+    const of = this.#of;
     try {
       await send(run, well);
-      setText(this.#words, `${done}.`);
+      if (this.#of === of) setText(this.#words, `${done}.`);
     } catch (error) {
       if (!(error instanceof Refused)) throw error;
       const names: Record<string, string> = { "/by": "your name", "/comment": "the reason", "/reason": "the reason" };

@@ -115,8 +115,14 @@ export function calibrationWords(calibration: CalibrationStatus | null): string 
   return parts.join(", ");
 }
 
+/** How far the clocks of instrument and browser may be apart, ms. */
+const CLOCKS_APART_MS = 5 * 60_000;
+
 /** The result of the newest daily beads, and whether it is still valid. */
-export function gateWords({ stands, summary, verdict, words }: GateStatus): string {
+export function gateWords({ stands, summary, verdict, words, measured }: GateStatus, now = Date.now()): string {
+  if (!stands && Date.parse(measured) > now + CLOCKS_APART_MS) {
+    return "! Measured later than now: look at the clock of the instrument's computer.";
+  }
   if (summary) {
     const isTooOld = !stands && verdict !== "failed" && verdict !== "too_few_beads";
     return isTooOld ? `! Too old: measure beads again. At that time: ${summary}` : `${stands ? "✓" : "✕"} ${summary}`;

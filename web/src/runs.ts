@@ -184,6 +184,8 @@ export class OpenedRun {
   #asked = 0;
   /** The status after which the run was read again. */
   #readAt = "";
+  /** Something was said about a well of the run since it was read. */
+  #isOld = false;
 
   constructor(find: <T extends Element = HTMLElement>(id: string) => T, heard: Heard) {
     this.#banner = find("opened");
@@ -222,23 +224,24 @@ export class OpenedRun {
 
   async #readAgain(): Promise<void> {
     const [detail, status] = [this.#detail, this.#status];
-    if (detail === null || status === null || !mayHaveEnded(detail, status.run)) return;
+    if (detail === null || status === null) return;
     const now = `${status.boot_id} ${status.revision}`;
-    if (now === this.#readAt) return;
-    await this.readAgain(detail.id);
+    if (!this.#isOld && (!mayHaveEnded(detail, status.run) || now === this.#readAt)) return;
+    this.#isOld = false;
+    const read = await fetchRun(detail.id);
     this.#readAt = now;
-  }
-
-  /** Reads the opened run again, if it is this one. */
-  async readAgain(run: string): Promise<void> {
-    const detail = this.#detail;
-    if (detail?.id !== run) return;
-    const read = await fetchRun(run);
     // Another run was opened meanwhile.
-    if (this.#detail !== detail) return;
+    if (this.#detail?.id !== read.id) return;
     this.#detail = read;
     this.#draw(read);
     this.#heard.read();
+  }
+
+  /** Something was said about a well of a run: its record has changed. */
+  said(run: string): void {
+    if (this.#detail?.id !== run) return;
+    this.#isOld = true;
+    void this.#again.ask();
   }
 
   async open(run: string): Promise<void> {

@@ -43,13 +43,18 @@ export interface Spread {
   leftOut: readonly string[];
 }
 
+/** The negative controls that have a volume. */
+function measuredControls(wells: readonly WellStatus[], plan: readonly PlannedWell[]): readonly WellStatus[] {
+  const controls = new Set(plan.filter((w) => w.control === "negative").map((w) => w.well));
+  return wells.filter((w) => controls.has(w.well) && w.volume_um3 !== null);
+}
+
 /**
  * Mean and standard deviation of the volumes of the negative controls that count, as in the statistics; null if they are too few or all
  * alike.
  */
 export function controlsOf(wells: readonly WellStatus[], plan: readonly PlannedWell[]): Spread | null {
-  const controls = new Set(plan.filter((w) => w.control === "negative").map((w) => w.well));
-  const measured = wells.filter((w) => controls.has(w.well) && w.volume_um3 !== null);
+  const measured = measuredControls(wells, plan);
   const volumes = measured.flatMap((w) => (countsWith(w.flags) && w.volume_um3 !== null ? [w.volume_um3] : []));
   const leftOut = measured.flatMap((w) => (countsWith(w.flags) ? [] : [w.well]));
   if (volumes.length < LEAST_CONTROLS) return null;
@@ -66,11 +71,13 @@ export function scaledWells(wells: readonly WellStatus[], by: Colouring): readon
 }
 
 /** Why no well has a colour. */
-export function whyNone(wells: readonly WellStatus[], by: Colouring): string {
+export function whyNone(wells: readonly WellStatus[], by: Colouring, plan: readonly PlannedWell[]): string {
   const measured = wells.filter((w) => w.volume_um3 !== null);
   if (measured.length === 0) return "No colours yet: no well is measured.";
   if (by === "controls") {
-    return `No colours: fewer than ${LEAST_CONTROLS} negative controls of this plate count, or they are all alike.`;
+    const left = measuredControls(wells, plan).flatMap((w) => (countsWith(w.flags) ? [] : [w.well]));
+    const out = left.length === 0 ? "" : ` Left out: ${left.join(", ")}.`;
+    return `No colours: fewer than ${LEAST_CONTROLS} negative controls of this plate count, or they are all alike.${out}`;
   }
   if (by !== "z_volume" && by !== "z_area") return "No colours yet: no well has this number.";
   const places = measured.flatMap((w) => w.reference?.[by === "z_volume" ? "volume" : "area"] ?? []);

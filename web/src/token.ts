@@ -1,11 +1,12 @@
 // The instrument's token, if it requires one (outside loopback). It is typed once and kept until the tab is closed.
 
 import { show } from "./dom.ts";
+import { remember, remembered } from "./remembered.ts";
 
 const KEY = "carved-token";
 
 export function authorization(): HeadersInit {
-  const token = sessionStorage.getItem(KEY);
+  const token = remembered(KEY, "the tab");
   return token === null ? {} : { Authorization: `Bearer ${token}` };
 }
 
@@ -18,7 +19,7 @@ export class TokenForm {
     this.#input = input;
     form.addEventListener("submit", (event) => {
       event.preventDefault();
-      sessionStorage.setItem(KEY, input.value.trim());
+      remember(KEY, input.value.trim(), "the tab");
       input.value = "";
     });
   }

@@ -41,7 +41,7 @@ def test_an_emergency_stop_latches_until_it_is_acknowledged(start_daemon: Callab
     with start_daemon("--no-demo", time_scale=1).ready() as client:
         client.put_run("r1", plan("A01"))
         client.wait_for(turning, "a turn", PATIENCE_S)
-        client.emergency_stop()
+        client.emergency_stop(by="Kim")
         client.emergency_stop()
         status = client.wait_for_outcome("r1", PATIENCE_S)
         assert status.run is not None
@@ -49,6 +49,7 @@ def test_an_emergency_stop_latches_until_it_is_acknowledged(start_daemon: Callab
         status = client.wait_for(lambda s: bool(s.faults), "the fault", PATIENCE_S)
         (fault,) = status.faults
         assert (fault.code, fault.operator_required, status.ready) == ("emergency_stop", True, False)
+        assert "Pressed by Kim (the instrument's computer)." in fault.message
         with pytest.raises(ProblemError) as refused:
             client.put_run("r2", plan("A01"))
         assert refused.value.problem.fault_seq == fault.seq

@@ -139,7 +139,7 @@ flags! {
         "Look at the frames, or measure it again.";
     NoClosure = "no_closure", Turn, [],
         "No view at 360 deg shows whether the specimen moved.",
-        "Let the program that takes the views add one at 360 deg, or look why that view has no outline.";
+        "Let the program that takes the views add one at 360 deg, or look why that view has no outline or is the picture at 0 deg again.";
     Residual = "residual", Turn, ["residual_px", "residual_view_px", "scatter_px"],
         "The edges of the views do not agree with each other.",
         "Check focus, vibration and dirt, and measure it again.";

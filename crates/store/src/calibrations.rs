@@ -6,7 +6,7 @@
 //!                   marked-DAY-ID.json        sense and mirror: no scale, it does not expire
 //! ```
 
-use super::{StoreError, durable};
+use super::{StoreError, disk, durable};
 use carved_records::{CalibrationStatus, Mode, is_fresh};
 use serde::Deserialize;
 use std::path::Path;
@@ -57,6 +57,11 @@ pub struct RigCalibration {
 }
 
 impl RigCalibration {
+    /// Whether it was measured after the time `now`, and so nobody knows how old it is.
+    fn is_of_the_future(&self, now: jiff::Timestamp) -> bool {
+        !is_fresh(now.duration_since(self.measured).as_secs_f64(), f64::INFINITY)
+    }
+
     /// The calibration as the status shows it at the time `now`.
     pub fn status(self, max_age_days: f64, now: jiff::Timestamp) -> CalibrationStatus {
         let age_s = now.duration_since(self.measured).as_secs_f64();
@@ -79,9 +84,14 @@ impl RigCalibration {
 /// # Errors
 /// The folder exists and cannot be listed.
 pub fn newest(folder: &Path, rig: &str, mode: Mode) -> Result<Option<RigCalibration>, StoreError> {
+    let now = jiff::Timestamp::now();
     let mut newest: Option<RigCalibration> = None;
-    for path in durable::json_files(folder)? {
-        match of_rig(&path, rig, mode) {
+    for path in disk::watched(false, || durable::json_files(folder))? {
+        match disk::watched(false, || of_rig(&path, rig, mode)) {
+            // The clock was set back. A calibration of today must not be outranked by it.
+            Ok(Some(c)) if c.is_of_the_future(now) => {
+                tracing::warn!(path = %path.display(), measured = %c.measured, "a calibration that is later than the clock is passed over");
+            }
             // The id makes the choice between equal times unique, because a folder has no order.
             Ok(Some(c)) if newest.as_ref().is_none_or(|n| (c.measured, &c.id) > (n.measured, &n.id)) => newest = Some(c),
             Ok(_) => {}

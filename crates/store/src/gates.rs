@@ -6,7 +6,7 @@
 //!                          └────────────────┘
 //! ```
 
-use super::{RecordingReader, Software, StoreError, durable};
+use super::{RecordingReader, Software, StoreError, disk, durable};
 use carved_core::quality::gate::{BeadGate, BeadMeasured, GateNumbers, GateSettings, GateVerdict};
 use carved_core::statistics::upper_median;
 use carved_records::{Mode, SpecimenKind, is_fresh, sha256_hex};
@@ -186,6 +186,10 @@ pub fn all(folder: &Path, rig: &str, mode: Mode) -> Result<Vec<GateFile>, StoreE
 /// # Errors
 /// A folder that is there and cannot be listed.
 pub fn every(folder: &Path) -> Result<Vec<GateFile>, StoreError> {
+    disk::watched(false, || read_every(folder))
+}
+
+fn read_every(folder: &Path) -> Result<Vec<GateFile>, StoreError> {
     let mut gates: Vec<GateFile> = Vec::new();
     let is_gate = |path: &PathBuf| path.file_name().and_then(|n| n.to_str()).is_some_and(|n| n.starts_with("gate-"));
     for path in durable::json_files(folder)?.into_iter().filter(is_gate) {

@@ -45,7 +45,8 @@ pub(super) fn found_or_made(root: &Path) -> Result<String, StoreError> {
         Err(error @ StoreError::Identity { .. }) => {
             let Some(uuid) = of_runs(root) else { return Err(error) };
             let kept = root.join(format!("{FILE}.damaged"));
-            durable::rename(&path, &kept)?;
+            // At every moment there is a file of this name: without one a new uuid would be made.
+            durable::write(&kept, &carved_files::read(&path).map_err(StoreError::io("read", &path))?)?;
             tracing::error!(%error, uuid, kept = %kept.display(), "the uuid of the instrument was taken from the records of its runs");
             uuid
         }
@@ -55,7 +56,7 @@ pub(super) fn found_or_made(root: &Path) -> Result<String, StoreError> {
     Ok(uuid)
 }
 
-/// The uuid that all runs of the folder name which name any. `None` if there is none, or several.
+/// The uuid that the runs of the folder name. `None` if none names one, or if they name several. A run that cannot be read names none.
 fn of_runs(root: &Path) -> Option<String> {
     let folders = std::fs::read_dir(root.join("runs")).ok()?.filter_map(|entry| Some(entry.ok()?.path()));
     let records = folders.filter(|folder| is_own_folder(folder)).filter_map(|folder| RunRecord::of_folder(&folder).ok());
@@ -125,6 +126,10 @@ mod tests {
         assert_eq!(claim.instrument_uuid().unwrap(), uuids[0]);
         assert_eq!(instrument_uuid(dir.path()).unwrap().as_deref(), Some(uuids[0]), "it is written again");
         assert!(std::fs::read_to_string(dir.path().join("instrument.json.damaged")).unwrap().contains("instrumenu"));
+        // Once more: the newest damaged file is kept.
+        std::fs::write(&path, "{").unwrap();
+        assert_eq!(claim.instrument_uuid().unwrap(), uuids[0]);
+        assert_eq!(std::fs::read_to_string(dir.path().join("instrument.json.damaged")).unwrap(), "{");
         std::fs::write(&path, "").unwrap();
         run("r3", Some(uuids[1]));
         assert!(claim.instrument_uuid().is_err(), "two instruments");

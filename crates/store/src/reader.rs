@@ -5,6 +5,7 @@
 //! run, specimen, file ─────── runs/RUN/..., names are checked before they become a path, bytes against SHA256SUMS
 //! ```
 
+use super::disk;
 use super::gates::{self, GateFile};
 use super::index::{self, EventsAfter, RunRow, RunsQuery};
 use super::recording::{DETECTION, MEASUREMENT, frame_name};
@@ -169,7 +170,7 @@ impl StoreReader {
     /// # Errors
     /// The index cannot be read.
     pub fn was_accepted(&self, run: &str) -> Result<bool, StoreError> {
-        index::was_accepted(&self.root, run)
+        disk::watched(false, || index::was_accepted(&self.root, run))
     }
 
     pub(super) fn used_bytes(&self) -> Result<u64, StoreError> {

@@ -3,7 +3,6 @@
 use super::{ome_zarr::recorded, read, views, write};
 use anyhow::{Context, ensure};
 use carved_records::RunPlan;
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Args)]
@@ -51,7 +50,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let mut table = csv::Writer::from_writer(Vec::new());
     let runs = read(&args.runs)?;
     let own = own_columns(runs.iter().map(|run| &run.record().plan));
-    table.write_record(COLUMNS.into_iter().chain(own.keys().map(String::as_str)))?;
+    table.write_record(COLUMNS.into_iter().chain(own.iter().map(|(key, _)| key.as_str())))?;
     let mut rows = 0;
     for run in runs {
         let record = run.record();
@@ -59,8 +58,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             let Some(reader) = recorded(&run, planned)? else { continue };
             let facts = views::plate_map_facts(&reader.recording().specimen, Some(&record.plan))?;
             let fact = |name: &str| facts.iter().find(|(key, _)| key == name).map_or("", |(_, value)| value.as_str());
-            let cell = |names: &Vec<String>| names.iter().map(|name| fact(name)).find(|cell| !cell.is_empty()).unwrap_or_default();
-            let of_map: Vec<&str> = PLATE_MAP.into_iter().map(fact).chain(own.values().map(cell)).collect();
+            let of_map: Vec<&str> = PLATE_MAP.into_iter().chain(own.iter().map(|(_, name)| name.as_str())).map(fact).collect();
             for entry in views::by_number(&reader) {
                 let [frame, in_folder] = place(&reader.frame_path(entry))?.with_context(|| {
                     format!(
@@ -87,19 +85,22 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The lab's own columns of all runs by their names in the list, which has letters, digits and `_` only, with their names in the plate maps.
-fn own_columns<'p>(plans: impl Iterator<Item = &'p RunPlan>) -> BTreeMap<String, Vec<String>> {
-    let mut found = BTreeMap::<String, Vec<String>>::new();
+/// The lab's own columns of all runs: their names in the list, of letters, digits and `_`, and in the plate maps. Two columns that would have
+/// one name are numbered.
+fn own_columns<'p>(plans: impl Iterator<Item = &'p RunPlan>) -> Vec<(String, String)> {
+    let mut found = Vec::<(String, String)>::new();
     for name in plans.filter_map(|plan| plan.metadata.get("columns")?.as_object()).flat_map(|columns| columns.keys()) {
+        if found.iter().any(|(_, known)| known == name) {
+            continue;
+        }
         let plain: String = name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
-        let mut key = format!("Metadata_{plain}");
-        if COLUMNS.contains(&key.as_str()) {
-            key.push_str("_own");
-        }
-        let names = found.entry(key).or_default();
-        if !names.contains(name) {
-            names.push(name.clone());
-        }
+        let is_taken = |key: &String| {
+            let same = |other: &str| other.eq_ignore_ascii_case(key);
+            COLUMNS.iter().any(|other| same(other)) || found.iter().any(|(other, _)| same(other))
+        };
+        let numbered = (2..).map(|n| format!("Metadata_{plain}_{n}"));
+        let key = std::iter::once(format!("Metadata_{plain}")).chain(numbered).find(|key| !is_taken(key));
+        found.extend(key.map(|key| (key, name.clone())));
     }
     found
 }

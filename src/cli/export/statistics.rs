@@ -21,6 +21,9 @@ pub struct Args {
     /// File for Z' of every run with controls (`.csv`).
     #[arg(long, value_name = "FILE")]
     controls: Option<PathBuf>,
+    /// Write the CSV for a spreadsheet: with a byte order mark, and with an apostrophe before text that it would take for a formula.
+    #[arg(long)]
+    spreadsheet: bool,
     #[command(flatten)]
     which: Which,
 }
@@ -58,6 +61,8 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
             bail!("{}: this file is CSV; --out takes .json, which has all statistics", file.display());
         }
     }
+    ensure!(!(args.spreadsheet && as_json), "--spreadsheet is for .csv");
+    let text = if args.spreadsheet { csv::for_spreadsheet } else { csv::text };
     let runs = read(&args.runs)?;
     let flagged = args.which.flagged();
     let statistics = Statistics::of(&runs, flagged);
@@ -74,14 +79,14 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     );
     match &args.out {
         Some(file) if as_json => write(file, &serde_json::to_vec_pretty(&statistics).context("the statistics cannot be written as JSON")?)?,
-        Some(file) => write(file, csv::text(&groups_table(&statistics)).as_bytes())?,
-        None => say!("{}", csv::text(&groups_table(&statistics)).trim_end()),
+        Some(file) => write(file, text(&groups_table(&statistics)).as_bytes())?,
+        None => say!("{}", text(&groups_table(&statistics)).trim_end()),
     }
     if let Some(file) = &args.responses {
-        write(file, csv::text(&responses_table(&statistics)).as_bytes())?;
+        write(file, text(&responses_table(&statistics)).as_bytes())?;
     }
     if let Some(file) = &args.controls {
-        write(file, csv::text(&windows_table(&statistics)).as_bytes())?;
+        write(file, text(&windows_table(&statistics)).as_bytes())?;
     }
     Ok(left_out(&runs))
 }

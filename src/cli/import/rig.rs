@@ -163,6 +163,8 @@ fn psi(file: &Path, warn: &mut dyn FnMut(String)) -> anyhow::Result<Psi> {
 
 /// A camera with its angles, and the keys of the text that are none of a camera.
 pub(in crate::cli) fn parse(text: &str) -> anyhow::Result<(Psi, Vec<String>)> {
+    // An editor of Windows begins a file with a byte order mark.
+    let text = text.trim_start_matches('\u{feff}');
     let psi: Psi =
         serde_json::from_str(text).context("expected an object with f, kx, ky, ux, uy, width, height and the angles omega (rad)")?;
     psi.camera.check()?;

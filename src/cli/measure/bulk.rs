@@ -205,7 +205,7 @@ fn named(paths: &[PathBuf]) -> anyhow::Result<(BTreeMap<String, PathBuf>, Vec<St
         let folder = if whole.extension().is_some_and(|e| e == "tar") { whole.with_extension("") } else { whole.clone() };
         let run = part(folder.parent());
         let name = format!("{run}/{}", part(Some(&folder)));
-        if let Some(parent) = folder.parent().filter(|parent| !runs.values().any(|known| known == parent)) {
+        if let Some(parent) = folder.parent().filter(|parent| runs.get(&run).is_none_or(|known| known != parent)) {
             once(&mut runs, run.clone(), parent)?;
             if let Ok(record) = RunRecord::of_folder(parent) {
                 once(&mut ids, record.id, parent)?;

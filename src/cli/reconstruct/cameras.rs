@@ -24,6 +24,8 @@ pub(in crate::cli) fn read(file: &Path) -> anyhow::Result<Cameras> {
 
 /// The cameras in the text of such a file.
 pub(in crate::cli) fn parse(text: &str) -> anyhow::Result<Cameras> {
+    // An editor of Windows begins a file with a byte order mark.
+    let text = text.trim_start_matches('\u{feff}');
     match text.trim_start().chars().next() {
         Some('{') => psi(text),
         Some('[') => matrices(text),
@@ -165,7 +167,8 @@ mod tests {
         let flat = serde_json::to_string(&[ROWS.concat(), ROWS.concat()]).unwrap();
         let lines = format!("# two views\n{}\n\n  {}  # the second\n", text_of(&ROWS), text_of(&ROWS).replace(' ', ", "));
         let expected = Cameras::Matrices { projections: vec![Projection::from_matrix(ROWS).unwrap(); 2], names: None };
-        for text in [nested, flat, lines] {
+        let marked = format!("\u{feff}{nested}");
+        for text in [nested, flat, lines, marked] {
             assert_eq!(parse(&text).unwrap(), expected, "{text}");
         }
     }

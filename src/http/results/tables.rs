@@ -4,6 +4,7 @@ use super::{read, unknown_run};
 use crate::http::conditional;
 use crate::http::problem::Problem;
 use crate::http::{App, AppState};
+use crate::tables::statistics::{Flagged, Statistics, groups_table};
 use crate::tables::{self, Table, csv};
 use axum::extract::rejection::{PathRejection, QueryRejection};
 use axum::extract::{Path, Query, State};
@@ -23,6 +24,9 @@ pub(in crate::http) struct Named {
     /// Names of runs, 1 to 100, separated by commas. Each is named once.
     #[param(pattern = r"[^\s,]")]
     runs: String,
+    /// As of the table of one run.
+    #[serde(default)]
+    spreadsheet: bool,
 }
 
 #[derive(Debug, Deserialize, IntoParams)]
@@ -73,8 +77,11 @@ pub(in crate::http) async fn of_run(
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     let (Path(id), Query(Opened { spreadsheet })) = (path?, asked?);
-    let write = if spreadsheet { csv::for_spreadsheet } else { csv::text };
-    table(&app, vec![id], tables::specimens, write, &headers).await
+    table(&app, vec![id], tables::specimens, written(spreadsheet), &headers).await
+}
+
+fn written(spreadsheet: bool) -> fn(&Table) -> String {
+    if spreadsheet { csv::for_spreadsheet } else { csv::text }
 }
 
 /// The shape table of a run: one row per slice along the body of each specimen.
@@ -91,6 +98,24 @@ pub(in crate::http) async fn shape_of_run(
     table(&app, vec![id], tables::stations, csv::text, &headers).await
 }
 
+/// The statistics of a run as a table: one row per quantity and group or compound, as `carved export statistics` writes it. Numbers that are
+/// bounds or doubtful are left out, and counted.
+#[utoipa::path(get, path = "/v1/runs/{run_id}/groups.csv", tag = "results", params(("run_id" = String, Path), Opened), responses(
+    (status = 200, description = "CSV", body = String, content_type = "text/csv"),
+    (status = 304, description = "The client has it"),
+    (status = 400, description = "A query that makes no sense", body = Problem, content_type = "application/problem+json"),
+))]
+pub(in crate::http) async fn groups_of_run(
+    State(app): State<AppState>,
+    path: Result<Path<String>, PathRejection>,
+    asked: Result<Query<Opened>, QueryRejection>,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let (Path(id), Query(Opened { spreadsheet })) = (path?, asked?);
+    let groups = |runs: &[StoredRun]| groups_table(&Statistics::of(runs, Flagged::Sound));
+    table(&app, vec![id], groups, written(spreadsheet), &headers).await
+}
+
 /// One table of several runs.
 #[utoipa::path(get, path = "/v1/table.csv", tag = "results", params(Named), responses(
     (status = 200, description = "CSV", body = String, content_type = "text/csv"),
@@ -104,9 +129,9 @@ pub(in crate::http) async fn of_runs(
     asked: Result<Query<Named>, QueryRejection>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let Query(Named { runs }) = asked?;
+    let Query(Named { runs, spreadsheet }) = asked?;
     let names = names(&runs)?;
-    table(&app, names, tables::specimens, csv::text, &headers).await
+    table(&app, names, tables::specimens, written(spreadsheet), &headers).await
 }
 
 /// The names of a list. A row of a run that stands in it twice could not be told from the other.

@@ -150,10 +150,10 @@ impl DriverState {
     }
 
     /// Requests the abort of the run that this daemon leaves to the next one, which ends it.
-    pub fn abort_left_run(&mut self) {
+    pub fn abort_left_run(&mut self, asked: Asked) {
         let is_left = self.life == Life::Stopping(Departure::LeavesRun);
         if let Some(run) = self.past_run.as_ref().filter(|run| is_left && run.outcome.is_none()) {
-            self.outbox.record(Some(&run.id), None, EventData::RunAbortRequested(Asked::default()));
+            self.outbox.record(Some(&run.id), None, EventData::RunAbortRequested(asked));
             self.write();
         }
     }

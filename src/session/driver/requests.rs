@@ -40,14 +40,18 @@ pub(super) fn emergency_pressed(d: &mut DriverState) {
     d.devices.note_stop();
     if !faults::is_open(&d.state().faults, fault_table::EMERGENCY_STOP.code) {
         let (seq, since) = (d.state().faults.newest() + 1, jiff::Timestamp::now().to_string());
-        let fault = Fault::new(seq, &fault_table::EMERGENCY_STOP, fault_table::EMERGENCY_STOP.meaning.into(), since);
+        let mut message = fault_table::EMERGENCY_STOP.meaning.to_owned();
+        if let Some(by) = &asked.by {
+            message += &format!(" Pressed by {by}{}.", asked.from.as_ref().map_or_else(String::new, |from| format!(" ({from})")));
+        }
+        let fault = Fault::new(seq, &fault_table::EMERGENCY_STOP, message, since);
         d.event_shown(None, EventData::FaultRaised(fault), |d| d.publish(|_| ()));
     }
     let state = d.machine();
     if d.run.is_some() && state != State::Aborting {
         course::abort(d, asked);
     } else if d.run.is_none() && state != State::Aborted {
-        d.abort_left_run();
+        d.abort_left_run(asked);
         d.transition(Trigger::Abort);
         d.transition(Trigger::MotorsStopped);
     }
@@ -129,8 +133,7 @@ fn known(d: &mut DriverState, id: &str) -> Result<Known, Refusal> {
             return Ok(Known::Not);
         }
     }
-    let store = d.outbox.store();
-    let was_accepted = || store.long_work(|| store.reader().was_accepted(id)).unwrap_or(false);
+    let was_accepted = || d.outbox.store().reader().was_accepted(id).unwrap_or(false);
     Ok(match known {
         Some(known) => Known::Run(Box::new(known)),
         None if was_accepted() => Known::Pruned,

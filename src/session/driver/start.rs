@@ -21,7 +21,7 @@ pub(super) fn is_not_accepted(store: &Store, run: &str) -> bool {
 
 /// Whether a run has a folder of a well.
 pub(super) fn has_wells(store: &Store, run: &str) -> bool {
-    std::fs::read_dir(store.run_folder(run)).is_ok_and(|mut folder| folder.any(|e| e.is_ok_and(|e| e.path().is_dir())))
+    store.long_work(|| std::fs::read_dir(store.run_folder(run)).is_ok_and(|mut folder| folder.any(|e| e.is_ok_and(|e| e.path().is_dir()))))
 }
 
 /// The events of a run, oldest first. If they cannot be read: the newest events of all.

@@ -3,6 +3,7 @@
 //   kept in this browser: address, token that only reads ──> GET ADDRESS/v1/status, again and again ──> a tile
 
 import { byId, element, setText, show } from "../dom.ts";
+import { remember, remembered } from "../remembered.ts";
 import type { Status } from "../status.ts";
 import { tileOf, type Tile } from "./tile.ts";
 
@@ -31,7 +32,7 @@ let followed: Followed[] = [];
 
 function kept(): Named[] {
   try {
-    const found: unknown = JSON.parse(localStorage.getItem(KEY) ?? "[]");
+    const found: unknown = JSON.parse(remembered(KEY) ?? "[]");
     const isNamed = (one: unknown): one is Named =>
       typeof one === "object" && one !== null && "address" in one && "token" in one;
     return Array.isArray(found) ? found.filter(isNamed).slice(0, MOST) : [];
@@ -111,7 +112,7 @@ function draw(): void {
 }
 
 function keep(named: Named[]): void {
-  localStorage.setItem(KEY, JSON.stringify(named));
+  remember(KEY, JSON.stringify(named));
   for (const one of followed) one.isOver = true;
   followed = named.map((one) => ({ named: one, status: null, heard: 0, trouble: null, isOver: false }));
   for (const one of followed) void follow(one);

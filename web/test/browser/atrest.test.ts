@@ -56,6 +56,10 @@ test("a live picture at rest gives way to a run, and comes back after it", { tim
   await page.getByRole("button", { name: "Save shapes (CSV)" }).click();
   assert.equal((await shapes).suggestedFilename(), "vpa-shape.csv");
   assert.match(await readFile(await (await shapes).path(), "utf8"), /A01/);
+  const groups = page.waitForEvent("download");
+  await page.getByRole("button", { name: "Save groups (CSV)" }).click();
+  assert.equal((await groups).suggestedFilename(), "vpa-groups.csv");
+  assert.match(await readFile(await (await groups).path(), "utf8"), /^\ufeffquantity,[\s\S]*Valproic acid/);
 
   await page.getByText("All runs").click();
   await until(page, "runs-words", /^1 of 1 runs\.$/);

@@ -191,7 +191,7 @@ test("a run from the empty plate map to the download of all its files", { timeou
   assert.equal(await card.locator('[data-number="field-volume"]').isVisible(), false, "one volume is reported");
   await card.getByText("Other volumes, and why they differ").click();
   await card.locator('[data-number="field-volume"]', { hasText: /The surface that is drawn/ }).waitFor();
-  await card.locator('[data-number="hull-volume"]', { hasText: /The live hull/ }).waitFor();
+  await card.locator('[data-number="hull-volume"]', { hasText: /The rough live volume/ }).waitFor();
   await until(page, "chart-caption", /^A01: reported [\d.]+ ± [\d.]+.nL \(± 1 SD\)\./);
 
   // The model with the colours of the frames: eyes and pigment are dark, which the plain model is nowhere.

@@ -92,13 +92,15 @@ test("quality colours a well by its flags or its residual", () => {
 
 test("a plate without colours says why", () => {
   const larva = well("A01", { outcome: "succeeded", volume_um3: 1, reference: placed });
-  assert.equal(whyNone([larva], "z_volume"), "No colours: no reference of 3 dpf.");
-  assert.equal(whyNone([well("A01")], "z_volume"), "No colours yet: no well is measured.");
+  assert.equal(whyNone([larva], "z_volume", []), "No colours: no reference of 3 dpf.");
+  assert.equal(whyNone([well("A01")], "z_volume", []), "No colours yet: no well is measured.");
   assert.match(
-    whyNone([{ ...larva, reference: null }], "z_area"),
+    whyNone([{ ...larva, reference: null }], "z_area", []),
     /^No colours: no measured well is a larva of known age/,
   );
-  assert.match(whyNone([larva], "controls"), /^No colours: fewer than 3 negative controls/);
+  assert.match(whyNone([larva], "controls", []), /^No colours: fewer than 3 negative controls/);
+  const moved = well("A02", { volume_um3: 1, flags: ["moved"] });
+  assert.match(whyNone([moved], "controls", [{ well: "A02", control: "negative" }]), / Left out: A02\.$/);
 });
 
 test("signs can be read on every colour of both scales", () => {

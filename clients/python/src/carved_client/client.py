@@ -225,9 +225,13 @@ class CarvedClient(Results):
     def _about(self, run_id: str, well: str, what: str, body: Mapping[str, Any]) -> Acknowledged:
         return self._command("PUT", f"/v1/runs/{_name(run_id)}/wells/{_name(well)}/{what}", body)
 
-    def emergency_stop(self) -> Acknowledged:
-        """Stops the motors, then everything else. It is repeated at once, many times, until it arrives."""
-        body = self._json("POST", "/v1/emergency-stop", idempotent=True, timeout_s=2.0, retry=AT_ONCE)
+    def emergency_stop(self, by: str | None = None) -> Acknowledged:
+        """Stops the motors, then everything else. It is repeated at once, many times, until it arrives.
+
+        `by` is the name of the person who stops, for the event log.
+        """
+        params = {} if by is None else {"by": by}
+        body = self._json("POST", "/v1/emergency-stop", params=params, idempotent=True, timeout_s=2.0, retry=AT_ONCE)
         return decode(Acknowledged, body)
 
     def acknowledge(self, fault_seq: int, by: str | None = None) -> Acknowledged:
