@@ -70,6 +70,8 @@ struct State {
     latched: bool,
     /// The owner has started a motion and has not seen its end.
     moving: bool,
+    /// Stops that were written since the owner asked.
+    stops: u32,
 }
 
 /// The bytes that stop the motor in a protocol; none if nothing stops it.
@@ -140,6 +142,7 @@ impl Transmitter {
             }
             self.write(state, piece)?;
         }
+        state.stops = state.stops.saturating_add(1);
         Ok(())
     }
 }
@@ -222,7 +225,7 @@ impl Link {
             why: e.to_string(),
             remedy: "Close other programs: this computer has no file handles left",
         })?;
-        let state = Mutex::new(State { transport: Some(twin), latched: false, moving: false });
+        let state = Mutex::new(State { transport: Some(twin), latched: false, moving: false, stops: 0 });
         let transmitter = Transmitter { device, stop, state };
         let (address, transmitter) = (address.to_owned(), Arc::new(transmitter));
         Ok(Self { device, reader, address, first: Vec::new(), pending: Vec::new(), passes_latch: false, transmitter })
@@ -296,6 +299,11 @@ impl Link {
     pub fn write_stop(&mut self) -> Result<(), DeviceError> {
         let mut state = self.transmitter.lock();
         self.transmitter.write_stop(&mut state)
+    }
+
+    /// Number of stops that were written since the last call, by the owner or by a handle.
+    pub fn take_stops(&mut self) -> u32 {
+        std::mem::take(&mut self.transmitter.lock().stops)
     }
 
     /// Stops the motor without latching, as the owner's reaction to a fault.

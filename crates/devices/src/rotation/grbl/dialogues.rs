@@ -77,6 +77,7 @@ fn play(script: Vec<Step<'static>>) -> Scripted {
     let is_real_time = |expected: &str| ["?", "!", RESET, "\u{87}"].contains(&expected);
     let sent = |expected: &str| match expected.chars().next() {
         Some(byte) if is_real_time(expected) => vec![byte as u8],
+        _ if expected.as_bytes() == STOP => STOP.to_vec(),
         // Whatever moves, moves at full speed.
         _ if expected.starts_with(MODES) => [FULL_FEED, expected.as_bytes(), b"\n"].concat(),
         _ => format!("{expected}\n").into_bytes(),
@@ -927,10 +928,27 @@ fn the_greeting_of_a_stop_of_carved_may_be_read_late_and_counts_once() {
     script.extend([("?", report.clone()), ("?", idle("0.000")), ("?", report)]);
     let controller = play(script);
     let mut grbl = open(&controller).unwrap();
-    (grbl.own_reset, grbl.owes_greeting) = (Instant::now().checked_sub(OWN_GREETING * 2).unwrap(), true);
+    (grbl.own_reset, grbl.owed_greetings) = (Instant::now().checked_sub(OWN_GREETING * 2).unwrap(), 1);
     assert!(!matches!(grbl.check(), Err(DeviceError::Intervention { .. })));
     let again = (0..2).map(|_| grbl.check()).find_map(Result::err);
     assert!(matches!(again, Some(DeviceError::Intervention { .. })), "{again:?}");
+}
+
+/// An abort stops a turning axis, and so does the driver that finds its move cut short: the controller resets twice.
+#[test]
+fn the_greetings_of_two_stops_are_both_those_of_carved() {
+    let mut script = opening();
+    let report = GREETING.to_owned() + &idle("0.000");
+    script.extend([step("!\x18", ""), step("!\x18", ""), ("?", report.clone()), ("?", report.clone()), ("?", report)]);
+    let controller = play(script);
+    let mut grbl = open(&controller).unwrap();
+    grbl.own_reset = Instant::now().checked_sub(OWN_GREETING * 2).unwrap();
+    grbl.link.halt();
+    grbl.link.halt();
+    for _ in 0..2 {
+        assert!(!matches!(grbl.check(), Err(DeviceError::Intervention { .. })));
+    }
+    assert!(matches!(grbl.check(), Err(DeviceError::Intervention { .. })));
 }
 
 #[test]

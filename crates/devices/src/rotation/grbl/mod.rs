@@ -98,8 +98,10 @@ pub struct Grbl {
     unreported_reset: Option<String>,
     /// When carved last reset the controller, or may have: as it opened the port, or woke it.
     own_reset: Instant,
-    /// carved has stopped the controller, and the greeting of that reset was not read yet. It may be read much later than it came.
-    owes_greeting: bool,
+    /// Stops of carved whose greetings were not read yet. They may be read much later than they came. An abort may stop an axis twice.
+    owed_greetings: u32,
+    /// When carved was last found to have stopped the controller.
+    own_stop: Instant,
 }
 
 impl Grbl {
@@ -140,7 +142,8 @@ impl Grbl {
             controller_settings: ControllerSettings::new(),
             unreported_reset: None,
             own_reset: Instant::now(),
-            owes_greeting: false,
+            owed_greetings: 0,
+            own_stop: Instant::now(),
         };
         match grbl.identify() {
             // The daemon can start and show it: `check` reports it again.
@@ -252,7 +255,6 @@ impl Grbl {
             self.unreported_reset = None;
         } else if self.link.is_moving() {
             self.link.halt();
-            self.owes_greeting = true;
         }
         self.link.set_moving(false);
         self.outputs.forget();
@@ -289,7 +291,6 @@ impl Grbl {
         let was_stopped = self.link.is_stopped();
         self.link.release(cancel)?;
         if was_stopped {
-            self.owes_greeting = true;
             self.doubt(&DeviceError::Stopped);
         }
         Ok(())

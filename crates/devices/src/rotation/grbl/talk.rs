@@ -127,7 +127,7 @@ impl Grbl {
                     },
                     _ => continue,
                 };
-                self.owes_greeting = false;
+                self.owe_no_greeting();
                 self.link.quiet(SILENCE, Instant::now() + self.settings.answer_timeout())?;
                 let greeting = greeting.split(" [").next().unwrap_or_default().to_owned();
                 self.settings.dialect.of(&greeting)?;
@@ -421,6 +421,7 @@ impl Grbl {
     /// suspect. One that a person caused is an error.
     pub(super) fn report_at_rest(&mut self) -> Result<Option<Status>, DeviceError> {
         let wait = self.settings.answer_timeout();
+        self.note_stops();
         let mut lines = self.link.probe(STATUS, wait)?;
         if lines.is_empty() {
             lines = self.link.probe(STATUS, wait)?;
@@ -437,7 +438,25 @@ impl Grbl {
                 Err(error) => self.doubt(&error),
             }
         }
+        // Two resets at once may have one greeting. What has not come before this answer does not come.
+        if newest.is_some() && self.own_stop.elapsed() > OWN_GREETING {
+            self.owe_no_greeting();
+        }
         Ok(newest)
+    }
+
+    /// Counts the greetings of the stops that were written since the last call.
+    fn note_stops(&mut self) {
+        let stops = self.link.take_stops();
+        if stops > 0 {
+            (self.owed_greetings, self.own_stop) = (self.owed_greetings.saturating_add(stops), Instant::now());
+        }
+    }
+
+    /// Every greeting of a stop of carved was read.
+    fn owe_no_greeting(&mut self) {
+        self.link.take_stops();
+        self.owed_greetings = 0;
     }
 
     /// Reads the lines that came since the last answer. A restart or an alarm is an error.
@@ -459,7 +478,8 @@ impl Grbl {
             Line::Alarm(intervention::RESET_IN_MOTION) => alarm_text(intervention::RESET_IN_MOTION),
             _ => return unless_alarm(line),
         };
-        let is_late = self.is_identified && !self.owes_greeting && self.own_reset.elapsed() > OWN_GREETING;
+        self.note_stops();
+        let is_late = self.is_identified && self.owed_greetings == 0 && self.own_reset.elapsed() > OWN_GREETING;
         let is_own = self.link.is_stopped() || !(is_late || self.knowledge.is_known() || self.link.is_moving());
         if !is_own {
             let error = intervention::reset(&sign);
@@ -469,7 +489,7 @@ impl Grbl {
         }
         match line {
             Line::Greeting(greeting) => {
-                self.owes_greeting = false;
+                self.owed_greetings = self.owed_greetings.saturating_sub(1);
                 Err(DeviceError::Suspect { why: format!("the controller restarted: {greeting}") })
             }
             alarm => unless_alarm(alarm),
