@@ -77,7 +77,7 @@ export class CellEdit {
     find("cell-compound").addEventListener("change", () => {
       const cleared = ["control", "treatment", "replicate"].filter((key) => this.#field(key).value !== "");
       for (const key of cleared) this.#field(key).value = "";
-      const words = `Another compound: ${cleared.join(", ")} of the map were cleared. Set them if they hold for it.`;
+      const words = `The compound has changed. Cleared: ${cleared.join(", ")}. Enter them again if they apply to the new compound.`;
       setText(this.#find("cell-words"), cleared.length === 0 ? "" : words);
     });
   }

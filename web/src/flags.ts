@@ -47,7 +47,7 @@ export const FLAGS: Record<string, { meaning: string; whatToDo: string; effect: 
   no_closure: {
     meaning: "No view at 360 deg shows whether the specimen moved.",
     whatToDo:
-      "Let the program that takes the views add one at 360 deg, or look why that view has no outline or is the picture at 0 deg again.",
+      "Let the program that takes the views add one at 360 deg, or find out why it has no outline or is a copy of the view at 0 deg.",
     effect: "counts",
   },
   residual: {

@@ -121,7 +121,7 @@ const CLOCKS_APART_MS = 5 * 60_000;
 /** The result of the newest daily beads, and whether it is still valid. */
 export function gateWords({ stands, summary, verdict, words, measured }: GateStatus, now = Date.now()): string {
   if (!stands && Date.parse(measured) > now + CLOCKS_APART_MS) {
-    return "! Measured later than now: look at the clock of the instrument's computer.";
+    return "! The date of these beads is in the future: check the clock of the instrument's computer.";
   }
   if (summary) {
     const isTooOld = !stands && verdict !== "failed" && verdict !== "too_few_beads";

@@ -77,7 +77,7 @@ export function whyNone(wells: readonly WellStatus[], by: Colouring, plan: reado
   if (by === "controls") {
     const left = measuredControls(wells, plan).flatMap((w) => (countsWith(w.flags) ? [] : [w.well]));
     const out = left.length === 0 ? "" : ` Left out: ${left.join(", ")}.`;
-    return `No colours: fewer than ${LEAST_CONTROLS} negative controls of this plate count, or they are all alike.${out}`;
+    return `No colours: statistics can use fewer than ${LEAST_CONTROLS} negative controls of this plate, or their volumes are all alike.${out}`;
   }
   if (by !== "z_volume" && by !== "z_area") return "No colours yet: no well has this number.";
   const places = measured.flatMap((w) => w.reference?.[by === "z_volume" ? "volume" : "area"] ?? []);

@@ -139,7 +139,7 @@ flags! {
         "Look at the frames, or measure it again.";
     NoClosure = "no_closure", Turn, [],
         "No view at 360 deg shows whether the specimen moved.",
-        "Let the program that takes the views add one at 360 deg, or look why that view has no outline or is the picture at 0 deg again.";
+        "Let the program that takes the views add one at 360 deg, or find out why it has no outline or is a copy of the view at 0 deg.";
     Residual = "residual", Turn, ["residual_px", "residual_view_px", "scatter_px"],
         "The edges of the views do not agree with each other.",
         "Check focus, vibration and dirt, and measure it again.";

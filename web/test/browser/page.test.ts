@@ -416,7 +416,7 @@ test("what there is to look at is listed by reason, and leads to its wells", asy
       "✕ The frame is dark – A07",
       "! The specimen moved during the turn: measure it again, and check flow, bubbles and lost steps if several in a row moved – A03",
       "! The specimen extends beyond the left side of the picture, so the volume is a lower bound: measure it again, further to the right – A08",
-      "! No view at 360 deg shows whether the specimen moved: let the program that takes the views add one at 360 deg, or look why that view has no outline or is the picture at 0 deg again – A08",
+      "! No view at 360 deg shows whether the specimen moved: let the program that takes the views add one at 360 deg, or find out why it has no outline or is a copy of the view at 0 deg – A08",
       "– The capillary is empty – A04 A06",
       "– Two larvae – A05",
     ],

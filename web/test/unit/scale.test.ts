@@ -98,7 +98,7 @@ test("a plate without colours says why", () => {
     whyNone([{ ...larva, reference: null }], "z_area", []),
     /^No colours: no measured well is a larva of known age/,
   );
-  assert.match(whyNone([larva], "controls", []), /^No colours: fewer than 3 negative controls/);
+  assert.match(whyNone([larva], "controls", []), /^No colours: statistics can use fewer than 3 negative controls/);
   const moved = well("A02", { volume_um3: 1, flags: ["moved"] });
   assert.match(whyNone([moved], "controls", [{ well: "A02", control: "negative" }]), / Left out: A02\.$/);
 });

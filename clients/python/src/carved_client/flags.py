@@ -26,7 +26,7 @@ FLAGS = MappingProxyType({
     "unusable_views": Flag("Many of the planned views do not count.", "Check light, focus and bubbles."),
     "moved": Flag("The specimen moved during the turn.", "Measure it again, and check flow, bubbles and lost steps if several in a row moved."),
     "closure_undecided": Flag("The view at 360 deg cannot tell whether the specimen moved.", "Look at the frames, or measure it again."),
-    "no_closure": Flag("No view at 360 deg shows whether the specimen moved.", "Let the program that takes the views add one at 360 deg, or look why that view has no outline or is the picture at 0 deg again."),
+    "no_closure": Flag("No view at 360 deg shows whether the specimen moved.", "Let the program that takes the views add one at 360 deg, or find out why it has no outline or is a copy of the view at 0 deg."),
     "residual": Flag("The edges of the views do not agree with each other.", "Check focus, vibration and dirt, and measure it again."),
     "overlap": Flag("A view does not fit the model.", "Look at the frame of this view."),
     "uncertain": Flag("The standard deviation of the volume is unusually large, or the outlines do not determine the volume.", "Look at the frames, or measure it again with more views."),
