@@ -217,7 +217,7 @@ fn an_answer_that_comes_after_its_time_is_not_the_answer_to_something_else() {
 #[test]
 fn a_lost_answer_is_asked_for_again_and_a_silent_controller_is_not_waited_for() {
     let mut bench = Bench::new(1000.0);
-    bench.settings.answer_timeout_ms = 200;
+    bench.settings.answer_timeout_ms = 600;
     let mut grbl = bench.referenced();
     let serial = bench.rig.faults();
     for target in [TARGET, Steps(48), Steps(0)] {
@@ -237,7 +237,7 @@ fn a_lost_answer_is_asked_for_again_and_a_silent_controller_is_not_waited_for() 
 #[test]
 fn stray_bytes_and_split_and_merged_lines_do_no_harm() {
     let mut bench = Bench::new(1000.0);
-    bench.settings.answer_timeout_ms = 300;
+    bench.settings.answer_timeout_ms = 600;
     let serial = bench.rig.faults();
     let serial = serial.serial();
     let mut grbl = bench.referenced();
