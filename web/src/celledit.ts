@@ -1,5 +1,5 @@
-// One cell of a plate map that was read: its specimen, age, strain and treatment are corrected before the run, or the well is left out. The file on
-// the computer stays as it is.
+// One cell of a plate map that was read: its specimen, age, strain and treatment are corrected before the run, or the well is left out. The
+// file on the computer stays as it is.
 
 import { setText, show } from "./dom.ts";
 import type { PlannedWell } from "./status.ts";

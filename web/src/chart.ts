@@ -36,7 +36,7 @@ export function reported(well: WellStatus): Reported | null {
 }
 
 /** `reported 243 ± 1 nL (± 1 SD)`, `reported at least 65 nL`. Pure. */
-export function reportedWords({ volume_um3, sd_um3, isBound: bound }: Reported): string {
+function reportedWords({ volume_um3, sd_um3, isBound: bound }: Reported): string {
   return `reported ${bound ? "at least " : ""}${nanolitres(volume_um3, sd_um3)}${sd_um3 === null ? "" : " (± 1 SD)"}`;
 }
 

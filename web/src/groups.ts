@@ -79,7 +79,7 @@ export function leftOutWords(found: Pick<QuantityStatistics, "left_out"> | undef
 }
 
 /** What the statistics follow from: the wells with a number, and their flags. When it changes, they are read again. Pure. */
-export function measuredOf(run: RunStatus): string {
+function measuredOf(run: RunStatus): string {
   const numbers = run.results.map(
     ({ well, volume_um3, outcome, flags }) => [well, volume_um3, outcome, flags] as const,
   );

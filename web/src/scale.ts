@@ -49,6 +49,9 @@ function measuredControls(wells: readonly WellStatus[], plan: readonly PlannedWe
   return wells.filter((w) => controls.has(w.well) && w.volume_um3 !== null);
 }
 
+/** The wells whose numbers statistics leave out. */
+const leftOutOf = (wells: readonly WellStatus[]) => wells.filter((w) => !countsWith(w.flags)).map((w) => w.well);
+
 /**
  * Mean and standard deviation of the volumes of the negative controls that count, as in the statistics; null if they are too few or all
  * alike.
@@ -56,11 +59,10 @@ function measuredControls(wells: readonly WellStatus[], plan: readonly PlannedWe
 export function controlsOf(wells: readonly WellStatus[], plan: readonly PlannedWell[]): Spread | null {
   const measured = measuredControls(wells, plan);
   const volumes = measured.flatMap((w) => (countsWith(w.flags) && w.volume_um3 !== null ? [w.volume_um3] : []));
-  const leftOut = measured.flatMap((w) => (countsWith(w.flags) ? [] : [w.well]));
   if (volumes.length < LEAST_CONTROLS) return null;
   const mean = volumes.reduce((sum, v) => sum + v, 0) / volumes.length;
   const sd = Math.sqrt(volumes.reduce((sum, v) => sum + (v - mean) ** 2, 0) / (volumes.length - 1));
-  return sd > 0 ? { mean, sd, n: volumes.length, leftOut } : null;
+  return sd > 0 ? { mean, sd, n: volumes.length, leftOut: leftOutOf(measured) } : null;
 }
 
 /** The wells that have a colour. A bead among larvae has none: it would make their differences invisible. */
@@ -75,7 +77,7 @@ export function whyNone(wells: readonly WellStatus[], by: Colouring, plan: reado
   const measured = wells.filter((w) => w.volume_um3 !== null);
   if (measured.length === 0) return "No colours yet: no well is measured.";
   if (by === "controls") {
-    const left = measuredControls(wells, plan).flatMap((w) => (countsWith(w.flags) ? [] : [w.well]));
+    const left = leftOutOf(measuredControls(wells, plan));
     const out = left.length === 0 ? "" : ` Left out: ${left.join(", ")}.`;
     return `No colours: statistics can use fewer than ${LEAST_CONTROLS} negative controls of this plate, or their volumes are all alike.${out}`;
   }

@@ -5,9 +5,14 @@ use serde::{Deserialize, Serialize};
 /// How far a clock may be ahead of the one that dated a measurement, s. A clock that is synchronised again may step back by so much.
 const AHEAD_S: f64 = 300.0;
 
-/// Whether a measurement of this age still counts. One of the future does not: the clock was set back, and nobody knows how old it is.
+/// Whether a measurement of this age is of the future: the clock was set back, and nobody knows how old it is.
+pub fn is_of_the_future(age_s: f64) -> bool {
+    age_s < -AHEAD_S
+}
+
+/// Whether a measurement of this age still counts. One of the future does not.
 pub fn is_fresh(age_s: f64, max_age_s: f64) -> bool {
-    (-AHEAD_S..max_age_s).contains(&age_s)
+    age_s < max_age_s && !is_of_the_future(age_s)
 }
 
 /// The newest calibration of this rig, from beads or from a scale. It is looked up at the start of the daemon and of each run.
@@ -58,7 +63,7 @@ fn age_s(measured: &str, now: jiff::Timestamp) -> Option<f64> {
 impl GateStatus {
     /// Whether it was measured after the time `now`: the clock was set back.
     pub fn is_of_the_future(&self, now: jiff::Timestamp) -> bool {
-        age_s(&self.measured, now).is_some_and(|age_s| age_s < -AHEAD_S)
+        age_s(&self.measured, now).is_some_and(is_of_the_future)
     }
 }
 

@@ -32,7 +32,7 @@ mod state;
 mod treatment;
 mod well;
 
-pub use calibration::{CalibrationStatus, GateStatus, is_fresh};
+pub use calibration::{CalibrationStatus, GateStatus, is_fresh, is_of_the_future};
 pub use concentration::ConcentrationUnit;
 pub use event::{
     Asked, AttemptFailed, DaemonStarted, DaemonStopping, Event, EventBody, EventData, FaultAcknowledged, FaultsCleared, HeldBy,

@@ -7,7 +7,7 @@
 //! ```
 
 use super::{StoreError, disk, durable};
-use carved_records::{CalibrationStatus, Mode, is_fresh};
+use carved_records::{CalibrationStatus, Mode, is_fresh, is_of_the_future};
 use serde::Deserialize;
 use std::path::Path;
 
@@ -57,14 +57,13 @@ pub struct RigCalibration {
 }
 
 impl RigCalibration {
-    /// Whether it was measured after the time `now`, and so nobody knows how old it is.
-    fn is_of_the_future(&self, now: jiff::Timestamp) -> bool {
-        !is_fresh(now.duration_since(self.measured).as_secs_f64(), f64::INFINITY)
+    fn age_s(&self, now: jiff::Timestamp) -> f64 {
+        now.duration_since(self.measured).as_secs_f64()
     }
 
     /// The calibration as the status shows it at the time `now`.
     pub fn status(self, max_age_days: f64, now: jiff::Timestamp) -> CalibrationStatus {
-        let age_s = now.duration_since(self.measured).as_secs_f64();
+        let age_s = self.age_s(now);
         let max_age_s = max_age_days * 86400.0;
         CalibrationStatus {
             id: self.id,
@@ -89,7 +88,7 @@ pub fn newest(folder: &Path, rig: &str, mode: Mode) -> Result<Option<RigCalibrat
     for path in disk::watched(false, || durable::json_files(folder))? {
         match disk::watched(false, || of_rig(&path, rig, mode)) {
             // The clock was set back. A calibration of today must not be outranked by it.
-            Ok(Some(c)) if c.is_of_the_future(now) => {
+            Ok(Some(c)) if is_of_the_future(c.age_s(now)) => {
                 tracing::warn!(path = %path.display(), measured = %c.measured, "a calibration that is later than the clock is passed over");
             }
             // The id makes the choice between equal times unique, because a folder has no order.

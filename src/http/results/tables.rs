@@ -76,8 +76,19 @@ pub(in crate::http) async fn of_run(
     asked: Result<Query<Opened>, QueryRejection>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
+    opened(&app, path, asked, tables::specimens, &headers).await
+}
+
+/// A table of one run as CSV.
+async fn opened(
+    app: &App,
+    path: Result<Path<String>, PathRejection>,
+    asked: Result<Query<Opened>, QueryRejection>,
+    make: fn(&[StoredRun]) -> Table,
+    headers: &HeaderMap,
+) -> Result<Response, Problem> {
     let (Path(id), Query(Opened { spreadsheet })) = (path?, asked?);
-    table(&app, vec![id], tables::specimens, written(spreadsheet), &headers).await
+    table(app, vec![id], make, written(spreadsheet), headers).await
 }
 
 fn written(spreadsheet: bool) -> fn(&Table) -> String {
@@ -111,9 +122,8 @@ pub(in crate::http) async fn groups_of_run(
     asked: Result<Query<Opened>, QueryRejection>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let (Path(id), Query(Opened { spreadsheet })) = (path?, asked?);
     let groups = |runs: &[StoredRun]| groups_table(&Statistics::of(runs, Flagged::Sound));
-    table(&app, vec![id], groups, written(spreadsheet), &headers).await
+    opened(&app, path, asked, groups, &headers).await
 }
 
 /// One table of several runs.
