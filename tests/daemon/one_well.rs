@@ -135,6 +135,25 @@ fn a_revolution_that_overruns_stops_the_motor_and_costs_its_well_only() {
     assert_eq!(instrument.rig.shaft().angle_rad().to_bits(), angle.to_bits(), "the shaft moves");
 }
 
+/// The numbers of A01 are made while A02 is measured. They come too late, and are not written.
+#[test]
+fn numbers_that_overrun_fail_their_well_and_are_written_nowhere() {
+    let instrument = start(&QUICK, "retries = 0, deadlines_s = { measure = 0.001 }", STRAIGHT);
+    instrument.put(&["A01", "A02"].map(|well| json!({"well": well, "dpf": 4})));
+    ["A01", "A02"].iter().for_each(|well| instrument.load_when_asked(well, larva()));
+    let status = instrument.daemon.wait("the run's end", |s| !s["run"]["outcome"].is_null());
+    let well = &status["run"]["results"][0];
+    assert_eq!((&well["outcome"], &well["volume_um3"]), (&json!("failed"), &Value::Null), "{status}");
+    let reason = well["reason"].as_str().unwrap();
+    assert!(reason.contains("measure") && reason.contains("allows it 0.001 s"), "{reason}");
+    for name in ["measurement.json", "model.glb"] {
+        assert!(!instrument.well("A01").join(name).exists(), "{name}");
+    }
+    assert!(instrument.well("A01/SHA256SUMS").is_file(), "the turn is kept");
+    let listed = json(&instrument.well("run.json"));
+    assert_eq!((&listed["wells"][0]["outcome"], &listed["wells"][0]["volume_um3"]), (&json!("failed"), &Value::Null), "{listed}");
+}
+
 #[test]
 fn a_reference_that_overruns_is_a_fault_that_names_the_phase_and_both_times() {
     let instrument = start(&SLOW_REFERENCE, "retries = 0, deadlines_s = { position = 1 }", STRAIGHT);

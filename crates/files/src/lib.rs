@@ -71,6 +71,24 @@ pub fn read_below(folder: &Path, name: &Path) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
+/// Opens a file of the instrument's own for reading.
+///
+/// # Errors
+/// As [`open_own`], or there is none.
+pub fn open_own_to_read(path: &Path) -> io::Result<File> {
+    open_own(path, OpenOptions::new().read(true))
+}
+
+/// The bytes of a file of the instrument's own.
+///
+/// # Errors
+/// As [`open_own_to_read`], or the file cannot be read.
+pub fn read_own(path: &Path) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    open_own_to_read(path)?.read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
 /// The bytes of a regular file.
 ///
 /// # Errors
@@ -165,6 +183,10 @@ mod tests {
             ("/etc/hostname", "leads out"),
         ] {
             let error = read_below(&own, Path::new(name)).unwrap_err().to_string();
+            assert!(error.contains(what), "{name}: {error}");
+        }
+        for (name, what) in [("link", "a link"), ("pipe", "a pipe"), ("A01", "a folder")] {
+            let error = read_own(&own.join(name)).unwrap_err().to_string();
             assert!(error.contains(what), "{name}: {error}");
         }
         // The folder itself may be reached through a link: the data folder may be on another disk.

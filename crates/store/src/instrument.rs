@@ -24,7 +24,7 @@ struct InstrumentFile {
 /// The file of the uuid is damaged, or it cannot be read.
 pub fn instrument_uuid(root: &Path) -> Result<Option<String>, StoreError> {
     let path = root.join(FILE);
-    match carved_files::read(&path) {
+    match carved_files::read_own(&path) {
         Ok(text) => read(&path, &text).map(Some),
         Err(e) if e.kind() == ErrorKind::NotFound => Ok(None),
         Err(e) => Err(StoreError::io("read", &path)(e)),
@@ -46,7 +46,7 @@ pub(super) fn found_or_made(root: &Path) -> Result<String, StoreError> {
             let Some(uuid) = of_runs(root) else { return Err(error) };
             let kept = root.join(format!("{FILE}.damaged"));
             // At every moment there is a file of this name: without one a new uuid would be made.
-            durable::write(&kept, &carved_files::read(&path).map_err(StoreError::io("read", &path))?)?;
+            durable::write(&kept, &carved_files::read_own(&path).map_err(StoreError::io("read", &path))?)?;
             tracing::error!(%error, uuid, kept = %kept.display(), "the uuid of the instrument was taken from the records of its runs");
             uuid
         }

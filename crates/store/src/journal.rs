@@ -179,7 +179,7 @@ struct Id {
 /// Whether the ids of a journal increase from this byte on, after the id `newest`. Lines that are not events are skipped.
 pub(super) fn is_in_order(path: &Path, from_byte: u64, mut newest: u64) -> Result<bool, StoreError> {
     let io = |what| StoreError::io(what, path);
-    let mut file = carved_files::open(path).map_err(io("open"))?;
+    let mut file = carved_files::open_own_to_read(path).map_err(io("open"))?;
     file.seek(SeekFrom::Start(from_byte)).map_err(io("read"))?;
     for line in BufReader::new(file).split(b'\n') {
         let Ok(Id { id }) = serde_json::from_slice(&line.map_err(io("read"))?) else { continue };
@@ -215,7 +215,7 @@ fn damaged(number: u32) -> String {
 /// journal is written last, so that a start after a crash repeats the repair.
 pub(super) fn repair(root: &Path) -> Result<Repaired, StoreError> {
     let path = root.join(EVENTS);
-    let text = carved_files::read(&path).map_err(StoreError::io("read", &path))?;
+    let text = carved_files::read_own(&path).map_err(StoreError::io("read", &path))?;
     let (mut lines, mut changed, mut newest) = (Vec::new(), BTreeMap::<String, Vec<(&[u8], Vec<u8>)>>::new(), 0);
     let (mut renumbered, mut set_aside) = (0, 0);
     for line in text.split_inclusive(|&b| b == b'\n') {
@@ -244,7 +244,7 @@ pub(super) fn repair(root: &Path) -> Result<Repaired, StoreError> {
     durable::write(&kept, &text)?;
     for (run, mut changes) in changed {
         let of_run = root.join("runs").join(run).join(EVENTS);
-        let Ok(old) = carved_files::read(&of_run) else { continue };
+        let Ok(old) = carved_files::read_own(&of_run) else { continue };
         let mut new = Vec::with_capacity(old.len());
         for line in old.split_inclusive(|&b| b == b'\n') {
             // The same line may occur twice. The first change belongs to the first line.
@@ -289,7 +289,7 @@ fn line_of(event: &Event) -> Result<Vec<u8>, StoreError> {
 /// Calls `take` with each complete event of a journal. The journal may be larger than the memory.
 pub(super) fn each(path: &Path, mut take: impl FnMut(Event)) -> Result<(), StoreError> {
     let io = |what| StoreError::io(what, path);
-    for line in BufReader::new(carved_files::open(path).map_err(io("open"))?).split(b'\n') {
+    for line in BufReader::new(carved_files::open_own_to_read(path).map_err(io("open"))?).split(b'\n') {
         if let Ok(event) = serde_json::from_slice(&line.map_err(io("read"))?) {
             take(event);
         }

@@ -69,7 +69,7 @@ impl PlateQueue {
     /// The queue of a data folder. Empty if it has no file, or one that cannot be read.
     pub fn open(root: &Path) -> Self {
         let path = root.join(FILE);
-        let read = match carved_files::read(&path) {
+        let read = match carved_files::read_own(&path) {
             Err(e) if e.kind() == ErrorKind::NotFound => Ok(Vec::new()),
             Err(e) => Err(StoreError::io("read", &path)(e)),
             Ok(text) => read(&path, &text),

@@ -98,7 +98,7 @@ fn events(c: &Connection, path: &Path) -> rusqlite::Result<()> {
         c.execute_batch("DELETE FROM events; DELETE FROM faults; UPDATE place SET journal_bytes = 0")?;
         from = 0;
     }
-    let Ok(file) = carved_files::open(path) else { return Ok(()) };
+    let Ok(file) = carved_files::open_own_to_read(path) else { return Ok(()) };
     let mut reader = BufReader::new(file);
     reader.seek(SeekFrom::Start(from)).map_err(unfit)?;
     let mut line = Vec::new();
@@ -123,7 +123,7 @@ pub(super) fn goes_on(path: &Path, from: u64, newest: u64) -> bool {
         return newest == 0;
     }
     let before = || {
-        let mut file = carved_files::open(path).ok()?;
+        let mut file = carved_files::open_own_to_read(path).ok()?;
         let length = from.min(1024 * 1024);
         (file.metadata().ok()?.len() >= from).then_some(())?;
         file.seek(SeekFrom::Start(from - length)).ok()?;
