@@ -69,6 +69,10 @@ export class Zoom {
       this.#to({ ...place, x: place.x + event.clientX - x, y: place.y + event.clientY - y });
     });
     for (const end of ["pointerup", "pointercancel"]) box.addEventListener(end, () => (this.#from = null));
+    // The browser would drag the picture as a file, and end the movement.
+    box.addEventListener("dragstart", (event) => {
+      if (this.#from !== null) event.preventDefault();
+    });
     box.addEventListener("dblclick", () => this.reset());
     box.addEventListener("keydown", (event) => {
       const [x, y] = [box.clientWidth / 2, box.clientHeight / 2];

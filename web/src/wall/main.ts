@@ -14,8 +14,8 @@ interface Named {
 
 const KEY = "carved.instruments";
 const MOST = 12;
-/** Pause between two readings of an instrument, ms. */
-const PAUSE_MS = 2000;
+/** Pause between two readings of an instrument, and between two drawings, ms. What is heard within two pauses is live. */
+const PAUSE_MS = 1000;
 /** How long an answer may take, ms. */
 const PATIENCE_MS = 8000;
 
@@ -142,3 +142,5 @@ byId<HTMLFormElement>("add").addEventListener("submit", (event) => {
 
 byId<HTMLDetailsElement>("named").open = kept().length === 0;
 keep(kept());
+// An answer that does not come grows older without a reading that ends.
+setInterval(draw, PAUSE_MS);

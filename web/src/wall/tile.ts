@@ -6,7 +6,9 @@ import { count, finish, headline, progressLine, plateName, STATES, toneOf, type 
 import type { Status } from "../status.ts";
 import { doneWords } from "../wells.ts";
 
-/** Age from which on a status is called old, s: four readings. */
+/** Age up to which a status is shown as that of now, s. The page of one instrument is live as long. */
+const LIVE_S = 2;
+/** Age from which on somebody is needed, s. A busy machine may be silent for some seconds. */
 const OLD_S = 8;
 
 export interface Tile {
@@ -30,7 +32,10 @@ function toneWith(needed: string | null, tone: Tone): Tone {
   return needed !== null && tone !== "alarm" ? "attention" : tone;
 }
 
-/** `status` is `ageS` old, or null before the first one. An instrument that does not answer needs somebody. */
+/**
+ * `status` is `ageS` old, or null before the first one. What is older than a moment is not shown as the state of now, and an instrument that
+ * does not answer for longer needs somebody.
+ */
 export function tileOf(address: string, status: Status | null, trouble: string | null, ageS: number): Tile {
   if (status === null) {
     const words = trouble === null ? "Connecting …" : `No status: ${trouble}.`;
@@ -39,22 +44,24 @@ export function tileOf(address: string, status: Status | null, trouble: string |
     return { ...none, name: address, tone: needed ? "alarm" : "calm", state: needed ? "No status" : "", needed, words };
   }
   const { run } = status;
+  const isLate = ageS > LIVE_S;
   const isOld = trouble !== null && ageS > OLD_S;
-  const silent = `No answer for ${duration(ageS)}: ${trouble ?? ""}. What is shown is that old.`;
+  const silent = `No answer for ${duration(ageS)}${trouble === null ? "" : `: ${trouble}`}. What is shown is that old.`;
   // Wells that a person or the end of the run left out say nothing of the instrument.
   const done = run?.results.findLast((well) => well.outcome === "succeeded" || well.outcome === "failed");
   const needed = isOld ? silent : needsSomebody(status) ? headline(status) : null;
+  const tone = isLate && needed === null ? "calm" : toneWith(needed, toneOf(status));
   return {
     name: status.instrument.name,
     isSimulated: status.mode === "simulated",
-    tone: isOld ? "alarm" : toneWith(needed, toneOf(status)),
-    state: isOld ? "Silent" : STATES[status.state],
+    tone: isOld ? "alarm" : tone,
+    state: isOld ? "Silent" : isLate ? "No answer" : STATES[status.state],
     needed,
     words: run === null && status.ready ? headline(status) : progressLine(status),
     plate: plateName(status),
     count: count(status),
     finish: finish(status),
     last: done === undefined ? "" : `Last: ${done.well} ${unbroken(doneWords(done))}`,
-    trouble: isOld || trouble === null ? null : `${trouble}.`,
+    trouble: isOld ? null : isLate ? silent : trouble && `${trouble}.`,
   };
 }

@@ -1,6 +1,6 @@
 // What people say about wells, with real clicks on the real daemon: a held run skips a well and measures another again, a well is left out of
-// statistics by name and reason, and the rest of an aborted plate is measured without its file. Beside it the contact sheet, and the frame
-// that is magnified, made brighter and leafed through.
+// statistics by name and reason, and the rest of an aborted or interrupted plate is measured without its file. Beside it the contact sheet,
+// the frame that is magnified, moved, made brighter and leafed through, and a flag that leads to its help.
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
@@ -17,6 +17,26 @@ async function about(page: Page, well: string): Promise<void> {
   await until(page, "well-heading", new RegExp(`^Well ${well}$`));
   const form = page.locator("#remark-form");
   if (!(await form.isVisible())) await page.getByText("Remark, leave out, skip, measure again").click();
+}
+
+/** Where the edges of this picture of the frame are, in px from the same edges of its box. */
+const edges = (page: Page, id = "frame-image") =>
+  page.locator(`#${id}`).evaluate((image) => {
+    const [picture, box] = [image.getBoundingClientRect(), image.parentElement!.getBoundingClientRect()];
+    // With 0 added there is no -0, which `deepEqual` tells from 0.
+    const off = (side: "left" | "top" | "right" | "bottom") => Math.round(picture[side] - box[side]) + 0;
+    return { left: off("left"), top: off("top"), right: off("right"), bottom: off("bottom") };
+  });
+
+/** Drags the frame with the mouse, from one place to another, both as shares of its box. */
+async function drag(page: Page, [x, y]: readonly [number, number], [toX, toY]: readonly [number, number]) {
+  await page.locator("#frame-box").scrollIntoViewIfNeeded();
+  const box = (await page.locator("#frame-box").boundingBox())!;
+  await page.mouse.move(box.x + x * box.width, box.y + y * box.height);
+  await page.mouse.down();
+  await page.mouse.move(box.x + toX * box.width, box.y + toY * box.height, { steps: 5 });
+  await page.mouse.up();
+  return { dx: Math.round((toX - x) * box.width), dy: Math.round((toY - y) * box.height) };
 }
 
 test(
@@ -138,6 +158,28 @@ test(
       page.locator("#frame-image").evaluate((image) => [image.style.filter, image.style.transform !== ""]);
     assert.deepEqual(await look(), ["contrast(2)", true]);
     await shoot(page, "people-zoomed");
+
+    // Dragged with the mouse: picture and outline move by as much as the pointer, and stay when the button is up.
+    const near = (found: number, wanted: number, what: string) =>
+      assert.ok(Math.abs(found - wanted) <= 2, `${what}: ${found} px, not ${wanted}`);
+    const before = await edges(page);
+    const by = await drag(page, [0.5, 0.5], [0.4, 0.45]);
+    const after = await edges(page);
+    near(after.left - before.left, by.dx, "along");
+    near(after.top - before.top, by.dy, "across");
+    assert.deepEqual(await edges(page, "profile-image"), after, "the outline lies on the picture");
+    await page.locator("#frame-box").hover({ position: { x: 20, y: 20 } });
+    assert.deepEqual(await edges(page), after, "without the button nothing moves");
+    // No further than to the edges of the picture.
+    for (const [from, to] of [
+      [0.02, 0.98],
+      [0.98, 0.02],
+    ] as const) {
+      await drag(page, [from, from], [to, to]);
+      const { left, top, right, bottom } = await edges(page);
+      assert.deepEqual(from < to ? [left, top] : [right, bottom], [0, 0], "edge at edge");
+      assert.ok(left <= 0 && top <= 0 && right >= 0 && bottom >= 0, "the box is full of picture");
+    }
     await page.getByRole("button", { name: "Reset" }).click();
     assert.deepEqual(await look(), ["", false]);
     // A click on a view brings the frame into sight.
@@ -175,11 +217,77 @@ test(
     await about(page, "A06");
     await about(page, "A01");
     assert.equal(await page.locator("#remark-words").innerText(), "", "it is saved");
+
+    // From a flag to its help: the row about it, in sight.
+    const opens = page.waitForEvent("popup");
+    await page.locator("#well-body a.flag", { hasText: "A person has left the specimen out of statistics" }).click();
+    const help = await opens;
+    const row = help.locator("tr#row-excluded");
+    await row.getByText("excluded", { exact: true }).waitFor();
+    const { pathname, hash } = new URL(help.url());
+    assert.deepEqual([pathname, hash], ["/docs/quality.html", "#row-excluded"]);
+    await help.waitForFunction(() => {
+      const { top, bottom } = document.querySelector(location.hash)!.getBoundingClientRect();
+      return scrollY > 0 && top > -1 && bottom <= innerHeight;
+    });
     // The record and pictures of a well that is measured again are moved away, maybe while the page reads them.
     const moved = /404 .*\/specimens\/A01(\/|$)/;
     assert.deepEqual(
       complaints.filter((text) => !moved.test(text)),
       [],
     );
+  },
+);
+
+test(
+  "a plate that ends with the daemon is shown as interrupted, and the rest of it is measured",
+  { timeout: 3 * RUN_MS },
+  async (t) => {
+    const { daemon, page, complaints } = await opened(t, 5);
+    await daemon.send("PUT", "/v1/runs/cut", plan(["A01", "A02", "A03", "A05"].map(larva)));
+    const rest = page.locator("#measure-rest");
+
+    // Killed in a turn, it goes on by itself: no rest is offered of a run that is under way.
+    await daemon.follow((s) => s.specimen?.well === "A02" && s.specimen.view > 2);
+    await daemon.crash();
+    await page.locator("#lost", { hasText: /^Connection lost/ }).waitFor();
+    await daemon.again();
+    await until(page, "link", /^Live$/);
+    await page.getByText("What happened in this run").click();
+    await until(page, "log-list", /The program was started again and found the run open\./);
+    await until(page, "log-list", /A02 was interrupted .*: it is measured again from the start\./);
+    assert.equal(await rest.isVisible(), false);
+
+    // Ended as a service manager does it, the run is over.
+    await daemon.follow((s) => s.specimen?.well === "A03" && s.specimen.view > 2);
+    await daemon.end();
+    await daemon.again();
+    const { run } = await daemon.follow(
+      (s) => s.run?.outcome != null && s.run.results.every((w) => w.outcome !== null),
+    );
+    assert.equal(run!.outcome, "interrupted", JSON.stringify(run));
+    const left = run!.results.filter((w) => w.outcome === "interrupted").map((w) => w.well);
+    // On a busy machine all views of A03 may have been there.
+    assert.ok(!left.includes("A01") && !left.includes("A02") && left.includes("A05"), JSON.stringify(run!.results));
+    await until(page, "progress-line", new RegExp(`^Run cut was interrupted: .*\\b${left.length} interrupted\\.$`));
+    const marked = page.locator('#plate [data-condition="interrupted"]');
+    assert.deepEqual(await marked.evaluateAll((wells) => wells.map((well) => well.getAttribute("data-well"))), left);
+    await pick(page, "A05");
+    await until(page, "well-body", /Interrupted and given up/);
+    await shoot(page, "people-interrupted");
+
+    const several = left.length === 1 ? ["1 well", "1 larva"] : [`${left.length} wells`, `${left.length} larvae`];
+    await rest.filter({ hasText: new RegExp(`^Measure the rest: ${several[0]}$`) }).waitFor();
+    if ((await daemon.status()).plate.take_out !== null) await page.locator("#is-out").click();
+    await rest.click();
+    await until(page, "plate-holds", new RegExp(`^Of run cut: ${several[0]}: ${several[1]} of 3 dpf\\.$`));
+    await page.getByLabel("Run name").fill("rest");
+    await page.getByRole("button", { name: "Start", exact: true }).click();
+    const started = await daemon.follow((s) => s.run?.id === "rest");
+    assert.deepEqual(
+      started.run!.results.map((w) => w.well),
+      left,
+    );
+    assert.deepEqual(complaints, []);
   },
 );

@@ -54,11 +54,34 @@ test("two instruments on one page, one of which lets this page only read", { tim
 
   await isAccessible(page, "instruments", (of) => shoot(page, of.replaceAll(/[ ,]+/g, "-")));
 
-  // An instrument that does not answer needs somebody, too.
+  // Alone on the page, one that hangs in a run is not shown as running. At first nobody is needed, then somebody is, and it answers again.
+  await page.getByRole("button", { name: `Remove ${other.url}` }).click();
+  await until(page, "needs", /^Nobody is needed\.$/);
+  assert.equal(await tiles.count(), 1);
+  await daemon.send("PUT", "/v1/runs/r2", plan([larva("A01"), larva("A02")]));
+  const hung = tiles.nth(0);
+  const state = (words: string) => hung.locator(".state").getByText(words, { exact: true });
+  await state("Running").waitFor();
+  daemon.signal("SIGSTOP");
+  await hung.and(page.locator('[data-tone="calm"][data-needed="false"]')).waitFor();
+  await state("No answer").waitFor();
+  await hung.getByText(/^No answer for \d+ s\. What is shown is that old\.$/).waitFor();
+  await shoot(page, "instruments-no-answer");
+  await hung.and(page.locator('[data-tone="alarm"][data-needed="true"]')).waitFor();
+  await state("Silent").waitFor();
+  await until(page, "needs", /^Somebody is needed at /);
+  daemon.signal("SIGCONT");
+  await hung
+    .locator(".state")
+    .filter({ hasNotText: /^(No answer|Silent)$/ })
+    .waitFor();
+  await hung.locator(".trouble").waitFor({ state: "detached" });
+
+  // One that is away needs somebody, too.
   await daemon.stop();
-  await tiles
-    .nth(0)
-    .getByText(/^No answer for /)
+  await hung
+    .locator(".needed")
+    .getByText(/^No answer for .*: it does not answer/)
     .waitFor();
   const away = /ERR_CONNECTION_REFUSED|401/;
   assert.deepEqual(

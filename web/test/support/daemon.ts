@@ -135,8 +135,8 @@ export class Daemon {
     return this.#said.slice(-60).join("\n");
   }
 
-  /** Asks it to end as a service manager does; insists after a while. Gives its exit code. */
-  async stop(): Promise<number | null> {
+  /** Asks it to end as a service manager does; insists after a while. Gives its exit code. Its data stay. */
+  async end(): Promise<number | null> {
     const child = this.#child;
     if (child.pid !== undefined && child.exitCode === null && child.signalCode === null) {
       const ended = once(child, "exit");
@@ -145,7 +145,13 @@ export class Daemon {
       await ended;
       clearTimeout(insist);
     }
-    await rm(this.folder, { recursive: true, force: true });
     return child.exitCode;
+  }
+
+  /** Ends it, and removes its data. Gives its exit code. */
+  async stop(): Promise<number | null> {
+    const code = await this.end();
+    await rm(this.folder, { recursive: true, force: true });
+    return code;
   }
 }

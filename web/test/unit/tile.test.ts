@@ -23,8 +23,15 @@ test("somebody is needed where a fault waits for a person, and where nobody answ
   const silent = tileOf("http://a:1", running, "it does not answer", 60);
   assert.deepEqual([silent.state, silent.tone], ["Silent", "alarm"]);
   assert.match(silent.needed!, /^No answer for 1 min: it does not answer\. What is shown is that old\.$/);
-  // A single answer that is late is no alarm.
-  assert.equal(tileOf("http://a:1", running, "it does not answer", 5).needed, null);
+  // A single answer that is late is no alarm, and what was heard before is not shown as the state of now.
+  for (const trouble of [null, "it does not answer"]) {
+    const late = tileOf("http://a:1", running, trouble, 5);
+    assert.deepEqual([late.state, late.needed, late.tone], ["No answer", null, "calm"]);
+    assert.match(late.trouble!, /^No answer for 5 s(: it does not answer)?\. What is shown is that old\.$/);
+  }
+  const waitsLate = tileOf("http://a:1", waits, null, 5);
+  assert.deepEqual([waitsLate.state, waitsLate.tone], ["No answer", tileOf("http://a:1", waits, null, 1).tone]);
+  assert.notEqual(waitsLate.needed, null, "who was needed is needed still");
   assert.match(tileOf("http://a:1", null, "the token is missing or wrong", 0).needed!, /^No status: the token/);
   assert.equal(tileOf("http://a:1", null, null, 0).needed, null);
 });
