@@ -9,7 +9,7 @@
 //! `SLURM_CONF`. Nothing of the system is changed.
 
 use super::import_plate::{scene, shoot};
-use crate::common::{carved, run, stderr, venv};
+use crate::common::{carved, json, run, stderr, venv};
 use hardware_sim::scene::Specimen;
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
@@ -18,7 +18,7 @@ use std::net::TcpListener;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime};
 
 const RECORDINGS: usize = 24;
 const TASKS: usize = 4;
@@ -231,7 +231,7 @@ fn example(name: &str) -> PathBuf {
 
 #[test]
 #[ignore = "installs Snakemake: make test-slurm"]
-fn a_workflow_measures_what_a_plate_a_method_or_a_number_of_shards_changes() {
+fn a_workflow_measures_what_a_plate_a_method_a_run_or_a_number_of_shards_changes() {
     let dir = tempfile::tempdir().unwrap();
     let (runs, list) = plates(dir.path());
     let (out, method) = (dir.path().join("out"), dir.path().join("method.toml"));
@@ -261,16 +261,27 @@ fn a_workflow_measures_what_a_plate_a_method_or_a_number_of_shards_changes() {
     assert_eq!(wells(&workflow(&two).0), 24, "a plate was added");
     assert!(!workflow(&three).1, "another number of shards");
     let with_method = [three[0].clone(), format!("method={}", method.display())];
-    let voxel = |um: f64| {
-        let text = format!("asd = 4\norder = \"sequential\"\nepsilon = 0.05\nvoxel_um = {um:.1}\n");
-        fs::write(&method, text).unwrap();
+    // Times do not tell of a change: a copy keeps the time of the file that it was made from.
+    let aged = |file: &Path, text: String| {
+        fs::write(file, text).unwrap();
+        fs::File::options().write(true).open(file).unwrap().set_modified(SystemTime::UNIX_EPOCH).unwrap();
     };
+    let voxel = |um: f64| aged(&method, format!("asd = 4\norder = \"sequential\"\nepsilon = 0.05\nvoxel_um = {um:.1}\n"));
     voxel(20.0);
     let coarse = workflow(&with_method).0;
     voxel(25.0);
     let coarser = workflow(&with_method).0;
     assert!(workflow(&with_method).1);
-    assert_ne!(coarse, coarser, "the content of the method has changed");
+    assert!(coarse != coarser, "the content of the method has changed");
+
+    let file = Path::new(&runs[1]).join("run.json");
+    let mut record = json(&file);
+    record["wells"][0]["note"] =
+        serde_json::json!({"excluded": true, "by": "kim", "time": "2026-02-03T04:05:06Z", "comment": "burst", "tags": []});
+    aged(&file, record.to_string());
+    let noted = workflow(&with_method).0;
+    assert!(!coarser.contains("burst") && noted.contains("burst"), "a well was excluded");
+    assert!(workflow(&with_method).1);
 }
 
 #[test]

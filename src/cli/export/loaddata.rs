@@ -51,7 +51,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let runs = read(&args.runs)?;
     let own = own_columns(runs.iter().map(|run| &run.record().plan));
     table.write_record(COLUMNS.into_iter().chain(own.iter().map(|(key, _)| key.as_str())))?;
-    let mut rows = 0;
+    let (mut rows, mut left_out) = (0, 0);
     for run in runs {
         let record = run.record();
         for planned in &record.plan.plate_map {
@@ -67,9 +67,12 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
                         reader.frame_path(entry).display()
                     )
                 })?;
-                // A view without a profile has empty cells.
                 let profile = reader.files().path(&views::profile_name(entry.view as usize));
-                let [profile, of_profile] = place(&profile)?.unwrap_or_default();
+                // LoadData stops at an empty cell, so that a view without a profile has no row.
+                let Some([profile, of_profile]) = place(&profile)? else {
+                    left_out += 1;
+                    continue;
+                };
                 let (view, angle) = (entry.view.to_string(), entry.omega.to_degrees().to_string());
                 let facts = [&record.plan.plate_barcode, &record.id, &planned.well, &view, &angle].map(String::as_str);
                 table.write_record(
@@ -79,9 +82,12 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             }
         }
     }
-    ensure!(rows > 0, "no well of these runs has a view");
+    ensure!(rows > 0, "no well of these runs has a view with a profile");
     write(&args.out, &table.into_inner()?)?;
     note!("carved: {}: {rows} view(s)", args.out.display());
+    if left_out > 0 {
+        note!("carved: {left_out} view(s) without a profile are not in the list: LoadData cannot read an empty cell");
+    }
     Ok(())
 }
 
