@@ -4,7 +4,7 @@ use super::arrays::{Memory, Picture, Pixels, rows, view};
 use super::errors::{input, of_profile, report, settings};
 use super::task;
 use carved_core::profile::{EmptyCapillary, Picture as Colours, Profile, ProfileError, SegmentSettings, Segmenter};
-use carved_offline::picture::{ProfileReport, breaches, step_grey, too_blocky};
+use carved_offline::picture::{ProfileReport, breaches, of_single_picture, step_grey, too_blocky};
 use numpy::{PyArray1, PyArray2, PyArrayDyn};
 use pyo3::prelude::*;
 
@@ -27,6 +27,8 @@ pub struct NativeProfile {
 /// The settings of the segmentation, checked.
 fn checked(json: &str) -> PyResult<SegmentSettings> {
     let found: SegmentSettings = serde_json::from_str(json).map_err(settings("settings"))?;
+    let keys: serde_json::Map<String, serde_json::Value> = serde_json::from_str(json).map_err(settings("settings"))?;
+    let found = of_single_picture(found, keys.contains_key("faint_sure"));
     let wrong = breaches(&found);
     if wrong.is_empty() { Ok(found) } else { Err(input(format!("settings: {}", wrong.join("; ")))) }
 }

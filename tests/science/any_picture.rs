@@ -139,6 +139,7 @@ fn settings() -> impl Strategy<Value = SegmentSettings> {
                     stiffness: number(e.stiffness, 0.0, 1000.0),
                 },
                 faint_sigma: number(s.faint_sigma, 0.1, 100.0),
+                faint_sure: number(s.faint_sure, 1.0, 100.0),
                 closing_px: number(s.closing_px as f64, 0.0, 30.0) as usize,
                 opening_px: number(s.opening_px as f64, 0.0, 30.0) as usize,
                 wall_margin_px: number(s.wall_margin_px, 0.0, 20.0),

@@ -13,6 +13,7 @@ mod calibrate_specimen;
 mod calibration;
 mod closures;
 mod detection;
+mod faint_fins;
 mod independent;
 mod inside;
 mod profile_truth;

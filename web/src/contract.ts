@@ -1294,6 +1294,7 @@ export interface StoredSegmentSettings {
   closing_px?: number;
   edge?: StoredEdgeSettings;
   faint_sigma?: number;
+  faint_sure?: number;
   fringe?: StoredFringeSettings;
   join_gap_bore?: number;
   level_set?: StoredLevelSetSettings;

@@ -23,6 +23,7 @@ use annotation::Annotations;
 use anyhow::{Context, bail};
 use carved_core::frame::PixelFormat;
 use carved_core::profile::{Method, Picture, SegmentSettings, Segmenters};
+use carved_offline::picture;
 use carved_store::durable;
 use empty::Empty;
 use output::{Names, Report};
@@ -191,7 +192,7 @@ fn one<'a>(
 }
 
 fn settings(args: &Args) -> anyhow::Result<SegmentSettings> {
-    let mut settings = args.settings.as_deref().map_or_else(|| Ok(SegmentSettings::default()), read_settings)?;
+    let mut settings = args.settings.as_deref().map_or_else(|| parse_settings(""), read_settings)?;
     if let Some(method) = args.method {
         settings.method = method.into();
     }
@@ -206,9 +207,24 @@ pub(super) fn read_settings(file: &Path) -> anyhow::Result<SegmentSettings> {
 
 pub(super) fn parse_settings(text: &str) -> anyhow::Result<SegmentSettings> {
     let settings: SegmentSettings = toml::from_str(text)?;
-    let breaches = carved_offline::picture::breaches(&settings);
+    let states_faint_sure = toml::from_str::<toml::Table>(text)?.contains_key("faint_sure");
+    let settings = picture::of_single_picture(settings, states_faint_sure);
+    let breaches = picture::breaches(&settings);
     if !breaches.is_empty() {
         bail!("{}", breaches.join("; "));
     }
     Ok(settings)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// No other view tells a faint fin from dust.
+    #[test]
+    fn a_single_picture_takes_only_faint_pieces_that_are_sure() {
+        let sure = |text: &str| parse_settings(text).unwrap().faint_sure;
+        assert_eq!([sure(""), sure("closing_px = 3"), sure("faint_sure = 1.0")], [2.0, 2.0, 1.0]);
+        assert_eq!(SegmentSettings::default().faint_sure, 1.0, "in a turn the other views decide");
+    }
 }

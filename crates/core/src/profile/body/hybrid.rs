@@ -62,8 +62,8 @@ impl Hybrid {
             self.specks.find(coarse, bore, &self.specimen, &mut self.scratch);
             let (body, specks) = (&self.specks.body.set, &self.specks.blocks.set);
             self.faint.find(coarse, |i| coarse.within[i] && !body[i] && !specks[i]);
-            let faint = settings.faint_sigma as f32;
-            self.add_faint(coarse, bent(faint), bent(SURE * faint));
+            let [least, sure] = [settings.faint_sigma, settings.faint_sure * settings.faint_sigma].map(|sigma| bent(sigma as f32));
+            self.add_faint(coarse, least, sure);
         }
         self.tidy(coarse, settings);
         self.keep_specimen(coarse, bore, settings);

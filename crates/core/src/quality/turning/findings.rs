@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 pub enum TurnFinding {
     /// The specimen does not turn while the angles do.
     #[error(
-        "the specimen does not turn: from view {first} to view {last} the ledger turns by {ledger_deg:.0} deg, and no edge moves by more than {moved_px:.1} px. \
+        "the specimen does not turn: from view {first} to view {last} the ledger turns by {ledger_deg:.0} deg, and most edges move by at most {moved_px:.1} px. \
          Check the motor's supply, the coupling and the belt, and whether the specimen turns with the glass"
     )]
     Still {

@@ -27,7 +27,7 @@ use crate::profile::{Columns, Picture, Profile};
 use crate::quality::CoarseOutline;
 use crate::statistics::upper_median;
 pub use findings::TurnFinding;
-use outlines::{Mirror, distance_px, shape_distance_px};
+use outlines::{Mirror, SHARE, distance_px, shape_distance_px};
 use pixels::{BorePicture, Difference, Sampling, difference};
 pub(crate) use placing::{OFF_BORE_PX, Places, of_calibration};
 use std::collections::{BTreeMap, BTreeSet};
@@ -52,6 +52,9 @@ const STILL_SURE_CHANGE: f64 = 0.85;
 const STILL_PX_PER_DEG: f64 = 0.03;
 const STILL_LEAST_PX: f64 = 0.35;
 const STILL_MOST_PX: f64 = 1.5;
+/// Share of the columns of which the outlines lie within that distance where the pixels surely are unchanged: single views find or miss fins that are
+/// along most of a larva.
+const STILL_SURE_SHARE: f64 = 0.5;
 /// A specimen as long as this multiple of its width or longer is no sphere.
 const LONG: f64 = 1.4;
 /// Least difference of the angles of two views that may not be the same picture, deg.
@@ -100,6 +103,8 @@ pub struct Turning {
 struct Unchanged {
     /// Distance of the outlines, px.
     moved_px: f64,
+    /// Least share of the columns that lie within this distance.
+    share: f64,
     /// Change of the pixels, as [`Difference::change`]. 0 where they need not be compared.
     change: f64,
     /// Whether the pixels tell, or need not.
@@ -161,7 +166,8 @@ impl Turning {
                 if let Some(unchanged) = unchanged {
                     let max = |of: fn(&Unchanged) -> f64| unchanged.iter().map(of).fold(0.0, f64::max);
                     let is_told_by_pixels = unchanged.iter().all(|u| u.is_told_by_pixels);
-                    most = Unchanged { moved_px: max(|u| u.moved_px), change: max(|u| u.change), is_told_by_pixels };
+                    let share = unchanged.iter().map(|u| u.share).fold(SHARE, f64::min);
+                    most = Unchanged { moved_px: max(|u| u.moved_px), share, change: max(|u| u.change), is_told_by_pixels };
                     break;
                 }
                 first += 1;
@@ -170,7 +176,7 @@ impl Turning {
             let stretch = &self.views[first..=last];
             let needed_deg = match most.is_told_by_pixels {
                 false => STILL_OUTLINES_DEG,
-                true if most.change <= STILL_SURE_CHANGE => STILL_SURE_DEG,
+                true if most.change <= STILL_SURE_CHANGE && most.share == SHARE => STILL_SURE_DEG,
                 true => STILL_DEG,
             };
             if stretch.len() >= STILL_VIEWS && ledger_deg >= needed_deg {
@@ -197,19 +203,26 @@ impl Turning {
         let apart_deg = self.apart_deg(at, other);
         let down_px = b.middle_v.zip(a.middle_v).map_or(0.0, |(b, a)| b - a);
         // The bore is where the walls are found. A wall that the specimen hides may be found wrongly.
-        let distances = [distance_px(&a.body, &b.body, 0.0)?, distance_px(&a.body, &b.body, down_px)?];
-        let moved_px = distances[0].min(distances[1]);
-        let allowed = (STILL_PX_PER_DEG * apart_deg).clamp(STILL_LEAST_PX, STILL_MOST_PX);
-        if moved_px > allowed {
-            return None;
-        }
+        let moved_px = |share: f64| {
+            let distances = [0.0, down_px].map(|down_px| distance_px(&a.body, &b.body, down_px, share));
+            Some(distances[0]?.min(distances[1]?))
+        };
+        let allowed_px = (STILL_PX_PER_DEG * apart_deg).clamp(STILL_LEAST_PX, STILL_MOST_PX);
         let bores = a.bore.as_ref().zip(b.bore.as_ref());
         let compared = bores.filter(|_| apart_deg < STILL_OUTLINES_DEG);
+        let (share, most_change) = if moved_px(SHARE)? <= allowed_px {
+            (SHARE, STILL_CHANGE)
+        } else if compared.is_some() && moved_px(STILL_SURE_SHARE)? <= allowed_px {
+            (STILL_SURE_SHARE, STILL_SURE_CHANGE)
+        } else {
+            return None;
+        };
         // Too few pixels tell as little as none.
         let found = compared.and_then(|(x, y)| difference((x, &a.body), (y, &b.body), Sampling::All));
         let change = found.as_ref().map_or(0.0, Difference::change);
         let is_told_by_pixels = bores.is_some() && found.is_some() == compared.is_some();
-        (change <= STILL_CHANGE).then_some(Unchanged { moved_px, change, is_told_by_pixels })
+        let is_told = change <= most_change && (share == SHARE || is_told_by_pixels);
+        is_told.then_some(Unchanged { moved_px: moved_px(share)?, share, change, is_told_by_pixels })
     }
 
     fn apart_deg(&self, at: usize, other: usize) -> f64 {
@@ -235,7 +248,7 @@ impl Turning {
             .flat_map(|b| (0..b).map(move |a| (a, b)))
             .filter(|&(a, b)| self.apart_around_deg(a, b) >= REPEATED_DEG && bore(a).is_some() && bore(b).is_some())
             .filter(|&(a, b)| {
-                distance_px(&self.views[a].body, &self.views[b].body, 0.0).map_or_else(|| bore(a) == bore(b), |px| px <= REPEATED_PX)
+                distance_px(&self.views[a].body, &self.views[b].body, 0.0, SHARE).map_or_else(|| bore(a) == bore(b), |px| px <= REPEATED_PX)
             })
             .collect();
         let references: Vec<[Vec<(usize, usize)>; 2]> =

@@ -22,18 +22,19 @@ const COLUMNS_LEAST: usize = 24;
 const ABSENT_PX: f64 = 30.0;
 /// Share of the columns of which the distance is at most the given one. Fins that one segmentation finds and another misses are in fewer columns
 /// than the rest.
-const SHARE: f64 = 0.75;
+pub(super) const SHARE: f64 = 0.75;
 
-/// Distance between two outlines, px: in three quarters of the columns the edges lie within it. `down_px` is how far the capillary lies lower in
+/// Distance between two outlines, px: in this share of the columns the edges lie within it. `down_px` is how far the capillary lies lower in
 /// the second picture. `None` where one shows too little.
-pub(super) fn distance_px(a: &Columns, b: &Columns, down_px: f64) -> Option<f64> {
+pub(super) fn distance_px(a: &Columns, b: &Columns, down_px: f64, share: f64) -> Option<f64> {
     let ((from, to), (other_from, other_to)) = (shown(a)?, shown(b)?);
     let columns = (from.min(other_from)..=to.max(other_to)).step_by(STEP);
-    Some(quantile(columns.map(|u| match (a.get(u), b.get(u)) {
+    let distances = columns.map(|u| match (a.get(u), b.get(u)) {
         (Some(a), Some(b)) => (a.upper - b.upper + down_px).abs().max((a.lower - b.lower + down_px).abs()),
         (None, None) => 0.0,
         _ => ABSENT_PX,
-    })))
+    });
+    lower_quantile(distances.collect(), share).or(Some(0.0))
 }
 
 /// Distance between the shapes of two outlines, px: the outlines are first moved onto each other, their ends along the capillary and their
@@ -49,20 +50,17 @@ pub(super) fn shape_distance_px(a: &Columns, b: &Columns, mirror: Mirror) -> Opt
     let pairs: Vec<_> = (from..=end).step_by(STEP).map(|u| (a.get(u), other(u).and_then(|u| b.get(u)))).collect();
     let middle = |e: crate::profile::ColumnEdges| f64::midpoint(e.upper, e.lower);
     let apart = upper_median(pairs.iter().filter_map(|(a, b)| Some(middle((*a)?) - sign * middle((*b)?))).collect());
-    Some(quantile(pairs.iter().map(|pair| match pair {
+    let distances = pairs.iter().map(|pair| match pair {
         (Some(a), Some(b)) => {
             let [upper, lower] = if sign > 0.0 { [b.upper, b.lower] } else { [-b.lower, -b.upper] };
             (a.upper - upper - apart).abs().max((a.lower - lower - apart).abs())
         }
         (None, None) => 0.0,
         _ => ABSENT_PX,
-    })))
+    });
+    lower_quantile(distances.collect(), SHARE).or(Some(0.0))
 }
 
 fn shown(columns: &Columns) -> Option<(usize, usize)> {
     columns.extent().filter(|(from, to)| to - from >= COLUMNS_LEAST)
-}
-
-fn quantile(values: impl Iterator<Item = f64>) -> f64 {
-    lower_quantile(values.collect(), SHARE).unwrap_or(0.0)
 }
