@@ -30,7 +30,7 @@ fn frame(scene: &Scene, angle_rad: f64, number: u64) -> RawFrame {
 #[test]
 fn dust_and_scratches_that_the_empty_capillary_shows_are_no_specimen() {
     const SEEDS: [u64; 4] = [3, 4, 5, 6];
-    let settings = SegmentSettings::default();
+    let settings = SegmentSettings::of_single_picture();
     let mut segmenter = Segmenter::default();
     let mut mean = [0.0; 2];
     for seed in SEEDS {
@@ -110,7 +110,7 @@ fn pictures_of_another_kind_than_the_empty_capillary_fail_and_the_others_use_it(
     assert!(said.contains("64 x 64 px BayerRG8") && said.contains("1024 x 1024 px BayerRG8"), "{said}");
     let report = json(Path::new(&out).join("larva.json").as_path());
     assert_eq!(report["reference"], sha256_hex(&std::fs::read(&empty).unwrap()), "{report}");
-    let settings = SegmentSettings::default();
+    let settings = SegmentSettings::of_single_picture();
     let read = |name: &str| {
         let image = image::open(path(name)).unwrap();
         Picture::from_frame(&RawFrame::new(image.width(), image.height(), PixelFormat::BayerRG8, image.into_bytes()).unwrap())

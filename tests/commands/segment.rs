@@ -103,7 +103,7 @@ fn every_kind_of_picture_gives_the_larvas_outline() {
 
     // The outline equals that of the library, up to the rounding in the file.
     let raw = RawFrame::new(frame.width, frame.height, PixelFormat::RGB8Packed, frame.data.clone()).unwrap();
-    let profile = segment(&Picture::from_frame(&raw), &SegmentSettings::default()).unwrap();
+    let profile = segment(&Picture::from_frame(&raw), &SegmentSettings::of_single_picture()).unwrap();
     let edge = json(&out("rgb.png", ".edge.json"));
     let polygons = edge["polygons"].as_array().unwrap();
     assert_eq!(polygons.len(), profile.edge.len());
@@ -249,7 +249,7 @@ fn pictures_taken_amiss_are_refused_by_name() {
 
 fn segment_walls(frame: &Rgb) -> [f64; 2] {
     let raw = RawFrame::new(frame.width, frame.height, PixelFormat::RGB8Packed, frame.data.clone()).unwrap();
-    let walls = segment(&Picture::from_frame(&raw), &SegmentSettings::default()).unwrap().walls;
+    let walls = segment(&Picture::from_frame(&raw), &SegmentSettings::of_single_picture()).unwrap().walls;
     let ends = |line: carved_core::profile::Line| [line.at(0.0), line.at(512.0)];
     let ([a, b], [c, d]) = (ends(walls.upper.outer), ends(walls.lower.outer));
     [a.min(b), c.max(d)]
@@ -558,7 +558,7 @@ fn masks_of_the_larva_and_its_body_are_compared() {
     assert!(output.status.success(), "{}", stderr(&output));
     let found = mask(&dir.path().join("out/a.mask.png"));
     let raw = RawFrame::new(frame.width, frame.height, PixelFormat::RGB8Packed, frame.data.clone()).unwrap();
-    let profile = segment(&Picture::from_frame(&raw), &SegmentSettings::default()).unwrap();
+    let profile = segment(&Picture::from_frame(&raw), &SegmentSettings::of_single_picture()).unwrap();
     let annotation = Annotation::from_mask(truth.clone());
     let expected = annotation.compare(&profile.mask, &profile.edge).unwrap();
     let rows = compared(dir.path());

@@ -24,7 +24,7 @@ fn judge(spec: FrameSpec) -> Judged {
         (false, _) => (PixelFormat::BayerRG8, frame.to_bayer_rg8()),
     };
     let picture = Picture::from_frame(&RawFrame::new(frame.width, frame.height, format, bytes).unwrap());
-    let found = segment(&picture, &SegmentSettings::default());
+    let found = segment(&picture, &SegmentSettings::of_single_picture());
     if let Err(error) = &found {
         println!("{}: {error}", spec.name);
     }

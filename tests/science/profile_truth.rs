@@ -100,7 +100,7 @@ fn profiles_are_those_of_the_truth() {
             let truth = spec.render().unwrap();
             let picture = taken(spec, &truth.frame);
             [Method::Hybrid, Method::LevelSet].map(|method| {
-                let settings = SegmentSettings { method, ..SegmentSettings::default() };
+                let settings = SegmentSettings { method, ..SegmentSettings::of_single_picture() };
                 judge(&segment(&picture, &settings).unwrap(), &truth)
             })
         };
@@ -178,7 +178,7 @@ fn the_blur_of_a_specimen_shows_whether_the_focus_is_the_configured_one() {
 fn an_empty_capillary_is_called_empty_and_its_walls_are_where_they_are() {
     for (seed, tilt_rad) in [(31u64, 0.0), (32, 0.0345), (33, -0.02), (34, 0.01)] {
         let scene = scene(seed, tilt_rad, None, false);
-        let profile = segment(&picture(&scene, 0.0, seed), &SegmentSettings::default()).unwrap();
+        let profile = segment(&picture(&scene, 0.0, seed), &SegmentSettings::of_single_picture()).unwrap();
         assert!(profile.detection.kind == Kind::Empty && profile.detection.confidence > 0.9, "{:?}", profile.detection);
         assert!(profile.edge.is_empty() && profile.mask.area_px() == 0);
         // 0.02 deg are 0.36 px over the frame. The halo of the glass shifts the darkest row outwards by half a pixel.
@@ -194,7 +194,7 @@ fn a_larva_that_leaves_the_field_says_on_which_side() {
     let scene = scene(41, 0.0, None, false);
     let larva = Specimen::larva(4, 41).unwrap().placed(Placement { x_um: 1500.0, ..Placement::default() });
     scene.load(Some(larva)).unwrap();
-    let profile = segment(&picture(&scene, 0.4, 1), &SegmentSettings::default()).unwrap();
+    let profile = segment(&picture(&scene, 0.4, 1), &SegmentSettings::of_single_picture()).unwrap();
     let truth = Mask::from_coverage(1024, 1024, scene.truth_mask(0.4).data).unwrap();
     assert!(!profile.detection.is_clipped_left() && profile.detection.is_clipped_right());
     assert!(profile.mask.iou(&truth) > 0.97, "IoU {}", profile.mask.iou(&truth));
@@ -207,7 +207,7 @@ fn a_grey_camera_will_do() {
     let grey = Picture::from_frame(&RawFrame::new(frame.width, frame.height, PixelFormat::Mono8, frame.to_mono8()).unwrap());
     let truth = scene.truth_mask(1.0);
     let truth = Mask::from_coverage(1024, 1024, truth.data).unwrap();
-    let profile = segment(&grey, &SegmentSettings::default()).unwrap();
+    let profile = segment(&grey, &SegmentSettings::of_single_picture()).unwrap();
     assert!(profile.mask.iou(&truth) > 0.97, "IoU {}", profile.mask.iou(&truth));
 }
 
@@ -215,14 +215,14 @@ fn a_grey_camera_will_do() {
 fn frames_that_show_nothing_are_refused_by_name() {
     let flat = |grey: u8| {
         let frame = RawFrame::new(400, 300, PixelFormat::Mono8, vec![grey; 400 * 300]).unwrap();
-        segment(&Picture::from_frame(&frame), &SegmentSettings::default()).map(|p| p.detection)
+        segment(&Picture::from_frame(&frame), &SegmentSettings::of_single_picture()).map(|p| p.detection)
     };
     assert_eq!(flat(3), Err(ProfileError::Black { brightest: 3, needed: 30 }));
     assert!(matches!(flat(255), Err(ProfileError::OverExposed { share, .. }) if share > 0.99));
     assert!(matches!(flat(200), Err(ProfileError::NoWalls { lines: 0, .. })));
     let small = RawFrame::new(20, 900, PixelFormat::Mono8, vec![200; 20 * 900]).unwrap();
     assert_eq!(
-        segment(&Picture::from_frame(&small), &SegmentSettings::default()).map(|p| p.detection),
+        segment(&Picture::from_frame(&small), &SegmentSettings::of_single_picture()).map(|p| p.detection),
         Err(ProfileError::TooSmall { width: 20, height: 900, least: 48 })
     );
 }
@@ -241,7 +241,7 @@ fn broad_double_walls_are_found() {
         (222.0 * glass + (state >> 62) as f64) as u8
     });
     let frame = RawFrame::new(width, height, PixelFormat::Mono8, bytes.collect()).unwrap();
-    let walls = segment(&Picture::from_frame(&frame), &SegmentSettings::default()).unwrap().walls;
+    let walls = segment(&Picture::from_frame(&frame), &SegmentSettings::of_single_picture()).unwrap().walls;
     for (name, found, true_v) in [("upper", walls.upper.inner.v_mid, 45.0), ("lower", walls.lower.inner.v_mid, 155.0)] {
         // Both lines are one for the finder, whose inner line may lie anywhere within the wall.
         assert!((found - true_v).abs() < 6.0, "{name} wall at {found}, expected {true_v}");
@@ -262,7 +262,8 @@ fn a_specimens_own_edges_are_no_walls() {
         (200.0 - rim(120.0 - edge) - rim(120.0 + edge) + (state >> 61) as f64) as u8
     });
     let frame = RawFrame::new(width, height, PixelFormat::Mono8, bytes.collect()).unwrap();
-    let settings = SegmentSettings { walls: WallSettings { min_support: 0.1, ..WallSettings::default() }, ..SegmentSettings::default() };
+    let settings =
+        SegmentSettings { walls: WallSettings { min_support: 0.1, ..WallSettings::default() }, ..SegmentSettings::of_single_picture() };
     let found = segment(&Picture::from_frame(&frame), &settings).map(|p| p.walls);
     assert!(matches!(found, Err(ProfileError::CrookedWalls { straight_share, .. }) if straight_share < 0.4), "{found:?}");
 }
@@ -283,7 +284,7 @@ fn a_frame_gives_the_same_whatever_came_before() {
     let low = 700;
     let cut: Vec<u8> = larva.data.chunks(larva.width as usize * 3).take(low).flatten().copied().collect();
     let empty = picture(&scene(31, 0.0, None, false), 0.0, 31);
-    let reference = carved_core::profile::EmptyCapillary::new(empty.clone(), &SegmentSettings::default().walls).unwrap();
+    let reference = carved_core::profile::EmptyCapillary::new(empty.clone(), &SegmentSettings::of_single_picture().walls).unwrap();
     let steps = [
         (read(PixelFormat::BayerRG8, (bubble.width, bubble.height), bubble.to_bayer_rg8()), Method::Hybrid, None),
         (read(PixelFormat::RGB8Packed, size, larva.data.clone()), Method::LevelSet, None),
@@ -295,7 +296,7 @@ fn a_frame_gives_the_same_whatever_came_before() {
     let mut warm = carved_core::profile::Segmenter::default();
     for round in 0..2 {
         for (n, (picture, method, reference)) in steps.iter().enumerate() {
-            let settings = SegmentSettings { method: *method, ..SegmentSettings::default() };
+            let settings = SegmentSettings { method: *method, ..SegmentSettings::of_single_picture() };
             let fresh = carved_core::profile::Segmenter::default().segment(picture, &settings, *reference);
             assert!(warm.segment(picture, &settings, *reference) == fresh, "round {round}, frame {n}");
         }

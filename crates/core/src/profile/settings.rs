@@ -211,6 +211,12 @@ impl<'de> Deserialize<'de> for Retired {
 }
 
 impl SegmentSettings {
+    /// Those of a single picture: no other view tells a faint fin from dust. On a frame of a VAST, means over fine dust beside a tail reach more than
+    /// 1.5 times `faint_sigma`.
+    pub fn of_single_picture() -> Self {
+        Self { faint_sure: 2.0, ..Self::default() }
+    }
+
     /// Keys that were given although they have no effect any more. In a file that somebody writes they are a mistake.
     pub fn retired_keys(&self) -> impl Iterator<Item = &'static str> {
         [("mean_shift", self.mean_shift), ("high_sigma", self.high_sigma), ("low_sigma", self.low_sigma)]

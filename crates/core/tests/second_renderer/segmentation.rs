@@ -84,7 +84,7 @@ impl Row {
             let judged = (0..views).map(|view| {
                 let frame = scene.render(0.4 * *seed as f64 + (60.0 * view as f64).to_radians(), view);
                 let picture = Picture::from_frame(&raw_frame(&frame, self.format));
-                let Ok(profile) = segment(&picture, &SegmentSettings::default()) else {
+                let Ok(profile) = segment(&picture, &SegmentSettings::of_single_picture()) else {
                     write_profile(&format!("refused {} {seed} {view}", self.name), &frame, &mask(&frame, &frame.covered));
                     return None;
                 };
@@ -178,7 +178,7 @@ fn two_lines(first_seed: u64) -> usize {
         let mut scene = scene(Kind::Bead, Size::Crop, Dirt::NONE, seed);
         (scene.glass.outer, scene.glass.apart_px) = (0.4, 5.0);
         let frame = raw_frame(&scene.render(0.4 * seed as f64, 0), PixelFormat::RGB8Packed);
-        segment(&Picture::from_frame(&frame), &SegmentSettings::default()).is_err()
+        segment(&Picture::from_frame(&frame), &SegmentSettings::of_single_picture()).is_err()
     };
     (first_seed..first_seed + 12).into_par_iter().filter(|seed| is_refused(*seed)).count()
 }
@@ -187,7 +187,7 @@ fn two_lines(first_seed: u64) -> usize {
 /// as the light beside the capillary nor as enough of it.
 #[test]
 fn rows_of_zeros_beside_the_capillary_change_no_outline() {
-    let of = |frame: &Frame| segment(&Picture::from_frame(&raw_frame(frame, PixelFormat::BayerRG8)), &SegmentSettings::default());
+    let of = |frame: &Frame| segment(&Picture::from_frame(&raw_frame(frame, PixelFormat::BayerRG8)), &SegmentSettings::of_single_picture());
     for seed in FIRST_SEED..FIRST_SEED + 4 {
         let mut frame = scene(Kind::Finned, Size::Full, Dirt::MEASURED, seed).render(0.4 * seed as f64, 0);
         let whole = of(&frame).unwrap();
@@ -216,7 +216,7 @@ fn rows_of_zeros_beside_the_capillary_change_no_outline() {
 /// refused by name.
 #[test]
 fn a_frame_that_is_damaged_in_the_bore_is_refused_and_one_that_is_cut_beside_it_is_read() {
-    let of = |frame: &Frame| segment(&Picture::from_frame(&raw_frame(frame, PixelFormat::BayerRG8)), &SegmentSettings::default());
+    let of = |frame: &Frame| segment(&Picture::from_frame(&raw_frame(frame, PixelFormat::BayerRG8)), &SegmentSettings::of_single_picture());
     for seed in FIRST_SEED..FIRST_SEED + 4 {
         let frame = scene(Kind::Finned, Size::Full, Dirt::MEASURED, seed).render(0.4 * seed as f64, 0);
         let whole = of(&frame).unwrap();

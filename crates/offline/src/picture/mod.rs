@@ -40,13 +40,10 @@ impl ProfileReport {
     }
 }
 
-/// Contrast of a faint piece in a single picture, `faint_sure`: no other view tells a fin from dust. On a frame of a VAST, means over fine dust
-/// beside a tail reach more than 1.5 times the least one.
-const FAINT_SURE: f64 = 2.0;
-
 /// The settings of a single picture. `states_faint_sure`: the user has stated this key.
 pub fn of_single_picture(settings: SegmentSettings, states_faint_sure: bool) -> SegmentSettings {
-    if states_faint_sure { settings } else { SegmentSettings { faint_sure: FAINT_SURE, ..settings } }
+    let faint_sure = if states_faint_sure { settings.faint_sure } else { SegmentSettings::of_single_picture().faint_sure };
+    SegmentSettings { faint_sure, ..settings }
 }
 
 /// What is wrong with settings of the segmentation: values out of their ranges, and keys that have no effect any more.
