@@ -330,7 +330,7 @@ fn the_list_for_cellprofiler_names_each_frame_with_its_well_and_view() {
     done(&archive(&run, &copies));
     let refused = export("loaddata", &copies.join("P-017"), &dir.path().join("none.csv"), &[]);
     assert!(!refused.status.success() && stderr(&refused).contains("tar -xf"), "{}", stderr(&refused));
-    // LoadData stops at an empty cell.
+    // LoadData stops at a row without the file of an image.
     fs::remove_file(Path::new(&rows[0]["Image_PathName_Profile"]).join(&rows[0]["Image_FileName_Profile"])).unwrap();
     let fewer = export("loaddata", &run, &out, &[]);
     assert!(fewer.status.success() && stderr(&fewer).contains("1 view(s) without a profile"), "{}", stderr(&fewer));

@@ -50,10 +50,10 @@ fn of_specimens(seed: u64, views: usize, contents: impl Fn(u64) -> Contents) -> 
 #[test]
 fn a_turn_that_is_none_is_named_on_the_emulated_rig() {
     let few = ["still", "every second view mirrored", "the second half upside down", "two neighbours exchanged", "reversed"];
-    let mut wrong = turn(1, 12).judged("larva 1", &few);
+    let mut wrong = turn(1, 12).judged("larva 1", &few, 0.0);
     // In a turn of two like larvae every view is a compromise. In a turn of 6 views none is held against the others.
-    wrong.extend(turn(7001, 12).judged("larva 7001", &["two larvae"]));
-    wrong.extend(turn(9001, 6).judged("larva 9001", &["still"]));
+    wrong.extend(turn(7001, 12).judged("larva 7001", &["two larvae"], 0.0));
+    wrong.extend(turn(9001, 6).judged("larva 9001", &["still"], 0.0));
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 

@@ -55,7 +55,7 @@ impl Replayed {
         }
         let Replay { software, replayed, method_name, method, .. } = schema::read(&folder.join(FILE), SCHEMA)?;
         let path = folder.join(MEASUREMENT);
-        let measurement = carved_files::read_own(&path).map_err(StoreError::io("read", &path))?;
+        let measurement = carved_files::read(&path).map_err(StoreError::io("read", &path))?;
         Ok(Some(Self { software, replayed, method_name, method, measurement }))
     }
 }
@@ -104,7 +104,7 @@ impl ReplayWriter {
         let stored: Replay = schema::read(&self.folder.join(FILE), SCHEMA)?;
         sums::check_one(&self.folder, MEASUREMENT)?;
         let path = self.folder.join(MEASUREMENT);
-        let same = stored.method == *method && carved_files::read_own(&path).map_err(StoreError::io("read", &path))? == numbers;
+        let same = stored.method == *method && carved_files::read(&path).map_err(StoreError::io("read", &path))? == numbers;
         if same { Ok(true) } else { Err(StoreError::Exists { path: self.folder.clone() }) }
     }
 

@@ -20,7 +20,7 @@ struct Writer {
 
 /// Reads a file of the format `known`, the newest known version of its kind.
 pub(super) fn read<T: DeserializeOwned>(path: &Path, known: &'static str) -> Result<T, StoreError> {
-    parse(path, &carved_files::read_own(path).map_err(StoreError::io("read", path))?, known)
+    parse(path, &carved_files::read(path).map_err(StoreError::io("read", path))?, known)
 }
 
 /// The same of the bytes of the file `path`.

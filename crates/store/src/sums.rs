@@ -4,7 +4,6 @@ use super::{StoreError, durable, is_own_folder};
 use carved_files::Tree;
 use carved_records::sha256_hex;
 use std::collections::BTreeMap;
-use std::io;
 use std::path::{Path, PathBuf};
 
 pub const FILE: &str = "SHA256SUMS";
@@ -76,8 +75,7 @@ pub fn text(sums: &BTreeMap<PathBuf, String>) -> String {
 
 /// The names and hashes of a `SHA256SUMS`.
 pub fn read(sums: &Path) -> Result<Vec<(String, String)>, StoreError> {
-    let text = carved_files::read_own(sums).and_then(|text| String::from_utf8(text).map_err(io::Error::other));
-    Ok(parse(&text.map_err(StoreError::io("read", sums))?))
+    Ok(parse(&carved_files::read_to_string(sums).map_err(StoreError::io("read", sums))?))
 }
 
 /// The names and hashes of the text of a `SHA256SUMS`.
@@ -103,7 +101,7 @@ pub fn expected(folder: &Path, name: &str) -> Result<Option<String>, StoreError>
 pub fn check_one(folder: &Path, name: &str) -> Result<(), StoreError> {
     let Some(expected) = expected(folder, name)? else { return Ok(()) };
     let path = folder.join(name);
-    let bytes = carved_files::read_own(&path).map_err(StoreError::io("read", &path))?;
+    let bytes = carved_files::read(&path).map_err(StoreError::io("read", &path))?;
     same(&path, &expected, &sha256_hex(&bytes))
 }
 

@@ -73,7 +73,8 @@ def plot_views(
         place.imshow(frame, cmap="gray", vmin=0, vmax=255)
         title = f"view {at}" if radians is None else f"view {at}, {math.degrees(radians[at]):.1f} deg"
         if outlines:
-            profile = segment(frame, bayer=bayer)
+            # As in a turn, where other views decide what is a fin.
+            profile = segment(frame, bayer=bayer, settings={"faint_sure": 1.0})
             _outline(place, profile)
             title += f": {profile.kind}"
         place.set_title(title, fontsize="small")

@@ -81,7 +81,8 @@ def segment(
         image: uint8 or uint16, `(height, width)` for grey or `(height, width, 3)` for red, green, blue. Counts of 8, 10, 12 and 14 bits
             in uint16 are recognised by the largest one.
         method: `"hybrid"` (default) or `"level-set"`.
-        settings: keys of a method's `segment` table (docs/configuration.md), for example `{"edge": {"blur_px": 1.5}}`.
+        settings: keys of a method's `segment` table (docs/configuration.md), for example `{"edge": {"blur_px": 1.5}}`. `faint_sure`
+            is 2 here, because no other view tells a faint fin from dust; state 1 for the views of a turn.
         empty: picture of the empty capillary of the same shape. What it shows is not taken for the specimen.
         bayer: a grey image is a Bayer mosaic: `"rggb"`, `"grbg"`, `"gbrg"` or `"bggr"`, the first four pixels row by row. `True`
             is `"rggb"`.

@@ -68,7 +68,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
                     )
                 })?;
                 let profile = reader.files().path(&views::profile_name(entry.view as usize));
-                // LoadData stops at an empty cell, so that a view without a profile has no row.
+                // LoadData stops at a row without the file of an image.
                 let Some([profile, of_profile]) = place(&profile)? else {
                     left_out += 1;
                     continue;
@@ -86,7 +86,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     write(&args.out, &table.into_inner()?)?;
     note!("carved: {}: {rows} view(s)", args.out.display());
     if left_out > 0 {
-        note!("carved: {left_out} view(s) without a profile are not in the list: LoadData cannot read an empty cell");
+        note!("carved: {left_out} view(s) without a profile are not in the list: LoadData cannot read a row without the file of an image");
     }
     Ok(())
 }

@@ -192,23 +192,34 @@ fn one<'a>(
 }
 
 fn settings(args: &Args) -> anyhow::Result<SegmentSettings> {
-    let mut settings = args.settings.as_deref().map_or_else(|| parse_settings(""), read_settings)?;
+    let mut settings = match &args.settings {
+        Some(file) => single(&settings_text(file)?).with_context(|| format!("--settings {}", file.display()))?,
+        None => SegmentSettings::of_single_picture(),
+    };
     if let Some(method) = args.method {
         settings.method = method.into();
     }
     Ok(settings)
 }
 
+/// The settings of a single picture. What makes a faint piece sure is another default than in a turn.
+fn single(text: &str) -> anyhow::Result<SegmentSettings> {
+    let settings = parse_settings(text)?;
+    let states_faint_sure = toml::from_str::<toml::Table>(text)?.contains_key("faint_sure");
+    Ok(picture::of_single_picture(settings, states_faint_sure))
+}
+
+/// The settings of a turn in a file.
 pub(super) fn read_settings(file: &Path) -> anyhow::Result<SegmentSettings> {
-    let name = || format!("--settings {}", file.display());
-    let text = carved_files::read_to_string(file).with_context(|| format!("{}: cannot be read", name()))?;
-    parse_settings(&text).with_context(name)
+    parse_settings(&settings_text(file)?).with_context(|| format!("--settings {}", file.display()))
+}
+
+fn settings_text(file: &Path) -> anyhow::Result<String> {
+    carved_files::read_to_string(file).with_context(|| format!("--settings {}: cannot be read", file.display()))
 }
 
 pub(super) fn parse_settings(text: &str) -> anyhow::Result<SegmentSettings> {
     let settings: SegmentSettings = toml::from_str(text)?;
-    let states_faint_sure = toml::from_str::<toml::Table>(text)?.contains_key("faint_sure");
-    let settings = picture::of_single_picture(settings, states_faint_sure);
     let breaches = picture::breaches(&settings);
     if !breaches.is_empty() {
         bail!("{}", breaches.join("; "));
@@ -223,8 +234,9 @@ mod tests {
     /// No other view tells a faint fin from dust.
     #[test]
     fn a_single_picture_takes_only_faint_pieces_that_are_sure() {
-        let sure = |text: &str| parse_settings(text).unwrap().faint_sure;
-        assert_eq!([sure(""), sure("closing_px = 3"), sure("faint_sure = 1.0")], [2.0, 2.0, 1.0]);
-        assert_eq!(SegmentSettings::default().faint_sure, 1.0, "in a turn the other views decide");
+        let of = |text: &str| [single(text), parse_settings(text)].map(|settings| settings.unwrap().faint_sure);
+        // In a turn the other views decide.
+        assert_eq!([of(""), of("closing_px = 3")], [[2.0, 1.0]; 2]);
+        assert_eq!(of("faint_sure = 1.5"), [1.5; 2]);
     }
 }

@@ -50,7 +50,9 @@ export function tileOf(address: string, status: Status | null, trouble: string |
   // Wells that a person or the end of the run left out say nothing of the instrument.
   const done = run?.results.findLast((well) => well.outcome === "succeeded" || well.outcome === "failed");
   const needed = isOld ? silent : needsSomebody(status) ? headline(status) : null;
-  const tone = isLate && needed === null ? "calm" : toneWith(needed, toneOf(status));
+  const now = toneWith(needed, toneOf(status));
+  // What was heard before is not the state of now. What needs a look stays so.
+  const tone = isLate && (now === "busy" || now === "good") ? "calm" : now;
   return {
     name: status.instrument.name,
     isSimulated: status.mode === "simulated",

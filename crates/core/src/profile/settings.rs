@@ -166,7 +166,8 @@ pub struct SegmentSettings {
     pub faint_sigma: f64,
     /// Contrast that the mean of a faint piece must reach somewhere, as a multiple of `faint_sigma`. With 1 all faint pieces are taken, and the
     /// other views of a turn decide which of them are fins. With more, faint fins are lost, and less dust is taken for one. Where
-    /// it is not stated, `carved segment` takes 2, because a single picture has no other views.
+    /// it is not stated, `carved segment` and `carved.segment` of Python take 2, because a
+    /// single picture has no other views.
     pub faint_sure: f64,
     /// Gaps narrower than twice this are bridged, px. With 0 none is.
     pub closing_px: usize,

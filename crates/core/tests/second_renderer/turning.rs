@@ -51,7 +51,7 @@ fn a_turn_that_is_none_is_named() {
     let few = ["still", "every second view mirrored", "the second half upside down", "two neighbours exchanged", "two larvae"];
     let wrong: Vec<String> = [(Kind::Finned, 301, 21), (Kind::Finless, 302, 12)]
         .iter()
-        .flat_map(|&(kind, seed, views)| turn(kind, Dirt::MEASURED, seed, views).judged(&format!("{kind:?} {seed}"), &few))
+        .flat_map(|&(kind, seed, views)| turn(kind, Dirt::MEASURED, seed, views).judged(&format!("{kind:?} {seed}"), &few, 0.0))
         .collect();
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }

@@ -27,10 +27,6 @@ const BODY_BORE2: f64 = 0.015;
 /// block shows water. Smoothed as it is, a block's noise is a quarter of that share.
 const OWN: f32 = 0.7;
 
-/// Contrast that the mean of a faint piece must reach somewhere, as a multiple of the least one of its blocks. On a frame of a VAST, means over
-/// fine dust beside a tail reach more than 1.5 times the least one.
-const SURE: f32 = 2.0;
-
 /// Finds the blocks of the specimen. The memory is reused from frame to frame.
 #[derive(Debug, Default)]
 pub(in crate::profile) struct Hybrid {
@@ -89,7 +85,7 @@ impl Hybrid {
 
     /// Adds what is faint and connected to the body: where the mean around a block and the block itself differ from water, as far as both
     /// sides show. What reaches a wall shows one side only, and the wall's shade or dirt on the glass would look the same. A piece is added
-    /// only if its mean is `sure` somewhere: dust that is too fine for a speck raises many means to `least`.
+    /// only if its mean is `sure` somewhere: dust that is too fine for a speck raises many means to `least`. In a turn both are equal.
     fn add_faint(&mut self, coarse: &Coarse, least: f32, sure: f32) {
         let (w, within, mean, own) = (coarse.width, &coarse.within, &self.faint.contrast, &coarse.smooth[0]);
         self.added.take(w, within.iter().zip(mean).zip(own).map(|((within, mean), own)| *within && *mean >= least && *own >= OWN * least));
