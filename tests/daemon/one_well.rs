@@ -140,7 +140,9 @@ fn a_revolution_that_overruns_stops_the_motor_and_costs_its_well_only() {
 fn numbers_that_overrun_fail_their_well_and_are_written_nowhere() {
     let instrument = start(&QUICK, "retries = 0, deadlines_s = { measure = 0.001 }", STRAIGHT);
     instrument.put(&["A01", "A02"].map(|well| json!({"well": well, "dpf": 4})));
-    ["A01", "A02"].iter().for_each(|well| instrument.load_when_asked(well, larva()));
+    for well in ["A01", "A02"] {
+        instrument.load_when_asked(well, larva());
+    }
     let status = instrument.daemon.wait("the run's end", |s| !s["run"]["outcome"].is_null());
     let well = &status["run"]["results"][0];
     assert_eq!((&well["outcome"], &well["volume_um3"]), (&json!("failed"), &Value::Null), "{status}");

@@ -13,7 +13,6 @@ mod calibrate_specimen;
 mod calibration;
 mod closures;
 mod detection;
-mod faint_fins;
 mod independent;
 mod inside;
 mod profile_truth;
