@@ -284,7 +284,7 @@ fn a_frame_gives_the_same_whatever_came_before() {
     let low = 700;
     let cut: Vec<u8> = larva.data.chunks(larva.width as usize * 3).take(low).flatten().copied().collect();
     let empty = picture(&scene(31, 0.0, None, false), 0.0, 31);
-    let reference = carved_core::profile::EmptyCapillary::new(empty.clone(), &SegmentSettings::of_single_picture().walls).unwrap();
+    let reference = carved_core::profile::EmptyCapillary::new(empty.clone(), &SegmentSettings::default().walls).unwrap();
     let steps = [
         (read(PixelFormat::BayerRG8, (bubble.width, bubble.height), bubble.to_bayer_rg8()), Method::Hybrid, None),
         (read(PixelFormat::RGB8Packed, size, larva.data.clone()), Method::LevelSet, None),
