@@ -15,11 +15,13 @@
 use crate::carver::{CarveError, Carver, Leaves};
 use crate::geometry::{CameraError, Projection, VoxelGrid};
 use crate::measure::{self, AreaMethod, Estimator, Estimators, Extents, Measurement, SphereError, VoxelEstimate};
+use crate::parallel::prelude::*;
 use crate::profile::{Mask, Polygon};
 use crate::range::{OutOfRange, Range, Ranged};
 use crate::ranges;
 use crate::surface::{self, Contour, ContourError, Distance, Fairing, FairingError, Mesh, Occupancy};
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 
 mod calibrated;
 mod estimated;
@@ -177,6 +179,15 @@ pub struct HullModel {
     settings: ReconstructionSettings,
 }
 
+/// A view that carves.
+struct Silhouette<'a> {
+    mask: Cow<'a, Mask>,
+    /// The outlines that the mask was filled from; without any, the sides of its pixels are used.
+    outlines: &'a [Polygon],
+    projection: Projection,
+    leaves: Leaves,
+}
+
 impl HullModel {
     /// An empty model: no view is observed, and every voxel is left.
     ///
@@ -203,6 +214,23 @@ impl HullModel {
         projection: &Projection,
         leaves: Leaves,
     ) -> Result<LiveVolume, ReconstructionError> {
+        self.observe_all(&[Silhouette { mask: Cow::Borrowed(mask), outlines, projection: *projection, leaves }])?;
+        Ok(self.live())
+    }
+
+    /// Carves with some views, one after the other. Their contours are made first, on all cores.
+    fn observe_all(&mut self, views: &[Silhouette]) -> Result<(), ReconstructionError> {
+        let contours = views.par_iter().map(|view| self.contour(view)).collect::<Result<Vec<Contour>, _>>()?;
+        for (Silhouette { mask, projection, leaves, .. }, contour) in views.iter().zip(contours) {
+            self.carver.observe(mask, projection, *leaves)?;
+            self.contours.push(contour);
+        }
+        Ok(())
+    }
+
+    /// The distances of a view's outline.
+    fn contour(&self, view: &Silhouette) -> Result<Contour, ReconstructionError> {
+        let Silhouette { mask, outlines, projection, leaves } = view;
         let grid = self.carver.grid();
         let centre = std::array::from_fn(|a| f64::midpoint(grid.centre(a, 0), grid.centre(a, grid.counts()[a] - 1)));
         let depths: [f64; 8] = std::array::from_fn(|n| {
@@ -213,10 +241,7 @@ impl HullModel {
         if nearest <= grid.size() {
             return Err(ReconstructionError::CameraInBox { nearest, farthest });
         }
-        let contour = Contour::new(mask, outlines, projection, leaves, centre, Distance::reach_um(grid))?;
-        self.carver.observe(mask, projection, leaves)?;
-        self.contours.push(contour);
-        Ok(self.live())
+        Ok(Contour::new(mask, outlines, projection, *leaves, centre, Distance::reach_um(grid))?)
     }
 
     /// Carves all views so far again with the tolerance of another plan.

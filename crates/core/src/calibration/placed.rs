@@ -8,8 +8,9 @@
 
 use super::Side;
 use super::screen::{TRIM, trimmed_rms};
-use super::slices::{Fit, Slice, fit, harmonics};
-use super::tangents::{Pose, Tangent, TurnView};
+use super::slices::{Equations, HARMONICS_MOST, SHARE_OF_VIEWS, Slice, fit, harmonics};
+use super::support::{Support, basis};
+use super::tangents::{Pose, TurnView};
 use crate::geometry::Camera;
 use crate::parallel::prelude::*;
 use crate::statistics::upper_median;
@@ -59,12 +60,8 @@ pub(crate) struct Exchanged {
 
 /// Places each view among the others. `counts` says of each view whether the slices may rest on it. `None` for a view that cannot be compared.
 pub(crate) fn placed(camera: &Camera, views: &[TurnView], counts: &[bool]) -> Vec<Option<Placed>> {
-    let pose = Pose::new(camera);
-    let seen = seen(&pose, views);
-    let among_others = |view: usize| {
-        let others: Vec<usize> = (0..views.len()).filter(|&i| i != view && counts[i]).collect();
-        placed_among(&pose, &fitted(&pose, views, &others, &seen), &views[view], Shift::AsGiven)
-    };
+    let seen = Seen::new(camera, views, counts);
+    let among_others = |view: usize| placed_among(&seen.pose, &seen.without(&[view]), &views[view], Shift::AsGiven);
     (0..views.len()).into_par_iter().map(among_others).collect()
 }
 
@@ -72,15 +69,14 @@ pub(crate) fn placed(camera: &Camera, views: &[TurnView], counts: &[bool]) -> Ve
 /// half a turn shows all sides. What is wrong with a whole half does not spoil the slices of the other. `None` for a view that is in the half that
 /// the slices are from, and for one that cannot be compared.
 pub(crate) fn placed_by_halves(camera: &Camera, views: &[TurnView], counts: &[bool]) -> Vec<Vec<Option<Placed>>> {
-    let pose = Pose::new(camera);
-    let seen = seen(&pose, views);
+    let seen = Seen::new(camera, views, counts);
     let mut by_angle: Vec<usize> = (0..views.len()).filter(|&i| counts[i]).collect();
     by_angle.sort_by(|&a, &b| views[a].omega.total_cmp(&views[b].omega));
     let half = |first: usize| {
         let members: Vec<usize> = by_angle.iter().cycle().skip(first).take(by_angle.len() / 2 + 1).copied().collect();
-        let slices = fitted(&pose, views, &members, &seen);
-        let is_member = |i: usize| members.contains(&i);
-        (0..views.len()).map(|i| placed_among(&pose, &slices, &views[i], Shift::Free).filter(|_| !is_member(i) && counts[i])).collect()
+        let others: Vec<usize> = by_angle.iter().filter(|i| !members.contains(i)).copied().collect();
+        let slices = seen.without(&others);
+        (0..views.len()).map(|i| placed_among(&seen.pose, &slices, &views[i], Shift::Free).filter(|_| others.contains(&i))).collect()
     };
     (0..HALVES).into_par_iter().map(|at| half(at * by_angle.len() / HALVES)).collect()
 }
@@ -98,17 +94,15 @@ pub(crate) fn exchanged(camera: &Camera, views: &[TurnView], counts: &[bool], pl
     if pairs.is_empty() {
         return Vec::new();
     }
-    let pose = Pose::new(camera);
-    let seen = seen(&pose, views);
+    let seen = Seen::new(camera, views, counts);
     let of_pair = |pair: [usize; 2]| {
-        let others: Vec<usize> = (0..views.len()).filter(|i| counts[*i] && !pair.contains(i)).collect();
-        let slices = fitted(&pose, views, &others, &seen);
+        let slices = seen.without(&pair);
         if slices.len() < SLICES_LEAST {
             return None;
         }
         let at = |view: usize, angle: usize| {
             let view = TurnView { omega: views[angle].omega, ..views[view] };
-            residuals_px(&pose, &slices, &view, Shift::Free).map(|residuals| trimmed_rms(residuals.into_iter()))
+            residuals_px(&seen.pose, &slices, &view, Shift::Free).map(|residuals| trimmed_rms(residuals.into_iter()))
         };
         let [a, b] = pair;
         let turns = (views[b].omega - views[a].omega) / TAU;
@@ -119,7 +113,7 @@ pub(crate) fn exchanged(camera: &Camera, views: &[TurnView], counts: &[bool], pl
 }
 
 /// The place of a view among the slices of others.
-fn placed_among(pose: &Pose, slices: &[(Slice, Fit)], view: &TurnView, shift: Shift) -> Option<Placed> {
+fn placed_among(pose: &Pose, slices: &[Outline], view: &TurnView, shift: Shift) -> Option<Placed> {
     if slices.len() < SLICES_LEAST {
         return None;
     }
@@ -142,7 +136,7 @@ fn placed_among(pose: &Pose, slices: &[(Slice, Fit)], view: &TurnView, shift: Sh
 }
 
 /// Whether some of the slices show already that a view lies farther from all of them than `than_px`, whatever the others show.
-fn is_farther(pose: &Pose, slices: &[(Slice, Fit)], view: &TurnView, shift: Shift, than_px: f64) -> bool {
+fn is_farther(pose: &Pose, slices: &[Outline], view: &TurnView, shift: Shift, than_px: f64) -> bool {
     let mut squares: Vec<f64> = Vec::with_capacity(2 * slices.len().div_ceil(LOOKED_AT));
     for slice in slices.iter().step_by(LOOKED_AT) {
         match (shift, Side::BOTH.map(|side| off_um(pose, slice, view, side))) {
@@ -161,9 +155,9 @@ fn is_farther(pose: &Pose, slices: &[(Slice, Fit)], view: &TurnView, shift: Shif
 }
 
 /// Distance of an edge of a view from a slice, um.
-fn off_um(pose: &Pose, (slice, fit): &(Slice, Fit), view: &TurnView, side: Side) -> Option<f64> {
-    let tangent = pose.tangent(slice.x_um, view, side, Some(&fit.support))?;
-    Some(tangent.offset_um - fit.support.at(tangent.theta)[0])
+fn off_um(pose: &Pose, outline: &Outline, view: &TurnView, side: Side) -> Option<f64> {
+    let tangent = pose.tangent(outline.x_um, view, side, Some(&outline.support))?;
+    Some(tangent.offset_um - outline.support.at(tangent.theta)[0])
 }
 
 /// Whether a view may lie higher or lower than the calibration says.
@@ -174,42 +168,90 @@ enum Shift {
     Free,
 }
 
-/// A slice as each view sees it where it sees the axis, on both sides.
-struct Seen {
+/// A slice, and the support function that some of the views give of it.
+struct Outline {
     x_um: f64,
-    tangents: Vec<[Option<Tangent>; 2]>,
+    support: Support,
 }
 
-/// The slices that are compared.
-fn seen(pose: &Pose, views: &[TurnView]) -> Vec<Seen> {
-    let extents: Vec<(usize, usize)> = views.iter().filter_map(|v| v.columns.extent()).collect();
-    let middle = |of: fn(&(usize, usize)) -> usize| upper_median(extents.iter().map(|e| of(e) as f64).collect());
-    let (from, to) = (middle(|e| e.0), middle(|e| e.1));
-    let count = ((to - from) as usize).min(SLICES);
-    let slice = |i: usize| {
-        let x_um = pose.slice(from + (to - from) * (i as f64 + 0.5) / count as f64);
-        Seen { x_um, tangents: views.iter().map(|view| Side::BOTH.map(|side| pose.tangent(x_um, view, side, None))).collect() }
-    };
-    (0..count).into_par_iter().map(slice).collect()
+/// A tangent of a slice: the series in its direction, and its distance from the axis, um.
+struct Row {
+    series: [f64; 2 * HARMONICS_MOST + 1],
+    offset_um: f64,
 }
 
-/// The slices with the support functions nearest to some of the views.
-fn fitted(pose: &Pose, views: &[TurnView], members: &[usize], seen: &[Seen]) -> Vec<(Slice, Fit)> {
-    let views: Vec<TurnView> = members.iter().map(|&i| views[i]).collect();
-    let series = harmonics(&views.iter().map(|v| v.omega).collect::<Vec<_>>());
-    let of_slice = |seen: &Seen| {
-        let first = Slice::seen_by(seen.x_um, members.iter().map(|&i| seen.tangents[i])).ok()?;
-        // The second pass reads the columns in which the tangents touch.
-        let slice = Slice::of(seen.x_um, pose, &views, Some(&fit(&first, series, 1.0, 0).ok()?.support)).ok()?;
-        let fit = fit(&slice, series, 1.0, 0).ok()?;
-        Some((slice, fit))
-    };
-    seen.iter().filter_map(of_slice).collect()
+/// What the views show of a slice.
+struct SeenSlice {
+    x_um: f64,
+    /// The tangents that each view gives.
+    rows: Vec<[Option<Row>; 2]>,
+    /// Those of the views that count, and their number.
+    equations: Equations,
+    tangents: usize,
+}
+
+/// The slices that are compared, as the views show them.
+struct Seen<'a> {
+    pose: Pose,
+    views: &'a [TurnView<'a>],
+    counts: &'a [bool],
+    slices: Vec<SeenSlice>,
+}
+
+impl<'a> Seen<'a> {
+    fn new(camera: &Camera, views: &'a [TurnView<'a>], counts: &'a [bool]) -> Self {
+        let pose = Pose::new(camera);
+        let extents: Vec<(usize, usize)> = views.iter().filter_map(|v| v.columns.extent()).collect();
+        let middle = |of: fn(&(usize, usize)) -> usize| upper_median(extents.iter().map(|e| of(e) as f64).collect());
+        let (from, to) = (middle(|e| e.0), middle(|e| e.1));
+        let count = ((to - from) as usize).min(SLICES);
+        let counted: Vec<TurnView> = views.iter().zip(counts).filter(|(_, counts)| **counts).map(|(view, _)| *view).collect();
+        let series = harmonics(&counted.iter().map(|v| v.omega).collect::<Vec<_>>());
+        let slice = |i: usize| {
+            let x_um = pose.slice(from + (to - from) * (i as f64 + 0.5) / count as f64);
+            // The second pass reads the columns in which the tangents touch. A view that does not belong moves them by less than a hundredth
+            // of a px, as the capillary leans by less than a degree.
+            let first = Slice::of(x_um, &pose, &counted, None).and_then(|slice| fit(&slice, series, 1.0, 0)).ok()?;
+            let row = |view: &TurnView, side: Side| {
+                let tangent = pose.tangent(x_um, view, side, Some(&first.support))?;
+                let mut row = Row { series: [0.0; 2 * HARMONICS_MOST + 1], offset_um: tangent.offset_um };
+                basis(tangent.theta, &mut row.series);
+                Some(row)
+            };
+            let rows: Vec<[Option<Row>; 2]> = views.iter().map(|view| Side::BOTH.map(|side| row(view, side))).collect();
+            let (mut equations, mut tangents) = (Equations::new(HARMONICS_MOST), 0);
+            for row in rows.iter().zip(counts).filter(|(_, counts)| **counts).flat_map(|(rows, _)| rows.iter().flatten()) {
+                equations.add(&row.series, row.offset_um, 1.0);
+                tangents += 1;
+            }
+            Some(SeenSlice { x_um, rows, equations, tangents })
+        };
+        let slices = (0..count).into_par_iter().filter_map(slice).collect();
+        Self { pose, views, counts, slices }
+    }
+
+    /// The slices with the support functions nearest to all views that count, without these.
+    fn without(&self, left_out: &[usize]) -> Vec<Outline> {
+        let left_out: Vec<usize> = left_out.iter().copied().filter(|&i| self.counts[i]).collect();
+        let members = (0..self.views.len()).filter(|i| self.counts[*i] && !left_out.contains(i));
+        let omegas: Vec<f64> = members.map(|i| self.views[i].omega).collect();
+        let (series, needed) = (harmonics(&omegas), 2.0 * SHARE_OF_VIEWS * omegas.len() as f64);
+        let of_slice = |slice: &SeenSlice| {
+            let (mut equations, mut tangents) = (slice.equations.clone(), slice.tangents);
+            for row in left_out.iter().flat_map(|&i| slice.rows[i].iter().flatten()) {
+                equations.add(&row.series, row.offset_um, -1.0);
+                tangents -= 1;
+            }
+            let (support, _) = equations.solved(series).filter(|_| tangents as f64 >= needed)?;
+            Some(Outline { x_um: slice.x_um, support })
+        };
+        self.slices.iter().filter_map(of_slice).collect()
+    }
 }
 
 /// Distances of the edges of a view from the slices, px. `None` for a view that shows less than half of their edges.
-fn residuals_px(pose: &Pose, slices: &[(Slice, Fit)], view: &TurnView, shift: Shift) -> Option<Vec<f64>> {
-    let residual = |slice: &(Slice, Fit), side: Side| Some((side.sign(), off_um(pose, slice, view, side)?));
+fn residuals_px(pose: &Pose, slices: &[Outline], view: &TurnView, shift: Shift) -> Option<Vec<f64>> {
+    let residual = |slice: &Outline, side: Side| Some((side.sign(), off_um(pose, slice, view, side)?));
     let residuals: Vec<(f64, f64)> = slices.iter().flat_map(|slice| Side::BOTH.map(|side| residual(slice, side))).flatten().collect();
     if residuals.len() < slices.len() {
         return None;

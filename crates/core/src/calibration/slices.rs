@@ -7,7 +7,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use std::f64::consts::TAU;
 
 /// Least share of the views that must show a slice: towards the ends perspective hides it from some.
-const SHARE_OF_VIEWS: f64 = 0.75;
+pub(super) const SHARE_OF_VIEWS: f64 = 0.75;
 
 /// Why a slice has no support function.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
@@ -78,21 +78,13 @@ impl Slice {
     /// # Errors
     /// [`SliceError::FewEdges`] where too few views see the slice.
     pub fn of(x_um: f64, pose: &Pose, views: &[TurnView], support: Option<&Support>) -> Result<Self, SliceError> {
-        Self::seen_by(x_um, views.iter().map(|view| Side::BOTH.map(|side| pose.tangent(x_um, view, side, support))))
-    }
-
-    /// The slice of the tangents of some views, on both sides.
-    ///
-    /// # Errors
-    /// As [`Self::of`].
-    pub fn seen_by(x_um: f64, tangents: impl ExactSizeIterator<Item = [Option<Tangent>; 2]>) -> Result<Self, SliceError> {
-        let views = tangents.len();
-        let mut sights = Vec::with_capacity(2 * views);
-        for (view, found) in tangents.enumerate() {
-            let both = Side::BOTH.into_iter().zip(found);
-            sights.extend(both.filter_map(|(side, tangent)| Some(Sight { view, side, tangent: tangent? })));
+        let mut sights = Vec::with_capacity(2 * views.len());
+        for (number, view) in views.iter().enumerate() {
+            for side in Side::BOTH {
+                sights.extend(pose.tangent(x_um, view, side, support).map(|tangent| Sight { view: number, side, tangent }));
+            }
         }
-        let needed = 2.0 * SHARE_OF_VIEWS * views as f64;
+        let needed = 2.0 * SHARE_OF_VIEWS * views.len() as f64;
         if (sights.len() as f64) < needed {
             return Err(SliceError::FewEdges { found: sights.len(), needed: needed.ceil() as usize });
         }
@@ -152,6 +144,43 @@ fn own(slice: &Slice, view: usize) -> Vec<usize> {
     slice.sights.iter().enumerate().filter(|(_, s)| s.view == view).map(|(at, _)| at).collect()
 }
 
+/// The normal equations of a series of some harmonics: the sums over the tangents of which its coefficients are the solution.
+#[derive(Debug, Clone)]
+pub(crate) struct Equations {
+    size: usize,
+    /// The lower triangle, row by row.
+    normal: Vec<f64>,
+    right: Vec<f64>,
+}
+
+impl Equations {
+    /// Those of no tangent.
+    pub fn new(harmonics: usize) -> Self {
+        let size = 2 * harmonics + 1;
+        Self { size, normal: vec![0.0; size * size], right: vec![0.0; size] }
+    }
+
+    /// Adds a tangent at the distance `offset_um`. `row` is the series in its direction. A negative weight takes a tangent out again.
+    pub fn add(&mut self, row: &[f64], offset_um: f64, weight: f64) {
+        let size = self.size;
+        for (a, &value) in row.iter().enumerate() {
+            let weighed = weight * value;
+            self.right[a] += weighed * offset_um;
+            for (sum, &other) in self.normal[a * size..=a * size + a].iter_mut().zip(row) {
+                *sum += weighed * other;
+            }
+        }
+    }
+
+    /// The solution for the first of the harmonics, with what it was solved by. `None` where the tangents do not determine it.
+    pub fn solved(&self, harmonics: usize) -> Option<(Support, Cholesky<f64, Dyn>)> {
+        let size = self.size.min(2 * harmonics + 1);
+        let normal = DMatrix::from_fn(size, size, |a, b| self.normal[a.max(b) * self.size + a.min(b)]).cholesky()?;
+        let coefficients = normal.solve(&DVector::from_column_slice(&self.right[..size]));
+        Some((Support { coefficients: coefficients.as_slice().to_vec() }, normal))
+    }
+}
+
 /// Fits a series of so many harmonics to the tangents of a slice. Residuals beyond the standard deviation `sd_um` count less
 /// (Huber), in so many rounds.
 ///
@@ -167,20 +196,11 @@ pub(crate) fn fit(slice: &Slice, harmonics: usize, sd_um: f64, rounds: usize) ->
     let mut weights = vec![1.0; n];
     let mut round = 0;
     loop {
-        let mut normal = vec![0.0; size * size];
-        let mut right = vec![0.0; size];
+        let mut equations = Equations::new(harmonics);
         for ((sight, row), weight) in slice.sights.iter().zip(rows.chunks_exact(size)).zip(&weights) {
-            for (a, &value) in row.iter().enumerate() {
-                let weighed = weight * value;
-                right[a] += weighed * sight.tangent.offset_um;
-                for (sum, &other) in normal[a * size..=a * size + a].iter_mut().zip(row) {
-                    *sum += weighed * other;
-                }
-            }
+            equations.add(row, sight.tangent.offset_um, *weight);
         }
-        let normal = DMatrix::from_fn(size, size, |a, b| normal[a.max(b) * size + a.min(b)]).cholesky().ok_or(SliceError::Undetermined)?;
-        let coefficients = normal.solve(&DVector::from_vec(right));
-        let support = Support { coefficients: coefficients.as_slice().to_vec() };
+        let (support, normal) = equations.solved(harmonics).ok_or(SliceError::Undetermined)?;
         let residuals: Vec<f64> = slice
             .sights
             .iter()

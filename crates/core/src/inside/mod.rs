@@ -25,6 +25,7 @@ pub use shade::Shade;
 use crate::geometry::Projection;
 
 /// A view of the specimen with its light.
+#[derive(Clone, Copy)]
 pub(crate) struct Lit<'a> {
     /// The calibrated projection.
     pub projection: &'a Projection,

@@ -3,7 +3,7 @@
 use super::calibrated::{Calibrated, Judged, NotCalibrated, given};
 use super::finned::Finned;
 use super::refined::Refined;
-use super::{HullModel, LiveVolume, Model, ReconstructionError, ReconstructionSettings};
+use super::{HullModel, LiveVolume, Model, ReconstructionError, ReconstructionSettings, Silhouette};
 use crate::calibration::{Calibration, GivenView, Pose, PoseOffset, Psi, TurnView, hull_sd_share, pose_offset, reprojected_areas};
 use crate::carver::{Leaves, Observed};
 use crate::fins::Fin;
@@ -368,11 +368,11 @@ impl Reconstruction {
             return Err(ReconstructionError::NoViews { observed: 0, planned: carver.planned_views() });
         }
         let mut hull = HullModel::new(*carver.grid(), used.len(), self.settings)?;
-        for (i, projection) in used {
-            let view = &carver.views()[*i];
-            let seen = &observed[*i];
-            hull.observe(&seen.mask(view), &seen.outlines, projection, view.leaves)?;
-        }
+        let views = used.iter().map(|(i, projection)| {
+            let (view, seen) = (&carver.views()[*i], &observed[*i]);
+            Silhouette { mask: seen.mask(view), outlines: &seen.outlines, projection: *projection, leaves: view.leaves }
+        });
+        hull.observe_all(&views.collect::<Vec<_>>())?;
         Ok(hull)
     }
 
