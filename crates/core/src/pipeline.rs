@@ -382,7 +382,7 @@ impl Pipeline {
         // The cause before its consequences.
         let mut turn_findings = self.turning.findings();
         turn_findings.extend(of_calibration);
-        let TurnModel { model, fallback, hull, calibration, projections, reprojected_areas, closure: pose_offset, fins } = model?;
+        let TurnModel { model, fallback, hull, calibration, projections, reprojected_areas, closure: pose_offset, fins, ends_um } = model?;
         if let Ok(found) = &calibration {
             self.judged(&found.calibration.views, &reprojected_areas);
         }
@@ -397,7 +397,10 @@ impl Pipeline {
         let found = calibration.as_ref().ok().map(|judged| &judged.calibration);
         let quality = self.quality(found, closure.as_ref(), &model.measurement).with_turn(&turn_findings);
         let flags = self.flags(&quality, &model, fallback.as_ref(), calibration.as_ref().ok(), closure.is_some());
-        let shape = Shape::of(&model.mesh);
+        let mut shape = Shape::of(&model.mesh);
+        if let (Some(body), Some(ends_um)) = (&mut shape.body, ends_um) {
+            body.reach(ends_um);
+        }
         let taken: Vec<(u32, f64)> = self.views.iter().map(|v| (v.index, v.omega)).collect();
         let camera = found.map_or(&self.settings.camera, |c| &c.camera);
         let (eyes, bladder) = self.organs(&projections, &model.mesh, shape.body.as_ref(), StoredFlag::is_bound(&flags)).unzip();

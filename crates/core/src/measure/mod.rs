@@ -77,7 +77,7 @@ pub struct Measurement {
     pub centroid_um: [f64; 3],
     /// Extent of the faired mesh along each axis.
     pub extent_um: [f64; 3],
-    /// Extent along the capillary.
+    /// Extent along the capillary: of a turn that of its silhouettes, where two views show an end; otherwise that of the faired mesh.
     pub length_um: f64,
     /// The sphere nearest to the vertices of the faired mesh. `None` where none was requested.
     pub sphere: Option<SphereFit>,

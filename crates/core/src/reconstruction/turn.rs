@@ -57,6 +57,8 @@ pub struct TurnModel {
     pub closure: Option<PoseOffset>,
     /// The free edges of the fins that the views agree on, a point per eight slices.
     pub fins: Vec<Fin>,
+    /// The ends of the specimen along the axis, um, by its silhouettes. `None` where no view shows it.
+    pub ends_um: Option<[f64; 2]>,
 }
 
 /// The view at 360 deg, which is never carved.
@@ -65,6 +67,21 @@ struct ClosureView {
     columns: Columns,
     /// Index of the view at 0 deg in the order of observing.
     first: usize,
+}
+
+/// With so many views an end counts that two of them show. One of them may show dust beside it.
+const VIEWS_OF_AN_END: usize = 4;
+
+/// The ends of the specimen along the axis, um. The tail ends in a fin that only the views across it show to its tip, so the views that show most
+/// count, and not what all agree on.
+fn ends_um(pose: &Pose, views: &[TurnView]) -> Option<[f64; 2]> {
+    let (mut lefts, mut rights): (Vec<usize>, Vec<usize>) = views.iter().filter_map(|view| view.columns.extent()).unzip();
+    lefts.sort_unstable();
+    rights.sort_unstable_by(|a, b| b.cmp(a));
+    let at = usize::from(lefts.len() >= VIEWS_OF_AN_END);
+    let (left, right) = (lefts.get(at)?, rights.get(at)?);
+    // A column shows half a px to either side of its middle.
+    Some([pose.slice(*left as f64 - 0.5), pose.slice(*right as f64 + 0.5)])
 }
 
 /// How well the pose of the turn is known.
@@ -337,6 +354,10 @@ impl Reconstruction {
             Err(why) => Some(why.into()),
         };
         model.measurement.fallback = fallback.as_ref().map(Fallback::to_string);
+        let ends_um = ends_um(&pose, &views);
+        if let Some([left, right]) = ends_um {
+            model.measurement.length_um = right - left;
+        }
         let mut again = vec![None; observed.len()];
         if let Ok(Judged { calibration: c, .. }) = found {
             for (&(i, _), areas) in used.iter().zip(again_of(c, &given)) {
@@ -358,6 +379,7 @@ impl Reconstruction {
             reprojected_areas: again,
             closure,
             fins: fins.fins.iter().map(Fin::recorded).collect(),
+            ends_um,
         })
     }
 

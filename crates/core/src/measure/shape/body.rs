@@ -23,7 +23,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Body {
-    /// Arc length of the body axis from end to end.
+    /// Arc length of the body axis from end to end. Of a turn it goes on, straight, to where the silhouettes end: the surface loses the thin
+    /// end of a tail fin.
     pub length_um: f64,
     /// Areas of the slices times their thickness over the solid's volume: 1 where the slices follow the body (Pappus).
     pub slices_volume_share: f64,
@@ -47,6 +48,23 @@ impl Body {
         self.dorsal.direction?;
         // The body's own frame is that of a larva that looks to the left with its back up: its left side faces whoever looks at it.
         Some(self.to_body.rotation[2].map(|z| -z))
+    }
+
+    /// Extends the length straight to where the silhouettes end, `ends_um` along x. An end of the axis that lies further out stays.
+    pub fn reach(&mut self, [left_um, right_um]: [f64; 2]) {
+        let step_um = self.length_um / self.stations.len() as f64;
+        let x_um = |station: Option<&Station>| station.map(|s| s.centre_um[0]);
+        let beyond = |end: Option<f64>, next: Option<f64>| {
+            let (end, run) = end.zip(next).map(|(end, next)| (end, end - next))?;
+            // The axis ends half a step beyond the centre of its last slice.
+            let end_um = end + run / 2.0;
+            let missing_um = if run < 0.0 { end_um - left_um } else { right_um - end_um };
+            Some(missing_um.max(0.0) * step_um / run.abs())
+        };
+        let s = &self.stations;
+        let first = beyond(x_um(s.first()), x_um(s.get(1)));
+        let last = beyond(x_um(s.last()), x_um(s.iter().rev().nth(1)));
+        self.length_um += first.into_iter().chain(last).filter(|um| um.is_finite()).sum::<f64>();
     }
 
     /// The direction of the axis at the head, tailwards: from the slice at 4 to that at 16 % of the length. `None` where the head is not determined.

@@ -205,6 +205,26 @@ fn a_bent_tube_has_its_arc_and_its_curvature() {
 }
 
 #[test]
+fn a_body_reaches_as_far_as_the_silhouettes_and_never_less_far_than_its_surface() {
+    let body = Shape::of(&cylinder(2000.0, 200, |_| 100.0)).body.unwrap();
+    let length_um = |ends_um| {
+        let mut longer = body.clone();
+        longer.reach(ends_um);
+        longer.length_um
+    };
+    assert!((length_um([-1000.0, 1000.0]) - 2000.0).abs() < 0.1, "{}", length_um([-1000.0, 1000.0]));
+    assert!((length_um([-1010.0, 1030.0]) - 2040.0).abs() < 0.1, "{}", length_um([-1010.0, 1030.0]));
+    assert!((length_um([-900.0, 1030.0]) - 2030.0).abs() < 0.1, "{}", length_um([-900.0, 1030.0]));
+    // Where it is bent by nearly 45 deg at its ends, what it lacks along x is longer along the body.
+    let bent = Shape::of(&bow(1000.0, PI / 2.0, 50.0)).body.unwrap();
+    let mut longer = bent.clone();
+    let end_um = 1000.0 * (PI / 4.0).sin();
+    longer.reach([-end_um - 10.0, end_um]);
+    let added_um = longer.length_um - bent.length_um;
+    assert!((added_um - 10.0 * 2f64.sqrt()).abs() < 0.6, "{added_um}");
+}
+
+#[test]
 fn the_head_is_the_thicker_end_and_comes_first() {
     // 0.3 of the length at twice the radius: areas 4 : 1, the first moment is the difference of the ends' rectangles.
     let (thick, thin) = (0.3 * 4.0, 0.7);
