@@ -1,7 +1,7 @@
 # `make run` shows the instrument at work on its emulated rig; `make help` lists the rest.
 
 .DEFAULT_GOAL := help
-.PHONY: help build run test test-doc test-page test-python test-module test-qa test-service test-features test-slurm qa fuzz tutorial lint bench deb
+.PHONY: help build run validate test test-doc test-page test-python test-module test-qa test-service test-features test-slurm qa fuzz tutorial lint bench deb
 .PHONY: deb-test offline offline-test wheel release-python web contract deny deps-build deps-web deps-python deps-test deps-slurm deps-bench deps-package
 .PHONY: deps-machine
 
@@ -62,6 +62,9 @@ qa: build deps-python deps-test ## attacks the release program from outside, row
 # TARGET="http ply" selects parsers, SECONDS=60 the time for each; KEEP=1 adds what reaches new code to the corpus.
 fuzz: deps-build ## searches for inputs at which a parser panics, hangs or takes all memory, guided by coverage: 20 s each (TARGET=http SECONDS=60)
 	CARGO="$(CARGO)" fuzz/run $(if $(KEEP),--keep) $(or $(SECONDS),20) $(TARGET)
+
+validate: deps-build ## measures simulated specimens of known size and writes docs/validation.md, which takes hours (ARGS="--only look --out /tmp/look")
+	$(CARGO) run --release --locked --package carved-validate -- $(or $(ARGS),--out docs)
 
 tutorial: build deps-python ## follows docs/tutorial.md as written, and compares every output with the page
 	python3 tests/docs/follow_tutorial.py "$(abspath $(TARGET_DIR))/release/carved"

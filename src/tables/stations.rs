@@ -35,9 +35,11 @@ pub fn table(runs: &[StoredRun]) -> Table {
         for well in run.wells() {
             let Some(measurement) = well.measurement else { continue };
             let body = &measurement["shape"]["body"];
-            let length_um = body["length_um"].as_f64();
-            for (i, station) in body["stations"].as_array().into_iter().flatten().enumerate() {
-                let share = station["s_um"].as_f64().zip(length_um).map(|(s, length)| s / length);
+            let stations: Vec<&Value> = body["stations"].as_array().into_iter().flatten().collect();
+            // The first and the last slice are half a thickness from the ends of the axis.
+            let ends = stations.first().zip(stations.last()).and_then(|(first, last)| first["s_um"].as_f64().zip(last["s_um"].as_f64()));
+            for (i, station) in stations.into_iter().enumerate() {
+                let share = station["s_um"].as_f64().zip(ends).map(|(s, (first, last))| s / (first + last));
                 let mut row = vec![
                     Cell::from(run.record().id.as_str()),
                     Cell::from(well.planned.well.as_str()),

@@ -44,8 +44,9 @@ use std::sync::Arc;
 /// capillaries of 500 to 800 um are taken for one of 600. Pictures binned by two have 0.5, and the next objective has 0.5 or 2.
 const BORE_SHARE: RangeInclusive<f64> = 0.62..=1.6;
 
-/// Most views of a turn in which organs are looked for, evenly chosen from all. More of them find the same organs in more time.
-const ORGAN_VIEWS_MOST: usize = 28;
+/// Most views of a turn in which organs are looked for, evenly chosen from all: more take more time. An odd number has no opposite views, which
+/// show nearly the same light.
+const ORGAN_VIEWS_MOST: usize = 27;
 
 /// Everything the numbers depend on beside the frames and their angles.
 #[derive(Debug, Clone, PartialEq)]
@@ -398,8 +399,8 @@ impl Pipeline {
         let quality = self.quality(found, closure.as_ref(), &model.measurement).with_turn(&turn_findings);
         let flags = self.flags(&quality, &model, fallback.as_ref(), calibration.as_ref().ok(), closure.is_some());
         let mut shape = Shape::of(&model.mesh);
-        if let (Some(body), Some(ends_um)) = (&mut shape.body, ends_um) {
-            body.reach(ends_um);
+        if let (Some(body), Some([left, right]), Some(surface)) = (&mut shape.body, ends_um, extents(&model.mesh)) {
+            body.reach([surface.min[0] - left, right - surface.max[0]]);
         }
         let taken: Vec<(u32, f64)> = self.views.iter().map(|v| (v.index, v.omega)).collect();
         let camera = found.map_or(&self.settings.camera, |c| &c.camera);

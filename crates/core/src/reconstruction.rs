@@ -220,8 +220,9 @@ impl HullModel {
 
     /// Carves with some views, one after the other. Their contours are made first, on all cores.
     fn observe_all(&mut self, views: &[Silhouette]) -> Result<(), ReconstructionError> {
-        let contours = views.par_iter().map(|view| self.contour(view)).collect::<Result<Vec<Contour>, _>>()?;
+        let contours: Vec<Result<Contour, _>> = views.par_iter().map(|view| self.contour(view)).collect();
         for (Silhouette { mask, projection, leaves, .. }, contour) in views.iter().zip(contours) {
+            let contour = contour?;
             self.carver.observe(mask, projection, *leaves)?;
             self.contours.push(contour);
         }

@@ -9,8 +9,6 @@ pub struct Effort {
     pub beads: usize,
     /// Larvae of 3, 4 and 5 dpf.
     pub larvae: [usize; 3],
-    /// Larvae with rendered frames.
-    pub rendered: usize,
     /// Phantoms of each clean solid.
     pub solids: usize,
     pub finned: usize,
@@ -35,7 +33,6 @@ impl Effort {
     pub const FULL: Self = Self {
         beads: 25,
         larvae: [12, 24, 24],
-        rendered: 3,
         solids: 10,
         finned: 60,
         calibrated: 100,
@@ -44,7 +41,7 @@ impl Effort {
         orders: 30,
         early: 1000,
         live: 60,
-        finned_frames: 20,
+        finned_frames: 8,
         demo: 24,
         coverage: 1000,
         voxel_um: 6.93,
@@ -54,7 +51,6 @@ impl Effort {
     pub const QUICK: Self = Self {
         beads: 1,
         larvae: [1; 3],
-        rendered: 0,
         finned: 2,
         calibrated: 4,
         finned_frames: 0,

@@ -2,14 +2,12 @@
 
 use super::document::{Goal, Plot, Section, table};
 use super::effort::Work;
-use super::frames;
 use super::plot::{Series, Style, ellipse, svg};
 use super::published::Published;
 use super::statistics::{Summary, share_within};
 use super::turn::{ASDS, CAPTURED, Turn, calibrated_views, even_plan, even_stops, grid, off, support, voxels};
-use carved_core::profile::Segmenters;
 use hardware_sim::analytic::{Disturbance, Phantom, Pose};
-use hardware_sim::scene::{Camera, SceneSettings, Specimen};
+use hardware_sim::scene::Camera;
 
 const STAGES: [u8; 3] = [3, 4, 5];
 
@@ -41,25 +39,7 @@ pub fn run(work: &Work) -> anyhow::Result<Section> {
         let phantom = Phantom::larva(dpf, seed)?.placed(Pose::seeded(seed));
         larva(dpf, &Turn::of(&phantom, &Camera::default(), &even_plan(CAPTURED), &Disturbance::drift(seed)), work.effort.voxel_um)
     })?;
-    let rendered = rendered(work)?;
-    section(&larvae, &rendered, work.effort.voxel_um)
-}
-
-/// One larva of each stage with fins, through frames and segmentation.
-fn rendered(work: &Work) -> anyhow::Result<Vec<Larva>> {
-    let stages = &STAGES[..work.effort.rendered.min(STAGES.len())];
-    work.begin("larvae, rendered", stages.len());
-    let segmenters = Segmenters::default();
-    stages
-        .iter()
-        .map(|&dpf| {
-            let specimen = Specimen::larva(dpf, work.seed + u64::from(dpf))?;
-            let turn = frames::turn(&SceneSettings::default(), specimen, &even_plan(CAPTURED), &segmenters)?;
-            let larva = larva(dpf, &turn, work.effort.voxel_um);
-            work.step();
-            larva
-        })
-        .collect()
+    section(&larvae, work.effort.voxel_um)
 }
 
 fn larva(dpf: u8, turn: &Turn, voxel_um: f64) -> anyhow::Result<Larva> {
@@ -85,7 +65,7 @@ fn offs(larvae: &[Larva], at: usize, number: usize, of: fn(&LarvaNumbers) -> [f6
 const VOXEL: fn(&LarvaNumbers) -> [f64; 2] = |f| f.voxel;
 const SUPPORT: fn(&LarvaNumbers) -> [f64; 2] = |f| f.support;
 
-fn section(larvae: &[Larva], rendered: &[Larva], voxel_um: f64) -> anyhow::Result<Section> {
+fn section(larvae: &[Larva], voxel_um: f64) -> anyhow::Result<Section> {
     let paper = Published::read()?;
     let counts = STAGES.map(|dpf| larvae.iter().filter(|l| l.dpf == dpf).count());
     let mut section = Section { title: "2. Larvae", ..Section::default() };
@@ -110,7 +90,6 @@ fn section(larvae: &[Larva], rendered: &[Larva], voxel_um: f64) -> anyhow::Resul
         .collect();
     section.text += &table(&["ASD", "measured", "volume, support", "area, support", "volume, voxels", "area, voxels"], &rows);
     section.text += &by_stage(larvae, &paper);
-    section.text += &through_frames(rendered);
     goals(larvae, &mut section);
     plots(larvae, &mut section);
     Ok(section)
@@ -163,29 +142,6 @@ fn by_stage(larvae: &[Larva], paper: &Published) -> String {
             ],
             &rows
         )
-    )
-}
-
-fn through_frames(rendered: &[Larva]) -> String {
-    if rendered.is_empty() {
-        return String::new();
-    }
-    let rows: Vec<Vec<String>> = rendered
-        .iter()
-        .flat_map(|l| {
-            ASDS.iter().zip(&l.found).map(|(asd, found)| {
-                let cell = |number: usize, of: fn(&LarvaNumbers) -> [f64; 2]| {
-                    found.as_ref().map_or("not measured".into(), |f| format!("{:+.2}", off(of(f)[number], l.truth[number])))
-                };
-                vec![l.dpf.to_string(), asd.to_string(), cell(0, SUPPORT), cell(1, SUPPORT), cell(0, VOXEL), cell(1, VOXEL)]
-            })
-        })
-        .collect();
-    format!(
-        "### Through frames and segmentation\n\nSimulation: one larva of each stage with fins, rendered at {CAPTURED} angles and segmented as on an instrument. The camera is\n\
-         the nominal one, and is calibrated as always. Error against the ideal hull with fins, per cent. The parts of the fins\n\
-         that segmentation misses are missing here too.\n\n{}",
-        table(&["dpf", "ASD", "volume, support", "area, support", "volume, voxels", "area, voxels"], &rows)
     )
 }
 

@@ -66,8 +66,8 @@ pub(crate) fn placed(camera: &Camera, views: &[TurnView], counts: &[bool]) -> Ve
 }
 
 /// Places the views of one half of the turn among those of the other, for several halves. A view shows two opposite tangents of each slice, so
-/// half a turn shows all sides. What is wrong with a whole half does not spoil the slices of the other. `None` for a view that is in the half that
-/// the slices are from, and for one that cannot be compared.
+/// half a turn shows all sides. What is wrong with a whole half spoils the slices of the other only by the columns in which their tangents are read.
+/// `None` for a view that is in the half that the slices are from, and for one that cannot be compared.
 pub(crate) fn placed_by_halves(camera: &Camera, views: &[TurnView], counts: &[bool]) -> Vec<Vec<Option<Placed>>> {
     let seen = Seen::new(camera, views, counts);
     let mut by_angle: Vec<usize> = (0..views.len()).filter(|&i| counts[i]).collect();
@@ -76,7 +76,8 @@ pub(crate) fn placed_by_halves(camera: &Camera, views: &[TurnView], counts: &[bo
         let members: Vec<usize> = by_angle.iter().cycle().skip(first).take(by_angle.len() / 2 + 1).copied().collect();
         let others: Vec<usize> = by_angle.iter().filter(|i| !members.contains(i)).copied().collect();
         let slices = seen.without(&others);
-        (0..views.len()).map(|i| placed_among(&seen.pose, &slices, &views[i], Shift::Free).filter(|_| others.contains(&i))).collect()
+        let placed = |i: usize| others.contains(&i).then(|| placed_among(&seen.pose, &slices, &views[i], Shift::Free)).flatten();
+        (0..views.len()).map(placed).collect()
     };
     (0..HALVES).into_par_iter().map(|at| half(at * by_angle.len() / HALVES)).collect()
 }
@@ -209,8 +210,8 @@ impl<'a> Seen<'a> {
         let series = harmonics(&counted.iter().map(|v| v.omega).collect::<Vec<_>>());
         let slice = |i: usize| {
             let x_um = pose.slice(from + (to - from) * (i as f64 + 0.5) / count as f64);
-            // The second pass reads the columns in which the tangents touch. A view that does not belong moves them by less than a hundredth
-            // of a px, as the capillary leans by less than a degree.
+            // The second pass reads the columns in which the tangents touch. A view that does not belong moves these by some tenths of a px at the
+            // ends of the picture, where the rays lean, and less in the middle.
             let first = Slice::of(x_um, &pose, &counted, None).and_then(|slice| fit(&slice, series, 1.0, 0)).ok()?;
             let row = |view: &TurnView, side: Side| {
                 let tangent = pose.tangent(x_um, view, side, Some(&first.support))?;

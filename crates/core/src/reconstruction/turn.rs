@@ -57,7 +57,7 @@ pub struct TurnModel {
     pub closure: Option<PoseOffset>,
     /// The free edges of the fins that the views agree on, a point per eight slices.
     pub fins: Vec<Fin>,
-    /// The ends of the specimen along the axis, um, by its silhouettes. `None` where no view shows it.
+    /// The ends of the specimen along the axis, um, by its silhouettes. `None` where no view shows it, and where it moved.
     pub ends_um: Option<[f64; 2]>,
 }
 
@@ -69,8 +69,8 @@ struct ClosureView {
     first: usize,
 }
 
-/// With so many views an end counts that two of them show. One of them may show dust beside it.
-const VIEWS_OF_AN_END: usize = 4;
+/// An end counts that one in so many views shows, and at least two of four or more: one may show dust beside it.
+const VIEWS_OF_AN_END: usize = 21;
 
 /// The ends of the specimen along the axis, um. The tail ends in a fin that only the views across it show to its tip, so the views that show most
 /// count, and not what all agree on.
@@ -78,7 +78,7 @@ fn ends_um(pose: &Pose, views: &[TurnView]) -> Option<[f64; 2]> {
     let (mut lefts, mut rights): (Vec<usize>, Vec<usize>) = views.iter().filter_map(|view| view.columns.extent()).unzip();
     lefts.sort_unstable();
     rights.sort_unstable_by(|a, b| b.cmp(a));
-    let at = usize::from(lefts.len() >= VIEWS_OF_AN_END);
+    let at = if lefts.len() < 4 { 0 } else { (lefts.len() / VIEWS_OF_AN_END).max(1) };
     let (left, right) = (lefts.get(at)?, rights.get(at)?);
     // A column shows half a px to either side of its middle.
     Some([pose.slice(*left as f64 - 0.5), pose.slice(*right as f64 + 0.5)])
@@ -354,7 +354,9 @@ impl Reconstruction {
             Err(why) => Some(why.into()),
         };
         model.measurement.fallback = fallback.as_ref().map(Fallback::to_string);
-        let ends_um = ends_um(&pose, &views);
+        // The ends of a specimen that moved along the capillary are those of two places.
+        let has_moved = found.as_ref().is_ok_and(|judged| judged.calibration.moved.is_some());
+        let ends_um = ends_um(&pose, &views).filter(|_| !has_moved);
         if let Some([left, right]) = ends_um {
             model.measurement.length_um = right - left;
         }

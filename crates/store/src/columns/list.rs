@@ -278,17 +278,22 @@ pub const AFTER: &[Column] = &[
         "shape_estimator",
         Text,
         Made(|r| r.well.measurement.as_ref().and_then(shape_estimator).into()),
-        "`field`: what `body_length_um` and all numbers of the shape, the slices, `mesh.ply` and `model.glb` come from; its volume is \
+        "`field`: what all numbers of the shape, the slices, `mesh.ply` and `model.glb` come from, and `body_length_um` up to the ends of this surface; its volume is \
          `field_volume_um3`",
     ),
-    col("body_length_um", Number, Measured("/shape/body/length_um"), "length along the bent body axis, to the ends of the silhouettes"),
+    col(
+        "body_length_um",
+        Number,
+        Measured("/shape/body/length_um"),
+        "length along the bent body axis; of a turn to the ends of its silhouettes",
+    ),
     col(
         "body_axis_rms_um",
         Number,
         Measured("/shape/body/axis_rms_um"),
         "distance of the slices' centres from this axis (root mean square)",
     ),
-    col("extent_along_um", Number, Measured("/measurement/length_um"), "extent along the capillary, of the silhouettes"),
+    col("extent_along_um", Number, Measured("/measurement/length_um"), "extent along the capillary; of a turn that of its silhouettes"),
     col("diameter_um", Number, Measured("/measurement/diameter_um"), "of a bead: diameter of the fitted sphere"),
     col(
         "sphere_rms_um",

@@ -14,6 +14,7 @@ use super::section::{Flat, Plane, Section, cut, ranks};
 use super::{Refusal, Solid, Vector};
 use crate::surface::Mesh;
 use serde::{Deserialize, Serialize};
+use std::f64::consts::PI;
 
 /// What is measured along the body axis.
 ///
@@ -23,8 +24,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Body {
-    /// Arc length of the body axis from end to end. Of a turn it goes on, straight, to where the silhouettes end: the surface loses the thin
-    /// end of a tail fin.
+    /// Arc length of the body axis from end to end of the surface. Of a turn it goes on, straight, to where the silhouettes end: the surface
+    /// loses the thin end of a tail fin. The stations are those of the surface alone.
     pub length_um: f64,
     /// Areas of the slices times their thickness over the solid's volume: 1 where the slices follow the body (Pappus).
     pub slices_volume_share: f64,
@@ -50,21 +51,20 @@ impl Body {
         Some(self.to_body.rotation[2].map(|z| -z))
     }
 
-    /// Extends the length straight to where the silhouettes end, `ends_um` along x. An end of the axis that lies further out stays.
-    pub fn reach(&mut self, [left_um, right_um]: [f64; 2]) {
-        let step_um = self.length_um / self.stations.len() as f64;
-        let x_um = |station: Option<&Station>| station.map(|s| s.centre_um[0]);
-        let beyond = |end: Option<f64>, next: Option<f64>| {
-            let (end, run) = end.zip(next).map(|(end, next)| (end, end - next))?;
-            // The axis ends half a step beyond the centre of its last slice.
-            let end_um = end + run / 2.0;
-            let missing_um = if run < 0.0 { end_um - left_um } else { right_um - end_um };
-            Some(missing_um.max(0.0) * step_um / run.abs())
-        };
-        let s = &self.stations;
-        let first = beyond(x_um(s.first()), x_um(s.get(1)));
-        let last = beyond(x_um(s.last()), x_um(s.iter().rev().nth(1)));
-        self.length_um += first.into_iter().chain(last).filter(|um| um.is_finite()).sum::<f64>();
+    /// Extends the length by what the silhouettes show beyond the surface: `beyond_um` on the left and on the right, along x. It goes on straight
+    /// from the end that lies outermost there. An end that leans by more than [`LEANS_MOST`] stays.
+    pub fn reach(&mut self, beyond_um: [f64; 2]) {
+        let xs_um: Vec<f64> = self.stations.iter().map(|station| station.centre_um[0]).collect();
+        let [Some(first), Some(last)] = [xs_um.get(..2), xs_um.len().checked_sub(2).and_then(|at| xs_um.get(at..))] else { return };
+        let step_um = self.length_um / xs_um.len() as f64;
+        let (least, most) = xs_um.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(*x), high.max(*x)));
+        for [end, next] in [[first[0], first[1]], [last[1], last[0]]] {
+            let share = (end - next) / step_um;
+            let (is_outermost, beyond_um) = if share < 0.0 { (end <= least, beyond_um[0]) } else { (end >= most, beyond_um[1]) };
+            if is_outermost && share.abs() >= LEANS_MOST.cos() {
+                self.length_um += beyond_um.max(0.0) / share.abs();
+            }
+        }
     }
 
     /// The direction of the axis at the head, tailwards: from the slice at 4 to that at 16 % of the length. `None` where the head is not determined.
@@ -79,7 +79,7 @@ impl Body {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Station {
-    /// Arc length from the first end.
+    /// Arc length from the first end of the axis within the surface.
     pub s_um: f64,
     /// Area of the slice.
     pub area_um2: f64,
@@ -101,7 +101,7 @@ pub struct Bending {
     pub total_deg: f64,
     /// Largest curvature between neighbouring stations in the middle nine tenths. The ends are too short for theirs.
     pub max_curvature_per_mm: f64,
-    /// Straight distance of the axis' two ends over its length; 1 for a straight body.
+    /// Straight distance of the axis' two ends over its length, within the surface; 1 for a straight body.
     pub end_to_end_share: f64,
 }
 
@@ -137,6 +137,8 @@ pub struct Slices {
 
 /// Slices that hold another volume than the solid by more than this do not follow it. A larva's differ by 0.3 %.
 const VOLUME_OFF: f64 = 0.02;
+/// An end of the axis that leans by more against x is not extended along it, rad.
+const LEANS_MOST: f64 = PI / 3.0;
 /// Slices at either end that the largest curvature leaves out.
 const END_STATIONS: usize = STATIONS / 20;
 

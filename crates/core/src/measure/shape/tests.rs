@@ -205,23 +205,24 @@ fn a_bent_tube_has_its_arc_and_its_curvature() {
 }
 
 #[test]
-fn a_body_reaches_as_far_as_the_silhouettes_and_never_less_far_than_its_surface() {
-    let body = Shape::of(&cylinder(2000.0, 200, |_| 100.0)).body.unwrap();
-    let length_um = |ends_um| {
+fn a_body_is_longer_by_what_the_silhouettes_show_beyond_its_surface() {
+    let added_um = |body: &Body, beyond_um| {
         let mut longer = body.clone();
-        longer.reach(ends_um);
-        longer.length_um
+        longer.reach(beyond_um);
+        longer.length_um - body.length_um
     };
-    assert!((length_um([-1000.0, 1000.0]) - 2000.0).abs() < 0.1, "{}", length_um([-1000.0, 1000.0]));
-    assert!((length_um([-1010.0, 1030.0]) - 2040.0).abs() < 0.1, "{}", length_um([-1010.0, 1030.0]));
-    assert!((length_um([-900.0, 1030.0]) - 2030.0).abs() < 0.1, "{}", length_um([-900.0, 1030.0]));
+    let straight = Shape::of(&cylinder(2000.0, 200, |_| 100.0)).body.unwrap();
+    for (beyond_um, expected_um) in [([0.0; 2], 0.0), ([10.0, 30.0], 40.0), ([-100.0, 30.0], 30.0)] {
+        assert!((added_um(&straight, beyond_um) - expected_um).abs() < 1e-6, "{beyond_um:?}");
+    }
     // Where it is bent by nearly 45 deg at its ends, what it lacks along x is longer along the body.
     let bent = Shape::of(&bow(1000.0, PI / 2.0, 50.0)).body.unwrap();
-    let mut longer = bent.clone();
-    let end_um = 1000.0 * (PI / 4.0).sin();
-    longer.reach([-end_um - 10.0, end_um]);
-    let added_um = longer.length_um - bent.length_um;
-    assert!((added_um - 10.0 * 2f64.sqrt()).abs() < 0.6, "{added_um}");
+    assert!((added_um(&bent, [10.0, 0.0]) - 10.0 * 2f64.sqrt()).abs() < 0.3, "{}", added_um(&bent, [10.0, 0.0]));
+    // What lies beyond an end that leans by more than 60 deg, or that curls back, is not that end's.
+    for angle in [0.75 * PI, 1.2 * PI] {
+        let bent = Shape::of(&bow(1000.0, angle, 50.0)).body.unwrap();
+        assert!(added_um(&bent, [10.0; 2]).abs() < 1e-9, "{angle}");
+    }
 }
 
 #[test]
