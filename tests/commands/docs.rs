@@ -112,3 +112,34 @@ fn the_plate_map_of_the_tutorial_is_sound() {
     assert!(output.status.success(), "{}", stderr(&output));
     assert!(page.lines().any(|line| line == answer.trim_end()), "docs/tutorial.md does not show {answer:?}");
 }
+
+/// The codes with which sources under `folder` refuse requests.
+fn codes(folder: &Path, found: &mut BTreeSet<String>) {
+    const MADE_BY: [&str; 5] = ["conflict(", "unavailable(", "unprocessable(", "bad_request(", "not_found("];
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            codes(&path, found);
+            continue;
+        }
+        let text = std::fs::read_to_string(&path).unwrap();
+        for (at, _) in text.match_indices('"') {
+            let before = text[..at].trim_end();
+            let status = before.strip_suffix(',').map(|status| status.trim_end_matches(|c: char| c.is_ascii_uppercase() || c == '_'));
+            if MADE_BY.iter().any(|made_by| before.ends_with(made_by)) || status.is_some_and(|status| status.ends_with("StatusCode::")) {
+                found.extend(text[at + 1..].split('"').next().map(str::to_owned));
+            }
+        }
+    }
+}
+
+#[test]
+fn the_loaders_page_names_every_code_of_a_refusal() {
+    let mut made = BTreeSet::new();
+    codes(&root().join("src/http"), &mut made);
+    assert!(made.len() > 50 && made.contains("unknown_run") && made.contains("run_open"), "{made:?}");
+    let page = std::fs::read_to_string(root().join("docs/loader.md")).unwrap();
+    let (_, errors) = page.split_once("## Errors").unwrap();
+    let missing: Vec<&String> = made.iter().filter(|code| !errors.contains(&format!("`{code}`"))).collect();
+    assert!(missing.is_empty(), "not in the table of docs/loader.md: {missing:?}");
+}

@@ -77,8 +77,8 @@ pub struct Measurement {
     pub centroid_um: [f64; 3],
     /// Extent of the faired mesh along each axis.
     pub extent_um: [f64; 3],
-    /// Extent along the capillary. Of a turn without a movement it is that of the silhouettes: an end is where one view in 21 shows it, at least
-    /// two of four or more. Otherwise it is that of the faired mesh.
+    /// Extent along the capillary. Of a turn of a larva that did not move it is that of the silhouettes: an end is where one view in 21 shows
+    /// it, at least two of four or more. Otherwise it is that of the faired mesh.
     pub length_um: f64,
     /// The sphere nearest to the vertices of the faired mesh. `None` where none was requested.
     pub sphere: Option<SphereFit>,

@@ -57,7 +57,8 @@ pub struct TurnModel {
     pub closure: Option<PoseOffset>,
     /// The free edges of the fins that the views agree on, a point per eight slices.
     pub fins: Vec<Fin>,
-    /// The ends of the specimen along the axis, um, by its silhouettes. `None` where no view shows it, and where it moved.
+    /// The ends of the specimen along the axis, um, by its silhouettes. `None` where no view shows it, where it moved,
+    /// and of a bead.
     pub ends_um: Option<[f64; 2]>,
 }
 
@@ -354,9 +355,9 @@ impl Reconstruction {
             Err(why) => Some(why.into()),
         };
         model.measurement.fallback = fallback.as_ref().map(Fallback::to_string);
-        // The ends of a specimen that moved along the capillary are those of two places.
+        // The ends of a specimen that moved along the capillary are those of two places. The surface of a bead has its ends between columns.
         let has_moved = found.as_ref().is_ok_and(|judged| judged.calibration.moved.is_some());
-        let ends_um = ends_um(&pose, &views).filter(|_| !has_moved);
+        let ends_um = ends_um(&pose, &views).filter(|_| !has_moved && !sphere);
         if let Some([left, right]) = ends_um {
             model.measurement.length_um = right - left;
         }
