@@ -263,3 +263,44 @@ fn residuals_px(pose: &Pose, slices: &[Outline], view: &TurnView, shift: Shift) 
     };
     Some(residuals.into_iter().map(|(sign, off_um)| (off_um - sign * down_um) * pose.camera().ky).collect())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::profile::{Columns, Polygon};
+
+    const WIDTH: usize = 200;
+    const HEIGHT: usize = 160;
+
+    /// Taking views out of the equations gives the support functions that a fit to the others gives, also where some do not count.
+    #[test]
+    fn slices_without_some_views_are_those_of_the_others() {
+        let camera = Camera::published(WIDTH as u32, HEIGHT as u32);
+        let shown = |i: usize| {
+            let out = (i % 3) as f64;
+            Polygon { vertices: vec![[20.0, 60.0 - out], [180.0, 58.0], [180.0, 100.0 + out], [20.0, 102.0]] }
+        };
+        let columns: Vec<Columns> = (0..13).map(|i| Columns::from_outlines(&[shown(i)], WIDTH, HEIGHT)).collect();
+        let view = |(i, columns)| TurnView { columns, omega: TAU * i as f64 / 13.0, dy_px: 0.0 };
+        let views: Vec<TurnView> = columns.iter().enumerate().map(view).collect();
+        let counts: Vec<bool> = (0..views.len()).map(|i| i != 5).collect();
+        let seen = Seen::new(&camera, &views, &counts);
+        let of = |left_out: &[usize]| -> Vec<TurnView> {
+            (0..views.len()).filter(|i| counts[*i] && !left_out.contains(i)).map(|i| views[i]).collect()
+        };
+        let fitted = |x_um: f64, views: &[TurnView], first: Option<&Support>| {
+            let series = harmonics(&views.iter().map(|view| view.omega).collect::<Vec<_>>());
+            fit(&Slice::of(x_um, &seen.pose, views, first).unwrap(), series, 1.0, 0).unwrap().support
+        };
+        for left_out in [vec![3], vec![5], vec![0, 1, 2, 3, 4, 6]] {
+            let found = seen.without(&left_out);
+            assert_eq!(found.len(), SLICES, "{left_out:?}");
+            for Outline { x_um, support } in found {
+                let expected = fitted(x_um, &of(&left_out), Some(&fitted(x_um, &of(&[]), None)));
+                assert_eq!(support.coefficients.len(), expected.coefficients.len(), "{left_out:?}");
+                let off = support.coefficients.iter().zip(&expected.coefficients).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+                assert!(off < 1e-9, "without {left_out:?} at {x_um} um: off by {off} um");
+            }
+        }
+    }
+}
