@@ -176,8 +176,8 @@ pub fn run(work: &Work) -> anyhow::Result<Section> {
         "Simulation: larvae of 3, 4 and 5 dpf, rendered at {CAPTURED} angles ({ROWS} rows of the sensor, colour mosaic, noise),\n\
          segmented, calibrated and measured by the pipeline of the instrument. Each ASD is an even subset of the views. The true\n\
          value is the ideal visual hull of body and fins. The seeds were used for nothing else. `holds` is the share of the\n\
-         intervals (Student's t, 95 %) that contain the true volume; `fins` is the mean number of free edges found; `unseen` counts\n\
-         the turns with the flag `fins_unseen`.\n\n{}",
+         intervals (Student's t, 95 %) that contain the true volume; `fins` is the mean number of free edges found; `unseen`\n\
+         counts the turns with the flag `fins_unseen`.\n\n{}",
         table(&["larvae", "ASD", "n", "volume, %: mean ± SD, worst", "area, %", "stated SD, %", "holds, %", "fins", "unseen"], &rows)
     );
     Ok(section)

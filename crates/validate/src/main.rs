@@ -123,7 +123,7 @@ fn head(args: &Args) -> String {
         command += &format!(" --only {}", format!("{part:?}").to_lowercase());
     }
     format!(
-        "# Validation\n\nWritten by `{command}`. **Everything here is a simulation**: no number was measured on an instrument.\n\
+        "# Validation\n\nWritten by `{command}`.\n**Everything here is a simulation**: no number was measured on an instrument.\n\
          The same command gives the same numbers, to the last digit.\n\n\
          The tables compare two estimators. *Voxels* is the paper's (voxels x SD^3, Heron's formula over the faired surface,\n\
          epsilon 0.05). *Support* is carved's own (a support function per slice of the capillary). The true value for larvae is\n\
