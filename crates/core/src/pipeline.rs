@@ -44,7 +44,7 @@ use std::sync::Arc;
 /// capillaries of 500 to 800 um are taken for one of 600. Pictures binned by two have 0.5, and the next objective has 0.5 or 2.
 const BORE_SHARE: RangeInclusive<f64> = 0.62..=1.6;
 
-/// Most views of a turn in which organs are looked for, evenly chosen from all: more take more time. An odd number has no opposite views, which
+/// Most views of a turn in which organs are looked for, evenly chosen from all: more take more time. An odd number avoids opposite views, which
 /// show nearly the same light.
 const ORGAN_VIEWS_MOST: usize = 27;
 
