@@ -201,6 +201,22 @@ fn a_specimen_that_moved_is_flagged_with_what_it_did() {
     }
 }
 
+/// What slices of 12 views cannot follow, the fins above all, is no turn within the capillary: with a turn the edges would fit better.
+#[test]
+fn few_views_of_fins_tell_a_turn_of_the_specimen_from_none() {
+    (0..8u64).into_par_iter().for_each(|seed| {
+        let calibrated = |faults: Vec<Fault>| {
+            let finned = Phantom::finned(3 + (seed % 3) as u8, seed).unwrap().placed(Place::seeded(seed));
+            Turn::of(&finned, &looking(), even(12), &Disturbance { faults, ..Disturbance::default() }).calibrated().unwrap()
+        };
+        let still = calibrated(Vec::new());
+        assert!(still.moved.is_none() && (still.rho - 1.0).abs() < 2e-4, "seed {seed}: {still:?}");
+        let by = Place { x_um: 0.0, y_um: 0.0, z_um: 0.0, roll_rad: 0.15 };
+        let turned = calibrated(vec![Fault::Moved { from: 4, by }]);
+        assert!(turned.moved.is_some_and(|moved| moved.view.abs_diff(4) <= 1 && moved.turn_rad > 0.07), "seed {seed}: {turned:?}");
+    });
+}
+
 #[test]
 fn each_cause_of_a_failed_calibration_has_its_own_words() {
     let camera = emulated::camera(&looking());

@@ -136,7 +136,7 @@ pub fn run(work: &Work) -> anyhow::Result<Section> {
     for (number, set) in SETS.iter().enumerate() {
         let larvae = (work.effort.finned_frames * 3).div_ceil(set.one_in);
         let each =
-            work.each("fins through frames", larvae, |i| measured(set, 3 + (i % 3) as u8, work.seed + 110_000 + 1000 * number as u64 + i))?;
+            work.each("fins through frames", larvae, |i| measured(set, 3 + (i % 3) as u8, work.seed + 160_000 + 1000 * number as u64 + i))?;
         for (at, asd) in ASDS.into_iter().enumerate() {
             let of = |number: fn(&Measured) -> f64| each.iter().map(|turn| number(&turn[at])).collect::<Vec<f64>>();
             let (volume, area) = (Summary::of(&of(|m| m.volume)), Summary::of(&of(|m| m.area)));
@@ -186,6 +186,16 @@ pub fn run(work: &Work) -> anyhow::Result<Section> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Its background shows more than usual everywhere, and 84 views add it up: a fin of 200 px was found that added 5.2 %.
+    #[test]
+    fn a_larva_without_fins_gets_none_from_its_background() -> anyhow::Result<()> {
+        let captured = captured(&SETS[4], 4, 114_004)?;
+        let record = captured.record(CAPTURED, VOXEL_UM)?;
+        let error = off(record.measurement.volume_um3, captured.truth.hull_volume_um3);
+        assert!(record.fins.is_empty() && error.abs() < 0.8, "{error} %, {:?}", record.fins);
+        Ok(())
+    }
 
     /// `cargo test -p carved-validate fins:: -- --ignored --nocapture`
     #[test]

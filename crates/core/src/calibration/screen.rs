@@ -251,6 +251,8 @@ const MOVED_PX: f64 = 1.0;
 const TURNED: f64 = 0.03;
 /// Least size of a step in its own standard deviations. The best of some tens of places is searched, so this is large.
 const SURE: f64 = 5.0;
+/// The same of a turn, which also has to explain the edges.
+const SURE_TURNED: f64 = 3.0;
 
 /// Least share of the views on the shorter side that show the step. One outlier among few views shifts their mean, but most of
 /// them then fit worse with the step than without.
@@ -278,9 +280,9 @@ pub fn moved(offs: &[ViewOff], omegas: &[f64], shows_turn: bool) -> Option<Moved
         } else {
             step(offs, at, |o| o.dy_px, wave, |i| wave(i).into_iter().map(|w| w * later(i)).collect())
         };
-        let score = [(along.0 / MOVED_PX, along.1), (turn.0 / TURNED, turn.1), (across.0 / MOVED_PX, across.1)]
+        let score = [(along.0 / MOVED_PX, along.1 / SURE), (turn.0 / TURNED, turn.1 / SURE_TURNED), (across.0 / MOVED_PX, across.1 / SURE)]
             .into_iter()
-            .filter(|(size, sure)| size.abs() > 1.0 && *sure > SURE)
+            .filter(|(size, sure)| size.abs() > 1.0 && *sure > 1.0)
             .map(|(_, sure)| sure)
             .fold(0.0, f64::max);
         (score, Moved { view: at, along_px: along.0, across_px: across.0, turn_rad: turn.0 })

@@ -49,10 +49,15 @@ const FOLLOWED_PX: usize = 80;
 const RESPONSE_LEAST: f64 = 0.95;
 const RESPONSE_LEAST_FEW: f64 = 1.8;
 const RESPONSE_CLEAR: f64 = 2.5;
+/// Share of the half-views below which a piece may be one of a pectoral fin.
+const FEW_CLEAR: f64 = 0.27;
 /// A pectoral fin is short, and only few views show it, but very clearly: its least gain and length, px. At the ends of the body, this
 /// many px, its own rounding looks like that.
 const GAIN_CLEAR: f32 = 20.0;
 const SHORTEST_CLEAR_PX: f64 = 24.0;
+/// Two of them at the same place on opposite sides of the body need no such gain: noise and specks hardly give a pair. Largest angle by which the
+/// sides differ from opposite ones, rad.
+const PAIRED_ANGLE: f64 = 30.0 / 180.0 * PI;
 const BODY_END_PX: usize = 48;
 /// From the place of the filter's step to the middle of the border's line, px.
 const LINE_PX: f64 = 0.65;
@@ -62,6 +67,7 @@ const NEAR: usize = 2;
 const SIGMA: f64 = 2.25;
 
 /// A chain without a gap: the slice of its first state, and its states.
+#[derive(Debug, Clone)]
 struct Piece {
     first: usize,
     states: Vec<State>,
@@ -164,6 +170,8 @@ struct Search<'a> {
     fins: Vec<Fin>,
     /// Known curves of few edges. The views together may show them better, and elsewhere.
     weak: Vec<Fin>,
+    /// Refused pieces that show themselves clearly, and would be a fin beside another one on the opposite side.
+    doubtful: Vec<Piece>,
     px_um: f64,
 }
 
@@ -179,7 +187,7 @@ impl<'a> Search<'a> {
         let mut sights: Vec<Sight> = views.iter().step_by(step).map(sight).collect::<Option<_>>()?;
         let of_views = |of: &dyn Fn(&FinBorders) -> f64| upper_median(sights.iter().map(|s| of(s.borders)).collect());
         let (margin_px, bore_um) = (of_views(&FinBorders::margin_px), of_views(&FinBorders::bore_px) / 2.0 * px_um);
-        let grid = Grid::new(slices, STEP, bore_um, margin_px, px_um);
+        let mut grid = Grid::new(slices, STEP, bore_um, margin_px, px_um);
         if grid.radii == 0 || sights.is_empty() {
             return None;
         }
@@ -190,17 +198,39 @@ impl<'a> Search<'a> {
             amend(&mut sights, fin, &grid);
             blocked.fin(fin, &grid);
         }
-        let evidence = grid.all(0..grid.stations.len(), &sights);
-        Some(Self { sights, slices, grid, evidence, blocked, fins, weak, px_um })
+        let evidence = grid.search(&sights);
+        Some(Self { sights, slices, grid, evidence, blocked, fins, weak, doubtful: Vec::new(), px_um })
     }
 
-    /// Accepts or refuses a piece. Neither is asked for again.
+    /// Accepts or refuses a piece. Neither is asked for again. Of a piece that shows itself clearly over a small part only, that part is judged: what
+    /// joins it may be noise.
     fn judge(&mut self, piece: &Piece) {
+        let core = clear_core(piece, &self.evidence, self.grid.radii).filter(|core| self.shown(core).is_clear());
+        let piece = core.as_ref().unwrap_or(piece);
         self.blocked.piece(piece);
-        let on = self.fins.iter().position(|fin| goes_on(piece, fin, &self.grid, self.px_um));
-        if is_accepted(piece, &self.evidence, on.is_some(), self.sights.len(), self.grid.radii) {
+        let (shown, on) = (self.shown(piece), self.goes_on(piece));
+        if shown.is_fin(on.is_some()) {
             self.add(piece, on);
+        } else if shown.is_clear() {
+            match self.doubtful.iter().position(|other| are_paired(piece, other)) {
+                Some(at) => {
+                    let other = self.doubtful.swap_remove(at);
+                    self.add(piece, None);
+                    self.add(&other, None);
+                }
+                None => self.doubtful.push(piece.clone()),
+            }
         }
+    }
+
+    fn shown(&self, piece: &Piece) -> Shown {
+        Shown::of(piece, &self.evidence, self.sights.len(), self.grid.radii)
+    }
+
+    /// The fin beyond whose end a piece goes on.
+    fn goes_on(&self, piece: &Piece) -> Option<usize> {
+        let is_followed = |fin: &Fin| fin.points_um.len() >= FOLLOWED_PX;
+        self.fins.iter().position(|fin| is_followed(fin) && goes_on(piece, fin, &self.grid, self.px_um))
     }
 
     /// Adds the curves of few edges beside which no fin was found.
@@ -287,26 +317,71 @@ fn pieces(chain: &[Option<State>]) -> Vec<Piece> {
     pieces
 }
 
-fn is_accepted(piece: &Piece, evidence: &[Evidence], goes_on: bool, views: usize, radii: usize) -> bool {
-    let along = |of: &dyn Fn(&Evidence, usize) -> f64| -> Vec<f64> {
-        piece.stations().zip(&piece.states).map(|(at, &(a, r))| of(&evidence[at], a * radii + r)).collect()
-    };
-    let gain: f32 = piece.stations().zip(&piece.states).map(|(at, &(a, r))| evidence[at].score[a * radii + r]).sum();
-    let response = upper_median(along(&Evidence::response));
-    let is_few = upper_median(along(&|e, i| f64::from(e.views[i]))) < FEW * 2.0 * views as f64;
-    let length_px = (piece.states.len() * STEP) as f64;
-    let end = BODY_END_PX / STEP;
-    let beside_ends = piece.first > end && piece.stations().end + end < evidence.len();
-    if is_few && beside_ends && response > RESPONSE_CLEAR && gain > GAIN_CLEAR && length_px >= SHORTEST_CLEAR_PX {
-        return true;
+/// What the evidence says of a piece.
+struct Shown {
+    /// Evidence beyond that of chance.
+    gain: f32,
+    /// Median response of a half-view.
+    response: f64,
+    /// Share of the half-views that show it, in the median of its stations.
+    share: f64,
+    /// Highest mean of what is pooled over a run.
+    highest: f64,
+    length_px: f64,
+    /// Whether it lies beside the ends of the body.
+    is_beside_ends: bool,
+}
+
+impl Shown {
+    fn of(piece: &Piece, evidence: &[Evidence], views: usize, radii: usize) -> Self {
+        let along = |of: &dyn Fn(&Evidence, usize) -> f64| -> Vec<f64> {
+            piece.stations().zip(&piece.states).map(|(at, &(a, r))| of(&evidence[at], a * radii + r)).collect()
+        };
+        let end = BODY_END_PX / STEP;
+        Self {
+            gain: piece.stations().zip(&piece.states).map(|(at, &(a, r))| evidence[at].score[a * radii + r]).sum(),
+            response: upper_median(along(&Evidence::response)),
+            share: upper_median(along(&|e, i| f64::from(e.views[i]))) / (2.0 * views as f64),
+            highest: run_means(&along(&|e, i| f64::from(e.pooled[i]))).into_iter().fold(f64::NEG_INFINITY, f64::max),
+            length_px: (piece.states.len() * STEP) as f64,
+            is_beside_ends: piece.first > end && piece.stations().end + end < evidence.len(),
+        }
     }
-    let highest = run_means(&along(&|e, i| f64::from(e.pooled[i]))).into_iter().fold(f64::NEG_INFINITY, f64::max);
-    let least = match (is_few, goes_on) {
-        (false, _) => RESPONSE_LEAST,
-        (true, true) => RESPONSE_LEAST_FEW,
-        (true, false) => RESPONSE_CLEAR,
-    };
-    response >= least && gain >= if goes_on { GAIN_ON } else { GAIN } && highest >= RUN_LEAST && length_px >= SHORTEST_PX
+
+    /// Whether few half-views show it very clearly, as they do a pectoral fin.
+    fn is_clear(&self) -> bool {
+        self.share < FEW_CLEAR && self.is_beside_ends && self.response > RESPONSE_CLEAR && self.length_px >= SHORTEST_CLEAR_PX
+    }
+
+    /// Whether it is a fin. One that goes on where a fin is known needs less.
+    fn is_fin(&self, goes_on: bool) -> bool {
+        let least = match (self.share < FEW, goes_on) {
+            (false, _) => RESPONSE_LEAST,
+            (true, true) => RESPONSE_LEAST_FEW,
+            (true, false) => RESPONSE_CLEAR,
+        };
+        let gain = if goes_on { GAIN_ON } else { GAIN };
+        let is_long = self.highest >= RUN_LEAST && self.length_px >= SHORTEST_PX;
+        (self.is_clear() && self.gain > GAIN_CLEAR) || (self.response >= least && self.gain >= gain && is_long)
+    }
+}
+
+/// Whether two pieces lie beside each other on opposite sides.
+fn are_paired(one: &Piece, other: &Piece) -> bool {
+    let (a, b) = (one.stations(), other.stations());
+    let shared = a.end.min(b.end).saturating_sub(a.start.max(b.start));
+    let middle = |piece: &Piece| direction(piece.states[piece.states.len() / 2].0);
+    2 * shared >= a.len().min(b.len()) && apart(middle(one) + PI, middle(other)) < PAIRED_ANGLE
+}
+
+/// The longest part of a piece that shows itself clearly, where that is not the whole.
+fn clear_core(piece: &Piece, evidence: &[Evidence], radii: usize) -> Option<Piece> {
+    let responses: Vec<f64> = piece.stations().zip(&piece.states).map(|(at, &(a, r))| evidence[at].response(a * radii + r)).collect();
+    let clear: Vec<bool> = run_means(&responses).into_iter().map(|mean| mean > RESPONSE_CLEAR).collect();
+    let runs = (0..clear.len()).collect::<Vec<_>>();
+    let longest = runs.chunk_by(|a, b| clear[*a] == clear[*b]).filter(|run| clear[run[0]]).max_by_key(|run| run.len())?;
+    (2 * longest.len() < piece.states.len())
+        .then(|| Piece { first: piece.first + longest[0], states: piece.states[longest[0]..=longest[longest.len() - 1]].to_vec() })
 }
 
 /// Number of responses before the first whose run shows no more than noise does.
@@ -389,7 +464,6 @@ mod tests {
 
     const WIDTH: usize = 320;
     const HEIGHT: usize = 160;
-    const VIEWS: usize = 21;
     /// Size of a px on the axis, um.
     const PX_UM: f64 = 5.0;
     const BODY_PX: f64 = 30.0;
@@ -417,8 +491,9 @@ mod tests {
         }
     }
 
-    /// The fins that are found on a cylinder with a sheet whose border takes `contrast` standard deviations of a pixel's noise.
-    fn found(contrast: f64) -> Vec<Fin> {
+    /// The fins that so many views find on a cylinder with sheets in these directions between two columns, whose borders take `contrast` standard
+    /// deviations of a pixel's noise.
+    fn found(count: usize, contrast: f64, sheets: &[f64], from_to: (f64, f64)) -> Vec<Fin> {
         let camera = camera();
         let mut state = 7u64;
         let mut uniform = || {
@@ -430,24 +505,28 @@ mod tests {
         let right = WIDTH as f64;
         let body = Polygon { vertices: vec![[-1.0, top], [right, top], [right, bottom], [-1.0, bottom]] };
         let body = Columns::from_outlines(&[body], WIDTH, HEIGHT);
-        let tip = [EDGE_PX * DIRECTION.cos() * PX_UM, EDGE_PX * DIRECTION.sin() * PX_UM];
-        let views: Vec<_> = (0..VIEWS)
+        let tip = |direction: f64| [EDGE_PX * direction.cos() * PX_UM, EDGE_PX * direction.sin() * PX_UM];
+        let views: Vec<_> = (0..count)
             .map(|i| {
-                let omega = TAU * i as f64 / VIEWS as f64;
+                let omega = TAU * i as f64 / count as f64;
                 let projection = camera.projection(omega);
-                let edge_px = projection.project([0.0, tip[0], tip[1]]).unwrap().1 - camera.uy;
+                let row = |&direction: &f64| projection.project([0.0, tip(direction)[0], tip(direction)[1]]).unwrap().1 - camera.uy;
+                let edges_px: Vec<f64> = sheets.iter().map(row).collect();
                 let lightness: Vec<f32> = (0..WIDTH * HEIGHT)
                     .map(|k| {
                         let (u, v) = ((k % WIDTH) as f64, (k / WIDTH) as f64 - camera.uy);
-                        let within = (FROM_TO.0..FROM_TO.1).contains(&u) && v * edge_px > 0.0;
-                        let inwards = edge_px.abs() - v.abs();
-                        let fin = if !within || inwards < -1.5 {
-                            0.0
-                        } else if inwards < 1.0 {
-                            1.0
-                        } else {
-                            0.5
+                        let fin = |edge_px: &f64| {
+                            let within = (from_to.0..from_to.1).contains(&u) && v * edge_px > 0.0;
+                            let inwards = edge_px.abs() - v.abs();
+                            if !within || inwards < -1.5 {
+                                0.0
+                            } else if inwards < 1.0 {
+                                1.0
+                            } else {
+                                0.5
+                            }
                         };
+                        let fin = edges_px.iter().map(fin).fold(0.0, f64::max);
                         let level = if v.abs() < BODY_PX { 40.0 } else { contrast * fin };
                         (level + noise()) as f32
                     })
@@ -483,7 +562,7 @@ mod tests {
     /// A line of 0.45 of a pixel's noise gives each view about 1.9 standard deviations, which no single view would believe.
     #[test]
     fn a_sheet_that_no_single_view_shows_is_found_within_a_px() {
-        let fins = found(0.45);
+        let fins = found(21, 0.45, &[DIRECTION], FROM_TO);
         assert_eq!(fins.len(), 1, "{:?}", fins.iter().map(|f| (f.points_um[0], f.edges)).collect::<Vec<_>>());
         let px = |x_um: f64| x_um / PX_UM + camera().ux;
         let (first, last) = (px(fins[0].points_um[0][0]), px(fins[0].points_um[fins[0].points_um.len() - 1][0]));
@@ -497,7 +576,42 @@ mod tests {
 
     #[test]
     fn without_a_sheet_none_is_found() {
-        let fins = found(0.0);
+        let fins = found(21, 0.0, &[], FROM_TO);
         assert!(fins.is_empty(), "{:?}", fins.iter().map(|f| (f.points_um[0], f.edges)).collect::<Vec<_>>());
+    }
+
+    /// Of 12 views, four to six half-views show a pectoral fin.
+    #[test]
+    fn few_views_show_a_pair_of_short_fins() {
+        let fins = found(12, 0.8, &[DIRECTION, DIRECTION + PI], (140.0, 166.0));
+        let sides: Vec<f64> = fins.iter().map(|fin| fin.points_um[fin.points_um.len() / 2]).map(|[_, y, z]| z.atan2(y)).collect();
+        assert!(fins.len() == 2 && apart(sides[0] + PI, sides[1]) < 0.2, "{sides:?}");
+    }
+
+    #[test]
+    fn a_pair_lies_beside_each_other_on_opposite_sides() {
+        let piece = |first: usize, degrees: usize| Piece { first, states: vec![(degrees * DIRECTIONS / 360, 20); 10] };
+        assert!(are_paired(&piece(40, 90), &piece(43, 268)));
+        assert!(!are_paired(&piece(40, 90), &piece(40, 92)));
+        assert!(!are_paired(&piece(40, 90), &piece(40, 220)));
+        assert!(!are_paired(&piece(40, 90), &piece(46, 270)));
+    }
+
+    /// A short clear fin with a long run of noise that joins it: the fin alone is judged.
+    #[test]
+    fn what_joins_a_clear_piece_is_not_part_of_it() {
+        let evidence = |shown: bool| Evidence {
+            pooled: vec![if shown { 7.0 } else { 2.6 }; DIRECTIONS],
+            views: vec![4; DIRECTIONS],
+            score: vec![0.1; DIRECTIONS],
+        };
+        let piece = Piece { first: 0, states: vec![(3, 0); 60] };
+        let of = |from: usize, to: usize| {
+            let core = clear_core(&piece, &(0..60).map(|at| evidence((from..to).contains(&at))).collect::<Vec<_>>(), 1)?;
+            Some(core.stations())
+        };
+        let core = of(40, 54).unwrap();
+        assert!(core.start.abs_diff(40) <= 5 && core.end.abs_diff(54) <= 5, "{core:?}");
+        assert_eq!((of(0, 0), of(0, 60)), (None, None));
     }
 }

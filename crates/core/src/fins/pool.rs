@@ -10,6 +10,7 @@ use super::{FinSlice, centre};
 use crate::geometry::Lookup;
 use crate::parallel::prelude::*;
 use crate::profile::FinBorders;
+use crate::statistics::upper_median;
 use std::f64::consts::TAU;
 
 /// Directions in which a slice is searched.
@@ -29,6 +30,11 @@ const BAR_PER_VIEW: f32 = 0.9;
 const BAR_PER_VIEW_FEW: f32 = 1.6;
 /// Share of the half-views below which they are few.
 pub(super) const FEW: f64 = 0.15;
+
+/// Largest median evidence of all points in the turns that the bars of the search were set with.
+const USUAL: f32 = 0.7;
+/// One in so many points is asked for it.
+const EVERY: usize = 7;
 
 /// One view as it is pooled.
 #[derive(Debug, Clone)]
@@ -76,6 +82,8 @@ pub(super) struct Grid {
     pub step_um: f64,
     /// Cosine and sine of each direction.
     pub directions: Vec<[f64; 2]>,
+    /// What is taken off the evidence of so many half-views.
+    excess: Vec<f32>,
 }
 
 impl Grid {
@@ -103,7 +111,7 @@ impl Grid {
             })
             .collect();
         let radii = stations.iter().flat_map(|s| &s.radii).filter(|r| r.1 > r.0).map(|r| usize::from(r.1)).max().unwrap_or(0);
-        Self { stations, radii, step_um: px_um, directions }
+        Self { stations, radii, step_um: px_um, directions, excess: Vec::new() }
     }
 
     /// The point in a direction at a radius step of a station, y and z in um.
@@ -129,7 +137,7 @@ impl Grid {
                     return f32::NEG_INFINITY;
                 }
                 let root = f32::from(n).sqrt();
-                *sum /= root;
+                *sum = *sum / root - self.excess.get(usize::from(n)).unwrap_or(&0.0);
                 *sum - BAR.max(root * if f32::from(n) < few { BAR_PER_VIEW_FEW } else { BAR_PER_VIEW })
             })
             .collect();
@@ -206,6 +214,31 @@ impl Grid {
                 per_step += bend;
             }
         }
+    }
+
+    /// The evidence in all stations. Light and dust that turn with the glass show something at every point, in some turns more than in others:
+    /// what all points show beyond the usual is taken off, here and from now on.
+    pub fn search(&mut self, sights: &[Sight]) -> Vec<Evidence> {
+        let mut evidence = self.all(0..self.stations.len(), sights);
+        let mut by_views = vec![Vec::new(); 2 * sights.len() + 1];
+        for e in &evidence {
+            for cell in (0..e.views.len()).step_by(EVERY).filter(|&cell| e.views[cell] >= VIEWS_LEAST) {
+                by_views[usize::from(e.views[cell])].push(f64::from(e.pooled[cell]));
+            }
+        }
+        let excess = |n: usize| {
+            let near: Vec<f64> = by_views[n - n / 4..(n + n / 4 + 1).min(by_views.len())].concat();
+            if near.is_empty() { 0.0 } else { (upper_median(near) as f32 - USUAL).max(0.0) }
+        };
+        // A point that too few half-views show has no evidence.
+        self.excess = (0..by_views.len()).into_par_iter().map(excess).collect();
+        evidence.par_iter_mut().for_each(|Evidence { pooled, views, score }| {
+            for ((pooled, score), &n) in pooled.iter_mut().zip(score).zip(&*views) {
+                *pooled -= self.excess[usize::from(n)];
+                *score -= self.excess[usize::from(n)];
+            }
+        });
+        evidence
     }
 
     /// The evidence in these stations.
