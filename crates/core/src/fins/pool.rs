@@ -232,12 +232,12 @@ impl Grid {
         };
         // A point that too few half-views show has no evidence.
         self.excess = (0..by_views.len()).into_par_iter().map(excess).collect();
-        evidence.par_iter_mut().for_each(|Evidence { pooled, views, score }| {
+        for Evidence { pooled, views, score } in &mut evidence {
             for ((pooled, score), &n) in pooled.iter_mut().zip(score).zip(&*views) {
                 *pooled -= self.excess[usize::from(n)];
                 *score -= self.excess[usize::from(n)];
             }
-        });
+        }
         evidence
     }
 
