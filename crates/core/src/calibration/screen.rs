@@ -260,7 +260,8 @@ const SHOWN: f64 = 0.75;
 /// Least views on either side of a step across: it is a wave with three unknowns, which any three views fit.
 const SIDE_ACROSS: usize = 2 * SIDE;
 
-/// Searches for the view from which on the specimen lies elsewhere. The turn of a round specimen is not observable: then
+/// Searches for the view from which on the specimen lies elsewhere. A turn is a candidate only: whoever asks has to see whether it explains the
+/// edges. The turn of a round specimen is not observable: then
 /// `shows_turn` is false.
 pub fn moved(offs: &[ViewOff], omegas: &[f64], shows_turn: bool) -> Option<Moved> {
     let n = offs.len();

@@ -55,10 +55,10 @@ const FEW_CLEAR: f64 = 0.27;
 /// many px, its own rounding looks like that.
 const GAIN_CLEAR: f32 = 20.0;
 const SHORTEST_CLEAR_PX: f64 = 24.0;
+const BODY_END_PX: usize = 48;
 /// Two of them at the same place on opposite sides of the body need no such gain: noise and specks hardly give a pair. Largest angle by which the
 /// sides differ from opposite ones, rad.
 const PAIRED_ANGLE: f64 = 30.0 / 180.0 * PI;
-const BODY_END_PX: usize = 48;
 /// From the place of the filter's step to the middle of the border's line, px.
 const LINE_PX: f64 = 0.65;
 /// Slices beside a piece whose evidence it changes, too: a view sees them in the same columns.
@@ -170,8 +170,8 @@ struct Search<'a> {
     fins: Vec<Fin>,
     /// Known curves of few edges. The views together may show them better, and elsewhere.
     weak: Vec<Fin>,
-    /// Refused pieces that show themselves clearly, and would be a fin beside another one on the opposite side.
-    doubtful: Vec<Piece>,
+    /// Pieces that few half-views show very clearly, each of which is a fin if another one lies on the opposite side, and whether they were added.
+    clear: Vec<(Piece, bool)>,
     px_um: f64,
 }
 
@@ -198,28 +198,36 @@ impl<'a> Search<'a> {
             amend(&mut sights, fin, &grid);
             blocked.fin(fin, &grid);
         }
-        let evidence = grid.search(&sights);
-        Some(Self { sights, slices, grid, evidence, blocked, fins, weak, doubtful: Vec::new(), px_um })
+        let evidence = grid.without_excess(&sights);
+        Some(Self { sights, slices, grid, evidence, blocked, fins, weak, clear: Vec::new(), px_um })
     }
 
-    /// Accepts or refuses a piece. Neither is asked for again. Of a piece that shows itself clearly over a small part only, that part is judged: what
-    /// joins it may be noise.
+    /// Accepts or refuses a piece. Neither is asked for again. Of a piece that owes what it shows to a small part, only that part is judged: the rest
+    /// may be noise.
     fn judge(&mut self, piece: &Piece) {
-        let core = clear_core(piece, &self.evidence, self.grid.radii).filter(|core| self.shown(core).is_clear());
-        let piece = core.as_ref().unwrap_or(piece);
+        let (whole, on) = (self.shown(piece), self.goes_on(piece));
+        let core = clear_core(piece, &self.evidence, self.grid.radii).filter(|core| {
+            let core = self.shown(core);
+            let is_all = on.is_none() && whole.gain - core.gain < GAIN_ON && core.is_fin(false);
+            core.is_clear() && (is_all || !whole.is_fin(on.is_some()))
+        });
+        let (piece, on) = core.as_ref().map_or((piece, on), |core| (core, self.goes_on(core)));
         self.blocked.piece(piece);
-        let (shown, on) = (self.shown(piece), self.goes_on(piece));
-        if shown.is_fin(on.is_some()) {
+        let shown = self.shown(piece);
+        let paired = |(other, is_added): &(Piece, bool)| are_paired(piece, other) && (*is_added || self.shown(other).is_clear());
+        let other = self.clear.iter().position(|other| shown.is_clear() && paired(other));
+        let is_fin = shown.is_fin(on.is_some()) || other.is_some();
+        if is_fin {
             self.add(piece, on);
-        } else if shown.is_clear() {
-            match self.doubtful.iter().position(|other| are_paired(piece, other)) {
-                Some(at) => {
-                    let other = self.doubtful.swap_remove(at);
-                    self.add(piece, None);
-                    self.add(&other, None);
-                }
-                None => self.doubtful.push(piece.clone()),
-            }
+        }
+        if let Some(at) = other
+            && !std::mem::replace(&mut self.clear[at].1, true)
+        {
+            let other = self.clear[at].0.clone();
+            self.add(&other, self.goes_on(&other));
+        }
+        if shown.is_clear() {
+            self.clear.push((piece.clone(), is_fin));
         }
     }
 
@@ -328,8 +336,8 @@ struct Shown {
     /// Highest mean of what is pooled over a run.
     highest: f64,
     length_px: f64,
-    /// Whether it lies beside the ends of the body.
-    is_beside_ends: bool,
+    /// Whether it lies away from the ends of the body.
+    is_off_ends: bool,
 }
 
 impl Shown {
@@ -344,13 +352,13 @@ impl Shown {
             share: upper_median(along(&|e, i| f64::from(e.views[i]))) / (2.0 * views as f64),
             highest: run_means(&along(&|e, i| f64::from(e.pooled[i]))).into_iter().fold(f64::NEG_INFINITY, f64::max),
             length_px: (piece.states.len() * STEP) as f64,
-            is_beside_ends: piece.first > end && piece.stations().end + end < evidence.len(),
+            is_off_ends: piece.first > end && piece.stations().end + end < evidence.len(),
         }
     }
 
     /// Whether few half-views show it very clearly, as they do a pectoral fin.
     fn is_clear(&self) -> bool {
-        self.share < FEW_CLEAR && self.is_beside_ends && self.response > RESPONSE_CLEAR && self.length_px >= SHORTEST_CLEAR_PX
+        self.share < FEW_CLEAR && self.is_off_ends && self.response > RESPONSE_CLEAR && self.length_px >= SHORTEST_CLEAR_PX
     }
 
     /// Whether it is a fin. One that goes on where a fin is known needs less.

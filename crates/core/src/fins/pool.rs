@@ -31,10 +31,11 @@ const BAR_PER_VIEW_FEW: f32 = 1.6;
 /// Share of the half-views below which they are few.
 pub(super) const FEW: f64 = 0.15;
 
-/// Largest median evidence of all points in the turns that the bars of the search were set with.
+/// Largest median evidence of all points that as many half-views show, in the turns that the bars of the search were set with.
 const USUAL: f32 = 0.7;
-/// One in so many points is asked for it.
+/// One in so many points is asked for it, and at least so many are needed.
 const EVERY: usize = 7;
+const POINTS_LEAST: usize = 200;
 
 /// One view as it is pooled.
 #[derive(Debug, Clone)]
@@ -218,7 +219,7 @@ impl Grid {
 
     /// The evidence in all stations. Light and dust that turn with the glass show something at every point, in some turns more than in others:
     /// what all points show beyond the usual is taken off, here and from now on.
-    pub fn search(&mut self, sights: &[Sight]) -> Vec<Evidence> {
+    pub fn without_excess(&mut self, sights: &[Sight]) -> Vec<Evidence> {
         let mut evidence = self.all(0..self.stations.len(), sights);
         let mut by_views = vec![Vec::new(); 2 * sights.len() + 1];
         for e in &evidence {
@@ -227,8 +228,9 @@ impl Grid {
             }
         }
         let excess = |n: usize| {
-            let near: Vec<f64> = by_views[n - n / 4..(n + n / 4 + 1).min(by_views.len())].concat();
-            if near.is_empty() { 0.0 } else { (upper_median(near) as f32 - USUAL).max(0.0) }
+            let reach = (n / 4).max(1);
+            let near: Vec<f64> = by_views[n.saturating_sub(reach)..(n + reach + 1).min(by_views.len())].concat();
+            if near.len() < POINTS_LEAST { 0.0 } else { (upper_median(near) as f32 - USUAL).max(0.0) }
         };
         // A point that too few half-views show has no evidence.
         self.excess = (0..by_views.len()).into_par_iter().map(excess).collect();
