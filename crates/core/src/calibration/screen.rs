@@ -261,8 +261,7 @@ const SHOWN: f64 = 0.75;
 const SIDE_ACROSS: usize = 2 * SIDE;
 
 /// Searches for the view from which on the specimen lies elsewhere. A turn is a candidate only: whoever asks has to see whether it explains the
-/// edges. The turn of a round specimen is not observable: then
-/// `shows_turn` is false.
+/// edges. The turn of a round specimen is not observable: then `shows_turn` is false.
 pub fn moved(offs: &[ViewOff], omegas: &[f64], shows_turn: bool) -> Option<Moved> {
     let n = offs.len();
     if n < 2 * SIDE + 2 {

@@ -232,7 +232,6 @@ impl Grid {
             let near: Vec<f64> = by_views[n.saturating_sub(reach)..(n + reach + 1).min(by_views.len())].concat();
             if near.len() < POINTS_LEAST { 0.0 } else { (upper_median(near) as f32 - USUAL).max(0.0) }
         };
-        // A point that too few half-views show has no evidence.
         self.excess = (0..by_views.len()).into_par_iter().map(excess).collect();
         for Evidence { pooled, views, score } in &mut evidence {
             for ((pooled, score), &n) in pooled.iter_mut().zip(score).zip(&*views) {
